@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use robot_session::Machine as _;
 use val2_alter::host::machine::{
-    Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Outcome, Pending, Target,
+    Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending, Target,
 };
-use val2_alter::{AXES, ErrorCode, Exception, ExceptionOutcome, HostConfig, MotionPhase, Policy, timing};
+use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
 
+use super::any_robot::{CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window};
 use super::setup::{FRESH, TICK};
 use super::world::{
     DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, WORDS, ZEROS,
@@ -15,12 +16,6 @@ use super::world::{
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 const NOW: Duration = Duration::ZERO;
-/// Ticks of a cycle, and of the window within it that a whole reply can end in.
-const CYCLE: u8 = 4;
-const WINDOW: u8 = 2;
-/// Ticks: a message and its reply are late by so many together, which is in time.
-const DELAY: u8 = 1;
-
 pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
 pub(super) const INTERRUPTED: &str = "no exception is sent in an interruption";
 pub(super) const FOUND: &str = "the arm follows a target until it is found to be too old";
@@ -47,7 +42,7 @@ pub(super) const RULES: Terms = Terms {
 };
 pub(super) const LATE: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-80 without its words, delays no longer than max_delay",
-    free: "which errors it finds, whether it goes on without a reply and takes one that is late, what is lost or corrupt",
+    free: "which errors it finds, whether it goes on without a reply and takes one that is late, what is lost, or corrupt after the start",
     properties: &[ONCE, DONE, NOT_DONE, OUTCOME, WORDS, FITS, ANSWERED, INTERRUPTED, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
@@ -77,90 +72,6 @@ pub struct AnyController {
     pub keeps_rules: bool,
     /// It may take a reply that is too late; then it keeps the words that come in an interruption, no end is restarted, and the caller does not stop.
     pub takes_late: bool,
-}
-
-/// What is known of the controller, the line and the caller.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
-    robot: Robot,
-    /// A message is on the line.
-    sending: bool,
-    /// Ticks since the last message has left the line.
-    since_sent: u8,
-    /// What became of the answer to that.
-    window: Window,
-    /// The word that it holds may be other than zero.
-    held: bool,
-    /// On the line to the host, and to the controller with the ticks until it arrives.
-    down: Option<Frame>,
-    up: Option<(Reply, u8)>,
-    /// By how many ticks the host has read the message late.
-    late: u8,
-    /// The host may answer; the message says so of the phase; ticks since it was read.
-    asked: Option<MotionPhase>,
-    started: Option<bool>,
-    since_read: u8,
-    /// The caller's exception.
-    job: Option<Job>,
-    /// Ticks since the caller's target.
-    target: u8,
-    /// A stop was reported.
-    stopped: bool,
-    /// The reply that is just sent: the words in it, and whether one moves.
-    reply: Option<(u8, bool)>,
-    wrong: Option<&'static str>,
-}
-
-/// How far the controller is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Robot {
-    Off,
-    Starting,
-    Running,
-    /// The subroutine runs; a message has said so.
-    Interrupted {
-        reported: bool,
-    },
-}
-
-/// What the window of a message has brought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Window {
-    Nothing,
-    Good,
-    Fault,
-}
-
-/// A message of the controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Frame {
-    /// A start message.
-    Start {
-        /// With the configured mode.
-        is_expected: bool,
-    },
-    /// A standard message.
-    Motion(MotionPhase, ErrorCode),
-    /// An end message.
-    End,
-    /// What was one.
-    Corrupt,
-}
-
-/// An answer of the host.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Reply {
-    Accept,
-    Values { has_word: bool, moves: bool, exception: bool },
-}
-
-/// The caller's exception.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Job {
-    /// How often the controller has executed it.
-    executed: u8,
-    /// Standard messages since it was sent, up to two, and whether they say that it was not read.
-    sent: Option<(u8, bool)>,
 }
 
 /// What happens.
@@ -204,8 +115,6 @@ pub enum Word {
     Accept,
 }
 
-const RUNNING: MotionPhase = MotionPhase::Running;
-const INTERRUPTION: MotionPhase = MotionPhase::Interrupted;
 const FRAMES: [Frame; 8] = [
     Frame::Start { is_expected: true },
     Frame::Start { is_expected: false },
@@ -257,7 +166,10 @@ impl Peer for AnyController {
         if self.keeps_rules {
             known.robot_words(self.takes_late, words);
             if end.phase != HostPhase::Disconnected && known.down.is_some() && !known.sending {
-                words.extend([false, true].map(|corrupt| Word::Read { corrupt }));
+                words.push(Word::Read { corrupt: false });
+                if !(self.takes_late && matches!(known.down, Some(Frame::Start { .. }))) {
+                    words.push(Word::Read { corrupt: true });
+                }
             }
         } else if end.phase != HostPhase::Disconnected {
             words.extend(FRAMES.map(Word::Come));
@@ -509,120 +421,5 @@ impl AnyController {
         let moving = draft.moving & select;
         known.reply = Some((select, moving != 0));
         Input::Sent { moving, at_rest: !moves }
-    }
-}
-
-impl Known {
-    /// What a controller that keeps the rules may do.
-    fn robot_words(&self, takes_late: bool, words: &mut Vec<Word>) {
-        if self.down.is_some() {
-            words.push(Word::Lose);
-        }
-        if matches!(self.up, Some((_, ticks)) if ticks <= DELAY - self.late) {
-            let each = [(false, false), (false, true), (true, false)];
-            words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
-        }
-        if self.robot != Robot::Off && !takes_late {
-            words.push(Word::Restart);
-        }
-        let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
-        match self.robot {
-            Robot::Running if is_its_turn && !takes_late => words.push(Word::Interrupt),
-            Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
-            _ => {}
-        }
-        // It takes a tick on the line.
-        if self.sending || self.since_sent + 1 < CYCLE {
-            return;
-        }
-        let error = match self.window {
-            Window::Nothing => ErrorCode::Timeout,
-            Window::Good => ErrorCode::None,
-            Window::Fault => ErrorCode::Checksum,
-        };
-        let frames: &[_] = match self.robot {
-            Robot::Off | Robot::Starting => &[Frame::Start { is_expected: true }],
-            Robot::Running => &[Frame::Motion(RUNNING, error), Frame::End],
-            Robot::Interrupted { .. } => &[Frame::Motion(INTERRUPTION, error), Frame::End],
-        };
-        words.extend(frames.iter().map(|frame| Word::Say(*frame)));
-    }
-
-    fn say(&mut self, frame: Frame) {
-        self.robot = match frame {
-            Frame::Start { .. } => Robot::Starting,
-            Frame::Motion(MotionPhase::Running, _) => Robot::Running,
-            Frame::Motion(MotionPhase::Interrupted, _) => Robot::Interrupted { reported: true },
-            Frame::End | Frame::Corrupt => Robot::Off,
-        };
-        self.held &= self.robot != Robot::Off && self.robot != Robot::Starting;
-        (self.down, self.sending, self.window) = (Some(frame), true, Window::Nothing);
-    }
-
-    /// The host has sent an answer.
-    fn answered(&mut self, peer: &AnyController, reply: Reply) {
-        if peer.keeps_rules {
-            self.up = Some((reply, 1 + DELAY - self.late));
-        }
-    }
-
-    /// The answer arrives at the controller.
-    fn arrive(&mut self, takes_late: bool, corrupt: bool, takes: bool) {
-        let Some((reply, _)) = self.up.take() else { return };
-        self.late = 0;
-        let in_window = !self.sending && self.since_sent <= WINDOW && self.window == Window::Nothing;
-        if corrupt {
-            self.window = if in_window { Window::Fault } else { self.window };
-            return;
-        }
-        match (reply, self.robot) {
-            (Reply::Accept, Robot::Starting) if in_window => {
-                (self.robot, self.window, self.held) = (Robot::Running, Window::Good, false);
-            }
-            (Reply::Values { has_word, moves, exception }, Robot::Running)
-                if in_window || takes && takes_late =>
-            {
-                self.window = if in_window { Window::Good } else { self.window };
-                if self.held && !has_word {
-                    self.wrong = Some(WORDS);
-                }
-                self.held = if has_word { moves } else { self.held };
-                if exception {
-                    self.robot = Robot::Interrupted { reported: false };
-                    self.execute();
-                }
-            }
-            (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
-                self.window = Window::Good;
-                self.held = if has_word && (takes || takes_late) { moves } else { self.held };
-            }
-            (Reply::Accept | Reply::Values { .. }, _) => {}
-        }
-    }
-
-    fn execute(&mut self) {
-        let Some(job) = &mut self.job else { return };
-        job.executed += 1;
-        if job.executed > 1 {
-            self.wrong = Some(ONCE);
-            job.executed = 1;
-        }
-    }
-
-    fn lose_sequence(&mut self) {
-        if let Some(Job { sent: Some((0 | 1, unread)), .. }) = &mut self.job {
-            *unread = false;
-        }
-    }
-
-    /// The exception has an outcome.
-    fn end_job(&mut self, peer: &AnyController, outcome: Outcome, must: &mut impl FnMut(bool, &'static str)) {
-        let Some((_, outcome)) = outcome else { return };
-        let Some(job) = self.job.take() else { return must(false, OUTCOME) };
-        match outcome {
-            ExceptionOutcome::Done => must(job.executed > 0 || !peer.keeps_rules, DONE),
-            ExceptionOutcome::NotDone => must(job.executed == 0, NOT_DONE),
-            ExceptionOutcome::Unknown(_) => {}
-        }
     }
 }

@@ -3,6 +3,7 @@
 
 mod any_controller;
 mod any_host;
+mod any_robot;
 mod machines;
 mod pair;
 pub mod rows;

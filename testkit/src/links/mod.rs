@@ -34,6 +34,7 @@ pub const PAIRS: &[Pair] = &[
     mmacell_proto::ANY_DEVICE,
     mmacell_proto::ANY_CENTRAL,
     val2_alter::PAIR,
+    val2_alter::ANY_CONTROLLER,
     val2_alter::ANY_HOST,
     val2_viewer::PAIR,
     val2_viewer::ANY_WORKSTATION,

@@ -58,6 +58,11 @@ pub trait Peer {
     /// The input which says that this was sent.
     fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
 
+    /// The same where more than [`Machine::transmit`] decides it.
+    fn answer(&self, _end: &Self::End, _known: &mut Self::Known, what: &TransmitOf<Self>) -> InputOf<Self> {
+        self.sent(what)
+    }
+
     /// The end has done something. What must not be is noted, for [`broken`](Self::broken).
     fn acted(&self, end: &Self::End, known: &mut Self::Known, cause: CauseOf<Self>, action: ActionOf<Self>);
 
@@ -209,7 +214,7 @@ impl<P: Peer> Against<P> {
     fn send(&self, scene: &mut SceneOf<P>, edges: &mut Option<&mut Vec<Edge>>) {
         self.expire(scene, &[Expiry::First, Expiry::BeforeTransmit, Expiry::BeforeBytes], edges);
         let Some(what) = scene.end.transmit(NOW, self.peer.config()) else { return };
-        let sent = self.peer.sent(&what);
+        let sent = self.peer.answer(&scene.end, &mut scene.known, &what);
         self.drive(scene, Cause::Sent(what), sent, edges);
     }
 

@@ -1,7 +1,9 @@
 //! VAL II ALTER: host and controller on a serial line that loses, corrupts and delays messages, with restarts of either end,
 //! late polls, noise, controllers that make any sense of words that are left out, and controllers that go on without a reply.
 
+mod any_controller;
 mod any_host;
+mod any_robot;
 mod machines;
 mod pair;
 pub mod rows;
@@ -9,6 +11,7 @@ mod rules;
 mod setup;
 mod world;
 
+pub use any_controller::AnyController;
 pub use any_host::AnyHost;
 pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};
@@ -16,9 +19,11 @@ pub use world::{Message, Reply, World};
 
 use crate::model::{Against, Depth, Diagram, MustFail, Pair, Setting, Table, draw};
 use robot_session::Rules;
-use val2_alter::{Mode, controller};
+use val2_alter::{HostConfig, Mode, controller, host};
 
-use world::{INFORMED, NESTED, TRIES, UNASKED};
+use world::{
+    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, TRIES, UNASKED, WORDS, ZEROS,
+};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -30,6 +35,59 @@ pub const PAIR: Pair = Pair {
     settings,
     must_fail: rules::must_fail,
     diagrams,
+    refined: Vec::new,
+};
+
+/// A host and controllers that are not ours.
+pub const ANY_CONTROLLER: Pair = Pair {
+    name: "val2-alter host × any controller",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
+            Setting::new("keeps them, takes late replies, no stop", late_controller())
+                .on(any_controller::LATE),
+            Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        use any_controller::{AGAIN, FOUND, INTERRUPTED};
+        use host::Rule;
+        let without = |name, property, keeps_rules, rule| {
+            let mut system = any_controller(keeps_rules);
+            system.peer.config.rules = Rules::without(rule);
+            let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
+            MustFail::new(name, property, setting, system)
+        };
+        let mut cases = vec![
+            without("host: a word is zero when the zero was read", WORDS, true, Rule::WordsUntilRead),
+            without("host: words in an interruption are uncertain", WORDS, true, Rule::WordsInterrupted),
+            without("host: words that may not be zero are sent", WORDS, true, Rule::WordsKept),
+            without("host: an error code counts in sequence", ONCE, true, Rule::InSequence),
+            without("host: an exception that was read is not sent again", ONCE, true, Rule::SendOnce),
+            without("host: no exception in an interruption", INTERRUPTED, true, Rule::NotInterrupted),
+            without("host: a stop is done when zeros were read", ZEROS, true, Rule::ZerosRead),
+            without("host: only the configured mode", INVENTED_MODE, false, Rule::Mode),
+            without("host: an error code counts in sequence", AGAIN, false, Rule::InSequence),
+            without("host: a reply that was not read may be late", AGAIN, false, Rule::Unread),
+            without("host: an exception that was read is not sent again", AGAIN, false, Rule::SendOnce),
+            without("host: no exception in an interruption", INTERRUPTED, false, Rule::NotInterrupted),
+            without("host: after a stop nothing is answered", SILENT, false, Rule::Silent),
+            without("host: a target is not for ever", FOUND, false, Rule::Stale),
+            without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
+            without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
+            without("host: a reply that is too late is not sent", FITS, false, Rule::Late),
+        ];
+        let mut late = late_controller();
+        late.peer.config.rules = Rules::without(Rule::Unread);
+        cases.push(MustFail::new(
+            "host: a reply that was not read may be late",
+            ONCE,
+            "keeps them, takes late replies, no stop",
+            late,
+        ));
+        cases
+    },
+    diagrams: Vec::new,
     refined: Vec::new,
 };
 
@@ -68,6 +126,21 @@ pub const ANY_HOST: Pair = Pair {
     diagrams: Vec::new,
     refined: Vec::new,
 };
+
+fn any_controller(keeps_rules: bool) -> Against<AnyController> {
+    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(19)).host };
+    // When a target is too old is seen with a controller that does anything.
+    let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
+    let config = HostConfig { target_timeout, ..host };
+    // With one that keeps the rules each answer is sent at once, and may be late on the line.
+    Against { late: !keeps_rules, ..Against::new(AnyController { config, keeps_rules, takes_late: false }) }
+}
+
+/// Replies that are sent late, too, to a controller that takes them.
+fn late_controller() -> Against<AnyController> {
+    let system = any_controller(true);
+    Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
+}
 
 fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     let gap = Some(core::time::Duration::from_millis(4));

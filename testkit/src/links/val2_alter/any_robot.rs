@@ -1,0 +1,219 @@
+//! What is known of a controller that is not ours, and of what its host must do.
+
+use val2_alter::host::machine::Outcome;
+use val2_alter::{ErrorCode, ExceptionOutcome, MotionPhase};
+
+use super::any_controller::{AnyController, Word};
+use super::world::{DONE, NOT_DONE, ONCE, OUTCOME, WORDS};
+
+/// Ticks of a cycle, and of the window within it that a whole reply can end in.
+pub(super) const CYCLE: u8 = 4;
+pub(super) const WINDOW: u8 = 2;
+/// Ticks: a message and its reply are late by so many together, which is in time.
+pub(super) const DELAY: u8 = 1;
+
+pub(super) const RUNNING: MotionPhase = MotionPhase::Running;
+pub(super) const INTERRUPTION: MotionPhase = MotionPhase::Interrupted;
+/// What is known of the controller, the line and the caller.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    pub(super) robot: Robot,
+    /// A message is on the line.
+    pub(super) sending: bool,
+    /// Ticks since the last message has left the line.
+    pub(super) since_sent: u8,
+    /// What became of the answer to that.
+    pub(super) window: Window,
+    /// The word that it holds may be other than zero.
+    pub(super) held: bool,
+    /// On the line to the host, and to the controller with the ticks until it arrives.
+    pub(super) down: Option<Frame>,
+    pub(super) up: Option<(Reply, u8)>,
+    /// By how many ticks the host has read the message late.
+    pub(super) late: u8,
+    /// The host may answer; the message says so of the phase; ticks since it was read.
+    pub(super) asked: Option<MotionPhase>,
+    pub(super) started: Option<bool>,
+    pub(super) since_read: u8,
+    /// The caller's exception.
+    pub(super) job: Option<Job>,
+    /// Ticks since the caller's target.
+    pub(super) target: u8,
+    /// A stop was reported.
+    pub(super) stopped: bool,
+    /// The reply that is just sent: the words in it, and whether one moves.
+    pub(super) reply: Option<(u8, bool)>,
+    pub(super) wrong: Option<&'static str>,
+}
+
+/// How far the controller is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Robot {
+    Off,
+    Starting,
+    Running,
+    /// The subroutine runs; a message has said so.
+    Interrupted {
+        reported: bool,
+    },
+}
+
+/// What the window of a message has brought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Window {
+    Nothing,
+    Good,
+    Fault,
+}
+
+/// A message of the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Frame {
+    /// A start message.
+    Start {
+        /// With the configured mode.
+        is_expected: bool,
+    },
+    /// A standard message.
+    Motion(MotionPhase, ErrorCode),
+    /// An end message.
+    End,
+    /// What was one.
+    Corrupt,
+}
+
+/// An answer of the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Reply {
+    Accept,
+    Values { has_word: bool, moves: bool, exception: bool },
+}
+
+/// The caller's exception.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Job {
+    /// How often the controller has executed it.
+    pub(super) executed: u8,
+    /// Standard messages since it was sent, up to two, and whether they say that it was not read.
+    pub(super) sent: Option<(u8, bool)>,
+}
+
+impl Known {
+    /// What a controller that keeps the rules may do.
+    pub(super) fn robot_words(&self, takes_late: bool, words: &mut Vec<Word>) {
+        if self.down.is_some() {
+            words.push(Word::Lose);
+        }
+        if matches!(self.up, Some((_, ticks)) if ticks <= DELAY - self.late) {
+            let each = [(false, false), (false, true), (true, false)];
+            words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
+        }
+        if self.robot != Robot::Off && !takes_late {
+            words.push(Word::Restart);
+        }
+        let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
+        match self.robot {
+            Robot::Running if is_its_turn && !takes_late => words.push(Word::Interrupt),
+            Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
+            _ => {}
+        }
+        // It takes a tick on the line.
+        if self.sending || self.since_sent + 1 < CYCLE {
+            return;
+        }
+        let error = match self.window {
+            Window::Nothing => ErrorCode::Timeout,
+            Window::Good => ErrorCode::None,
+            Window::Fault => ErrorCode::Checksum,
+        };
+        let frames: &[_] = match self.robot {
+            Robot::Off | Robot::Starting => &[Frame::Start { is_expected: true }],
+            Robot::Running => &[Frame::Motion(RUNNING, error), Frame::End],
+            Robot::Interrupted { .. } => &[Frame::Motion(INTERRUPTION, error), Frame::End],
+        };
+        words.extend(frames.iter().map(|frame| Word::Say(*frame)));
+    }
+
+    pub(super) fn say(&mut self, frame: Frame) {
+        self.robot = match frame {
+            Frame::Start { .. } => Robot::Starting,
+            Frame::Motion(MotionPhase::Running, _) => Robot::Running,
+            Frame::Motion(MotionPhase::Interrupted, _) => Robot::Interrupted { reported: true },
+            Frame::End | Frame::Corrupt => Robot::Off,
+        };
+        self.held &= self.robot != Robot::Off && self.robot != Robot::Starting;
+        (self.down, self.sending, self.window) = (Some(frame), true, Window::Nothing);
+    }
+
+    /// The host has sent an answer.
+    pub(super) fn answered(&mut self, peer: &AnyController, reply: Reply) {
+        if peer.keeps_rules {
+            self.up = Some((reply, 1 + DELAY - self.late));
+        }
+    }
+
+    /// The answer arrives at the controller.
+    pub(super) fn arrive(&mut self, takes_late: bool, corrupt: bool, takes: bool) {
+        let Some((reply, _)) = self.up.take() else { return };
+        self.late = 0;
+        let in_window = !self.sending && self.since_sent <= WINDOW && self.window == Window::Nothing;
+        if corrupt {
+            self.window = if in_window { Window::Fault } else { self.window };
+            return;
+        }
+        match (reply, self.robot) {
+            (Reply::Accept, Robot::Starting) if in_window => {
+                (self.robot, self.window, self.held) = (Robot::Running, Window::Good, false);
+            }
+            (Reply::Values { has_word, moves, exception }, Robot::Running)
+                if in_window || takes && takes_late =>
+            {
+                self.window = if in_window { Window::Good } else { self.window };
+                if self.held && !has_word {
+                    self.wrong = Some(WORDS);
+                }
+                self.held = if has_word { moves } else { self.held };
+                if exception {
+                    self.robot = Robot::Interrupted { reported: false };
+                    self.execute();
+                }
+            }
+            (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
+                self.window = Window::Good;
+                self.held = if has_word && (takes || takes_late) { moves } else { self.held };
+            }
+            (Reply::Accept | Reply::Values { .. }, _) => {}
+        }
+    }
+
+    pub(super) fn execute(&mut self) {
+        let Some(job) = &mut self.job else { return };
+        job.executed += 1;
+        if job.executed > 1 {
+            self.wrong = Some(ONCE);
+            job.executed = 1;
+        }
+    }
+
+    pub(super) fn lose_sequence(&mut self) {
+        if let Some(Job { sent: Some((0 | 1, unread)), .. }) = &mut self.job {
+            *unread = false;
+        }
+    }
+
+    /// The exception has an outcome.
+    pub(super) fn end_job(
+        &mut self,
+        peer: &AnyController,
+        outcome: Outcome,
+        must: &mut impl FnMut(bool, &'static str),
+    ) {
+        let Some((_, outcome)) = outcome else { return };
+        let Some(job) = self.job.take() else { return must(false, OUTCOME) };
+        match outcome {
+            ExceptionOutcome::Done => must(job.executed > 0 || !peer.keeps_rules, DONE),
+            ExceptionOutcome::NotDone => must(job.executed == 0, NOT_DONE),
+            ExceptionOutcome::Unknown(_) => {}
+        }
+    }
+}

@@ -41,7 +41,7 @@ pub fn is_tested(link: &str) -> bool {
 pub fn reference_file(path: &str) -> PathBuf {
     let beside = std::env::current_exe().unwrap_or_default().with_file_name("reference");
     let folder =
-        if beside.exists() { beside } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference") };
+        if beside.is_dir() { beside } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference") };
     folder.join(path)
 }
 

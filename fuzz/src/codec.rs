@@ -223,7 +223,7 @@ fn parsed(json: &str) -> Value {
 }
 
 /// Whether two objects are one message: a key may be missing where its value is a flag or empty, and no list shows how many of its last
-/// values are. Numbers with a fraction are rounded to the places of their field.
+/// values are. Numbers with a fraction are rounded to the places of their field, and a flag is a number that is 0 or 1.
 fn same(one: &Value, other: &Value) -> bool {
     let is_empty =
         |value: &Value| value.is_boolean() || [Value::Null, 0.into(), json!([]), json!([""])].contains(value);
@@ -243,6 +243,9 @@ fn same(one: &Value, other: &Value) -> bool {
         (Value::Number(_), Value::Number(_)) if one.is_f64() || other.is_f64() => {
             let near = |(one, other): (f64, f64)| (one - other).abs() <= 0.001 + one.abs() / 1e6;
             one.as_f64().zip(other.as_f64()).is_some_and(near)
+        }
+        (Value::Bool(flag), Value::Number(number)) | (Value::Number(number), Value::Bool(flag)) => {
+            number.as_u64() == Some(u64::from(*flag))
         }
         _ => one == other,
     }

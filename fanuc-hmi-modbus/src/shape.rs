@@ -195,23 +195,35 @@ enum ShapeError {
     Encode(#[from] crate::error::EncodeError),
     #[error("a value does not fit: {0}")]
     Range(&'static str),
+    #[error("a key that no message of this function has")]
+    Extra,
 }
 
 impl Keys {
-    fn frame(&self) -> Result<Frame<PduBuf>, ShapeError> {
+    fn frame(mut self) -> Result<Frame<PduBuf>, ShapeError> {
         let unit = self.unit.ok_or(ShapeError::Missing("unit"))?;
-        Ok(Frame { transaction: self.transaction, unit, pdu: self.pdu()? })
+        let pdu = self.pdu()?;
+        let rest = [self.address, self.quantity, self.write_address, self.and, self.or, self.value];
+        if rest.iter().any(Option::is_some) {
+            return Err(ShapeError::Extra);
+        }
+        Ok(Frame { transaction: self.transaction, unit, pdu })
     }
 
-    fn pdu(&self) -> Result<PduBuf, ShapeError> {
+    /// Takes the keys that the message has.
+    fn pdu(&mut self) -> Result<PduBuf, ShapeError> {
         let code = self.function.ok_or(ShapeError::Missing("function"))?;
         if let Some(exception) = self.exception {
+            if self.list.is_some() {
+                return Err(ShapeError::Extra);
+            }
             return buffer(&Reply::Exception { function: code, exception });
         }
         let mut bits = [false; List::MAX];
         let mut bytes = [0; limit::PDU];
         let empty = List::default();
-        let (key, list) = self.list.as_ref().map_or((Key::Unknown, &empty), |(key, list)| (*key, list));
+        let given = self.list.take();
+        let (key, list) = given.as_ref().map_or((Key::Unknown, &empty), |(key, list)| (*key, list));
         let words = Words::from(list.words());
         let of_bits = key == Key::Bits || (code, key) == (function::WRITE_COILS, Key::Values);
         let truths = if of_bits { list.to_bits(&mut bits)? } else { Bits::from(&[]) };
@@ -227,56 +239,59 @@ impl Keys {
             (function::WRITE_REGISTERS, Key::Values) => {
                 buffer(&Request::WriteRegisters { address: self.address()?, values: words })
             }
-            (function::READ_WRITE_REGISTERS, _) => buffer(&Request::ReadWriteRegisters {
-                address: self.address()?,
-                quantity: self.quantity()?,
-                write_address: self.write_address.ok_or(ShapeError::Missing("write_address"))?,
-                values: words,
-            }),
-            (function::WRITE_COIL, _) => {
-                let value = self.value.ok_or(ShapeError::Missing("value"))?;
+            (function::READ_WRITE_REGISTERS, Key::Values | Key::Unknown) => {
+                buffer(&Request::ReadWriteRegisters {
+                    address: self.address()?,
+                    quantity: self.quantity()?,
+                    write_address: self.write_address.take().ok_or(ShapeError::Missing("write_address"))?,
+                    values: words,
+                })
+            }
+            (function::WRITE_COIL, Key::Unknown) => {
+                let value = self.value.take().ok_or(ShapeError::Missing("value"))?;
                 let value = truth(value)?;
                 buffer(&Request::WriteCoil { address: self.address()?, value })
             }
-            (function::WRITE_REGISTER, _) => {
-                let value = self.value.ok_or(ShapeError::Missing("value"))?;
+            (function::WRITE_REGISTER, Key::Unknown) => {
+                let value = self.value.take().ok_or(ShapeError::Missing("value"))?;
                 buffer(&Request::WriteRegister { address: self.address()?, value })
             }
-            (function::MASK_WRITE_REGISTER, _) => buffer(&Request::MaskWriteRegister {
+            (function::MASK_WRITE_REGISTER, Key::Unknown) => buffer(&Request::MaskWriteRegister {
                 address: self.address()?,
-                and: self.and.ok_or(ShapeError::Missing("and"))?,
-                or: self.or.ok_or(ShapeError::Missing("or"))?,
+                and: self.and.take().ok_or(ShapeError::Missing("and"))?,
+                or: self.or.take().ok_or(ShapeError::Missing("or"))?,
             }),
-            (function::WRITE_COILS, _) => {
+            (function::WRITE_COILS, Key::Unknown) => {
                 buffer(&Reply::WriteCoils { address: self.address()?, quantity: self.quantity()? })
             }
-            (function::WRITE_REGISTERS, _) => {
+            (function::WRITE_REGISTERS, Key::Unknown) => {
                 buffer(&Reply::WriteRegisters { address: self.address()?, quantity: self.quantity()? })
             }
-            (function::READ_COILS, _) => {
+            (function::READ_COILS, Key::Unknown) => {
                 buffer(&Request::ReadCoils { address: self.address()?, quantity: self.quantity()? })
             }
-            (function::READ_DISCRETE_INPUTS, _) => {
+            (function::READ_DISCRETE_INPUTS, Key::Unknown) => {
                 buffer(&Request::ReadDiscreteInputs { address: self.address()?, quantity: self.quantity()? })
             }
-            (function::READ_HOLDING_REGISTERS, _) => buffer(&Request::ReadHoldingRegisters {
+            (function::READ_HOLDING_REGISTERS, Key::Unknown) => buffer(&Request::ReadHoldingRegisters {
                 address: self.address()?,
                 quantity: self.quantity()?,
             }),
-            (function::READ_INPUT_REGISTERS, _) => {
+            (function::READ_INPUT_REGISTERS, Key::Unknown) => {
                 buffer(&Request::ReadInputRegisters { address: self.address()?, quantity: self.quantity()? })
             }
             (function, Key::Data) => buffer(&Request::Other { function, data: list.to_bytes(&mut bytes)? }),
-            _ => Err(ShapeError::Missing("data")),
+            (_, Key::Unknown) => Err(ShapeError::Missing("data")),
+            _ => Err(ShapeError::Extra),
         }
     }
 
-    fn address(&self) -> Result<u16, ShapeError> {
-        self.address.ok_or(ShapeError::Missing("address"))
+    fn address(&mut self) -> Result<u16, ShapeError> {
+        self.address.take().ok_or(ShapeError::Missing("address"))
     }
 
-    fn quantity(&self) -> Result<u16, ShapeError> {
-        self.quantity.ok_or(ShapeError::Missing("quantity"))
+    fn quantity(&mut self) -> Result<u16, ShapeError> {
+        self.quantity.take().ok_or(ShapeError::Missing("quantity"))
     }
 }
 

@@ -7,6 +7,7 @@ use core::time::Duration;
 use robot_session::{Expiry, Input as _, Machine};
 
 use super::machine::{Drawn, Edge, age, drive};
+use super::pair::{Setting, Terms};
 use super::system::System;
 
 /// What the model calls an input that the state of the end does not allow.
@@ -132,6 +133,21 @@ pub struct Against<P> {
     pub late: bool,
     /// The connection is lost and the end's process restarted at any moment.
     pub breaks: bool,
+}
+
+/// What the setting of such a peer is called.
+pub const fn at(keeps_rules: bool) -> &'static str {
+    if keeps_rules { "keeps the rules" } else { "does anything" }
+}
+
+/// The settings of a peer that keeps the rules, and of one that does anything.
+pub fn both<P>(system: impl Fn(bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
+where
+    P: Peer<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+{
+    [(true, rules), (false, anything)]
+        .map(|(keeps_rules, terms)| Setting::new(at(keeps_rules), system(keeps_rules)).on(terms))
+        .into()
 }
 
 /// The end, and what is known beside it.

@@ -24,7 +24,7 @@ mod second;
 mod system;
 mod table;
 
-pub use against::{ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, TransmitOf};
+pub use against::{ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, TransmitOf, at, both};
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};

@@ -14,7 +14,7 @@ pub use world::{Act, Exchange, Fate, State, TICK};
 use isra_ball::{ball, host};
 use robot_session::Rules;
 
-use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, Setting, Table, draw};
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, Setting, Table, at, both, draw};
 use any_ball::{ANSWERED, APART, DRAINED, MARKED, PROVED, WINDOW};
 use pair::{AGE, ASKED, CLAIMED, ONE_OUTCOME, PAIRED, STALE};
 
@@ -28,19 +28,13 @@ pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fai
 /// A host and balls that are not ours.
 pub const ANY_BALL: Pair = Pair {
     name: "isra-ball host × any ball",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_ball(true)).on(any_ball::RULES),
-            Setting::new("does anything", any_ball(false)).on(any_ball::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_ball, any_ball::RULES, any_ball::ANYTHING),
     must_fail: || {
         use host::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_ball(keeps_rules);
             system.peer.config = system.peer.config.without(rule);
-            let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
-            MustFail::new(name, property, setting, system)
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         vec![
             without("host: drain first", PAIRED, true, Rule::DrainFirst),
@@ -70,12 +64,7 @@ pub const ANY_BALL: Pair = Pair {
 /// A ball and hosts that are not ours.
 pub const ANY_HOST: Pair = Pair {
     name: "isra-ball ball × any host",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
-            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
     must_fail: || {
         use ball::Rule;
         let without = |name, property, rule| {

@@ -18,7 +18,7 @@ use robot_session::Rules;
 use self::any_controller::AnyController;
 use self::any_host::AnyHost;
 use self::world::{Content, Faults, Reader, Setup};
-use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, at, both, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -31,22 +31,12 @@ pub const PAIR: Pair =
 /// A controller and hosts that are not ours.
 pub const ANY_HOST: Pair = Pair {
     name: "laser-eb90 controller × any host",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
-            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
     must_fail: || {
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_host(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            MustFail::new(
-                name,
-                property,
-                if keeps_rules { "keeps the rules" } else { "does anything" },
-                system,
-            )
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         vec![
             without("IgnoreRest", any_host::ONE_ANSWER, true, ControllerRule::IgnoreRest),
@@ -81,8 +71,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
         let without = |name: &'static str, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules, false);
             system.peer.config.rules = Rules::without(rule);
-            let at = if keeps_rules { "keeps the rules" } else { "does anything" };
-            MustFail::new(name, property, at, system)
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         use pair::{DONE, ONCE, REFUSED};
         vec![

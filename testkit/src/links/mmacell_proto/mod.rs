@@ -18,7 +18,7 @@ use robot_session::Rules;
 pub use self::any_central::AnyCentral;
 pub use self::any_device::AnyDevice;
 pub use self::world::{Act, Setup, World};
-use crate::model::{Against, Depth, MustFail, Pair, Refined, Setting, Table, draw};
+use crate::model::{Against, Depth, MustFail, Pair, Refined, Setting, Table, at, both, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -35,22 +35,12 @@ pub const PAIR: Pair =
 /// A central controller and devices that are not ours.
 pub const ANY_DEVICE: Pair = Pair {
     name: "mmacell-proto central × any device",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_device(true)).on(any_device::RULES),
-            Setting::new("does anything", any_device(false)).on(any_device::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_device, any_device::RULES, any_device::ANYTHING),
     must_fail: || {
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_device(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            MustFail::new(
-                name,
-                property,
-                if keeps_rules { "keeps the rules" } else { "does anything" },
-                system,
-            )
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         vec![
             without("CentralRule::UnknownWhenSent", world::NOT_DONE, true, CentralRule::UnknownWhenSent),
@@ -69,12 +59,7 @@ pub const ANY_DEVICE: Pair = Pair {
 /// A device and central controllers that are not ours.
 pub const ANY_CENTRAL: Pair = Pair {
     name: "mmacell-proto device × any central",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_central(true)).on(any_central::RULES),
-            Setting::new("does anything", any_central(false)).on(any_central::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_central, any_central::RULES, any_central::ANYTHING),
     must_fail: || {
         let without = |name, property, rule| {
             let mut system = any_central(true);

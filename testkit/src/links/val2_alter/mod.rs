@@ -17,7 +17,7 @@ pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};
 pub use world::{Message, Reply, World};
 
-use crate::model::{Against, Depth, Diagram, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Setting, Table, at, both, draw};
 use robot_session::Rules;
 use val2_alter::{HostConfig, Mode, controller, host};
 
@@ -55,8 +55,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
-            MustFail::new(name, property, setting, system)
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         let mut cases = vec![
             without("host: a word is zero when the zero was read", WORDS, true, Rule::WordsUntilRead),
@@ -94,19 +93,13 @@ pub const ANY_CONTROLLER: Pair = Pair {
 /// A controller and hosts that are not ours.
 pub const ANY_HOST: Pair = Pair {
     name: "val2-alter controller × any host",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
-            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
     must_fail: || {
         use controller::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_host(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
-            MustFail::new(name, property, setting, system)
+            MustFail::new(name, property, at(keeps_rules), system)
         };
         vec![
             without("controller: an interruption is reported", INFORMED, true, Rule::ReportInterruption),

@@ -18,7 +18,9 @@ use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};
 pub use any_host::AnyHost;
 pub use any_workstation::AnyWorkstation;
 
-use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+use crate::model::{
+    Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, both, draw,
+};
 use any_host::{MISSED, PAIRED};
 use hold::{HELD, MAX_HOLD, RESUMED};
 use pair::{ASKED, CREDIT, ENDED, FRESH, ONE_OUTCOME, PACED, PILED, STALE};
@@ -34,12 +36,7 @@ pub const PAIR: Pair =
 /// A host and workstations that are not ours.
 pub const ANY_WORKSTATION: Pair = Pair {
     name: "val2-viewer host × any workstation",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_workstation(true)).on(any_workstation::RULES),
-            Setting::new("does anything", any_workstation(false)).on(any_workstation::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_workstation, any_workstation::RULES, any_workstation::ANYTHING),
     must_fail: || {
         let without = |name, property, rule| {
             let mut system = any_workstation(true);
@@ -65,12 +62,7 @@ pub const ANY_WORKSTATION: Pair = Pair {
 /// A workstation and hosts that are not ours.
 pub const ANY_HOST: Pair = Pair {
     name: "val2-viewer workstation × any host",
-    settings: |_| {
-        vec![
-            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
-            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
-        ]
-    },
+    settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
     must_fail: || {
         use workstation::Rule;
         let without = |name, property, rule| {

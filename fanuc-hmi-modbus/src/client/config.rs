@@ -49,6 +49,8 @@ robot_session::rules! {
         OneInFlight,
         /// A reply has to fit its request.
         CheckReply,
+        /// Without transactions an exception behind something corrupt may be data of the reply that was damaged.
+        DoubtException,
         /// On a serial line a request of another client may be in flight at the beginning.
         DrainFirst,
         /// Nothing is sent before what has arrived was read.

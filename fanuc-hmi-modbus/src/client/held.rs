@@ -26,6 +26,8 @@ pub enum Stage {
         transaction: u16,
         /// When it times out.
         deadline: Duration,
+        /// Something corrupt has come since it was sent, and frames have no transaction.
+        doubtful: bool,
     },
     /// It has its outcome, which the caller has not taken yet.
     Ended,

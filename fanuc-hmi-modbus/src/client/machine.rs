@@ -75,10 +75,23 @@ pub enum Input {
         /// Its transaction; 0 where frames have none.
         transaction: u16,
         /// Whether it can be the reply to the request that [`ClientMachine::expects`] names.
-        fits: bool,
+        fit: Fit,
     },
+    /// They held something that is no frame.
+    Corrupt,
     /// The request that was due is sent.
     Sent(Due),
+}
+
+/// Whether a frame can be the reply to a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Fit {
+    /// It answers what was asked, and is longer than its own data: no part of it looks like it.
+    Whole,
+    /// It is an exception, short enough to be data of another reply.
+    Exception,
+    /// It cannot be the reply.
+    Misfit,
 }
 
 /// The request that a client sends.
@@ -140,8 +153,10 @@ robot_session::inputs!(
     Request { broadcast: true } as "Request(broadcast)",
     Taken,
     Received,
-    Reply { fits: true } as "Reply",
-    Reply { fits: false } as "Reply(misfit)",
+    Reply { fit: Fit::Whole } as "Reply",
+    Reply { fit: Fit::Exception } as "Reply(exception)",
+    Reply { fit: Fit::Misfit } as "Reply(misfit)",
+    Corrupt,
     Sent,
 );
 
@@ -173,9 +188,13 @@ impl<const N: usize> Machine for ClientMachine<N> {
                     Some(if cuts { Action::Cut } else { Action::Nothing })
                 }
             },
-            Input::Reply { transaction, fits } => match self.link {
+            Input::Reply { transaction, fit } => match self.link {
                 ClientLink::Down => None,
-                ClientLink::Up { .. } => Some(self.reply(transaction, fits, config)),
+                ClientLink::Up { .. } => Some(self.reply(transaction, fit, config)),
+            },
+            Input::Corrupt => match self.link {
+                ClientLink::Down => None,
+                ClientLink::Up { .. } => Some(self.corrupt(config)),
             },
             Input::Sent(due) => self.sent(now, due, config),
         };
@@ -369,7 +388,8 @@ impl<const N: usize> ClientMachine<N> {
         let held = requests.find(|held| held.place == place)?;
         match held.stage {
             Stage::Queued => {
-                held.stage = Stage::InFlight { transaction, deadline: now.saturating_add(config.timeout) };
+                let deadline = now.saturating_add(config.timeout);
+                held.stage = Stage::InFlight { transaction, deadline, doubtful: false };
                 *quiet = Quiet::Over;
                 if config.framing.has_transactions() {
                     self.transaction = config.after(transaction);
@@ -386,11 +406,16 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     #[inline(always)]
-    fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> Action {
-        let fits = fits || !config.rules.keeps(Rule::CheckReply);
+    fn reply(&mut self, transaction: u16, fit: Fit, config: &ClientConfig) -> Action {
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
         let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
             return self.late_reply(transaction);
+        };
+        let is_doubtful = matches!(held.stage, Stage::InFlight { doubtful: true, .. });
+        let fits = match fit {
+            Fit::Whole => true,
+            Fit::Exception => !is_doubtful || !config.rules.keeps(Rule::DoubtException),
+            Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
         };
         // Without a transaction it may be a late reply to an earlier request: the right one may still come.
         if !fits && !config.framing.has_transactions() {
@@ -399,6 +424,19 @@ impl<const N: usize> ClientMachine<N> {
         held.stage = Stage::Ended;
         let place = held.place;
         if fits { Action::Replied { place } } else { Action::Refused { place } }
+    }
+
+    /// With transactions a reply is known by more than its shape.
+    #[cold]
+    fn corrupt(&mut self, config: &ClientConfig) -> Action {
+        if !config.framing.has_transactions() {
+            for held in self.requests.iter_mut().map_while(Option::as_mut) {
+                if let Stage::InFlight { doubtful, .. } = &mut held.stage {
+                    *doubtful = true;
+                }
+            }
+        }
+        Action::Nothing
     }
 
     #[cold]
@@ -436,7 +474,7 @@ impl<const N: usize> ClientMachine<N> {
         }
         let mut places = Places::default();
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
-            if let Stage::InFlight { transaction, deadline } = held.stage
+            if let Stage::InFlight { transaction, deadline, .. } = held.stage
                 && is_due(deadline, now)
             {
                 held.stage = Stage::TimedOut { transaction };

@@ -15,7 +15,7 @@ pub use config::ClientConfig;
 #[doc(hidden)]
 pub use config::Rule;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-use machine::{Action, ClientMachine, Due, Input, Places};
+use machine::{Action, ClientMachine, Due, Fit, Input, Places};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
@@ -43,8 +43,6 @@ pub struct Client<const N: usize = 8, F = Framing> {
     places: [Place; N],
     /// The bytes before those that are read now ended within corruption.
     was_corrupt: bool,
-    /// Something corrupt has come since a request was sent.
-    is_doubtful: bool,
 }
 
 /// Outcomes have room here for every place.
@@ -94,7 +92,6 @@ impl<const N: usize, F: Framings> Client<N, F> {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
             places: [place; N],
             was_corrupt: false,
-            is_doubtful: false,
         })
     }
 
@@ -218,16 +215,12 @@ impl<const N: usize, F: Framings> Client<N, F> {
         places.iter().for_each(|place| self.fail(place, failure));
     }
 
-    /// Off TCP an exception is short enough to be data of the reply that is damaged: a write would seem to be refused.
-    #[inline(always)]
-    fn may_be_data(&self, frame: &Frame<&[u8]>) -> bool {
-        let is_exception = frame.pdu.first().is_some_and(|function| *function > function::EXCEPTION);
-        is_exception && self.is_doubtful && !self.core.decoder.has_transactions()
-    }
-
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
-        self.is_doubtful = true;
+        // More of the same was reported already.
+        if matches!(error, DecodeError::Noise { .. }) {
+            return;
+        }
         self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ClientEvent::Corrupt(error));
     }
@@ -267,21 +260,21 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 
     #[inline(always)]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
-        loop {
-            let range = match self.core.decoder.advance()? {
-                Ok(range) => range,
-                // More of the same was reported already.
-                Err(DecodeError::Noise { .. }) => continue,
-                Err(error) => {
-                    self.corrupt(error);
-                    continue;
-                }
-            };
-            let frame = self.core.decoder.frame(range.clone())?;
-            let transaction = frame.transaction.unwrap_or(0);
-            let fits = !self.may_be_data(&frame) && self.misfit(&frame).is_none();
-            return Some((Input::Reply { transaction, fits }, Some(range)));
-        }
+        let range = match self.core.decoder.advance()? {
+            Ok(range) => range,
+            Err(error) => {
+                self.corrupt(error);
+                return Some((Input::Corrupt, None));
+            }
+        };
+        let frame = self.core.decoder.frame(range.clone())?;
+        let fit = match (self.misfit(&frame), frame.pdu.first()) {
+            (Some(_), _) => Fit::Misfit,
+            (None, Some(function)) if *function > function::EXCEPTION => Fit::Exception,
+            (None, _) => Fit::Whole,
+        };
+        let transaction = frame.transaction.unwrap_or(0);
+        Some((Input::Reply { transaction, fit }, Some(range)))
     }
 
     #[inline(always)] // where the input is known, few actions are left
@@ -312,7 +305,6 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
         let frame = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() };
         let length = frame.encode(out).ok()?;
-        self.is_doubtful = false;
         Some((length, Input::Sent(due)))
     }
 

@@ -2,24 +2,25 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::machine::{Action, ClientLink, ClientMachine, Due, Input, Places};
+use fanuc_hmi_modbus::client::machine::{Action, ClientLink, ClientMachine, Due, Fit, Input, Places};
 use fanuc_hmi_modbus::{ClientConfig, Framing};
 
 use super::world::{COLLISION, ENDED_TWICE, ENDS, FOREIGN_REPLY, STALE, TICK};
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 pub(super) const FITS: &str = "a reply that does not fit is not taken";
+pub(super) const DATA: &str = "data of a damaged reply is not taken for an exception";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-44, FM-57",
-    free: "whether it answers, when, in which order, with what; noise on a line",
-    properties: &[FOREIGN_REPLY, FITS, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    free: "whether it answers, when, in which order, with what; noise on a line, and damaged replies whose data looks like an exception",
+    properties: &[FOREIGN_REPLY, FITS, DATA, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
-    properties: &[FITS, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    properties: &[FITS, DATA, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 
 /// A server of which only this is known.
@@ -43,6 +44,8 @@ pub struct Known {
     is_up: bool,
     /// Bytes have come since the last tick.
     is_arriving: bool,
+    /// The last of them were no frame.
+    is_damaged: bool,
     wrong: Option<&'static str>,
 }
 
@@ -81,8 +84,12 @@ pub enum Word {
         /// Its transaction.
         transaction: u16,
         /// Whether it fits.
-        fits: bool,
+        fit: Fit,
     },
+    /// They are no frame: noise, or a reply that is damaged.
+    Corrupt,
+    /// Within the damaged reply, data that looks like an exception.
+    Data,
 }
 
 /// Of no request: before the client, another may have asked.
@@ -123,7 +130,7 @@ impl Peer for AnyServer {
     fn known(&self) -> Known {
         let before = Owed { id: NOBODY, transaction: 0, left: self.memory };
         let owed = if self.is_serial() { vec![before] } else { Vec::new() };
-        Known { jobs: [None; 2], owed, is_up: false, is_arriving: false, wrong: None }
+        Known { jobs: [None; 2], owed, is_up: false, is_arriving: false, is_damaged: false, wrong: None }
     }
 
     fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
@@ -143,13 +150,21 @@ impl Peer for AnyServer {
             if !known.is_arriving {
                 return;
             }
+            words.push(Word::Corrupt);
+            if known.is_damaged {
+                words.push(Word::Data);
+            }
         }
         if self.keeps_rules {
-            let reply = |owed: &Owed| Word::Reply { id: owed.id, transaction: owed.transaction, fits: true };
-            words.extend(known.owed.iter().map(reply));
+            let reply = |owed: &Owed| {
+                let Owed { id, transaction, .. } = *owed;
+                [Fit::Whole, Fit::Exception].map(|fit| Word::Reply { id, transaction, fit })
+            };
+            words.extend(known.owed.iter().flat_map(reply));
         } else {
             for transaction in 0..if self.is_tcp() { 4 } else { 1 } {
-                words.extend([false, true].map(|fits| Word::Reply { id: NOBODY, transaction, fits }));
+                let fits = [Fit::Whole, Fit::Exception, Fit::Misfit];
+                words.extend(fits.map(|fit| Word::Reply { id: NOBODY, transaction, fit }));
             }
         }
     }
@@ -157,7 +172,7 @@ impl Peer for AnyServer {
     fn by(&self, word: Word) -> By {
         match word {
             Word::Request { .. } | Word::Take(_) => By::User,
-            Word::Bytes | Word::Reply { .. } => By::Line,
+            Word::Bytes | Word::Reply { .. } | Word::Corrupt | Word::Data => By::Line,
         }
     }
 
@@ -169,11 +184,17 @@ impl Peer for AnyServer {
                 known.is_arriving = true;
                 Input::Received
             }
-            Word::Reply { id, transaction, fits } => {
+            Word::Corrupt => {
+                known.is_damaged = true;
+                Input::Corrupt
+            }
+            Word::Data => Input::Reply { transaction: 0, fit: Fit::Exception },
+            Word::Reply { id, transaction, fit } => {
+                known.is_damaged = false;
                 known.owed.retain(|owed| (owed.id, owed.transaction) != (id, transaction));
                 // What fits is compared with the request that it seems to belong to.
-                let fits = fits || end.expects(transaction, &self.config).is_none();
-                Input::Reply { transaction, fits }
+                let is_expected = end.expects(transaction, &self.config).is_some();
+                Input::Reply { transaction, fit: if is_expected { fit } else { Fit::Whole } }
             }
         })
     }
@@ -194,13 +215,16 @@ impl Peer for AnyServer {
             }
             Action::Replied { place } => {
                 let job = known.end(place, true);
-                if let (Cause::Word(Word::Reply { id, fits, .. }), Some(job)) = (cause, job) {
+                if let (Cause::Word(Word::Reply { id, fit, .. }), Some(job)) = (cause, job) {
                     if self.keeps_rules && job.id != id {
                         known.wrong = Some(FOREIGN_REPLY);
                     }
-                    if !fits {
+                    if fit == Fit::Misfit {
                         known.wrong = Some(FITS);
                     }
+                }
+                if cause == Cause::Word(Word::Data) {
+                    known.wrong = Some(DATA);
                 }
             }
             Action::Refused { place } | Action::Announced { place } => {
@@ -230,7 +254,7 @@ impl Peer for AnyServer {
     }
 
     fn tick(&self, known: &mut Known) {
-        known.is_arriving = false;
+        (known.is_arriving, known.is_damaged) = (false, false);
         if !self.is_tcp() {
             known.age();
         }
@@ -256,6 +280,7 @@ impl AnyServer {
         if self.is_serial() && known.is_arriving {
             known.wrong = Some(COLLISION);
         }
+        known.is_damaged = false;
         if self.is_tcp() {
             known.age();
         }

@@ -162,6 +162,7 @@ pub const ANY_SERVER: Pair = Pair {
             case("MatchTransaction", FOREIGN_REPLY, without(Client::MatchTransaction, tcp())),
             case("FreshTransaction", FOREIGN_REPLY, without(Client::FreshTransaction, few)),
             case("CheckReply", any_server::FITS, without(Client::CheckReply, anything)),
+            case("DoubtException", any_server::DATA, without(Client::DoubtException, on_line())),
             case("EndAtDisconnect", ENDS, without(Client::EndAtDisconnect, tcp())),
             case("DropQueued", STALE, without(Client::DropQueued, tcp())),
             case("OneInFlight", FOREIGN_REPLY, without(Client::OneInFlight, two)),

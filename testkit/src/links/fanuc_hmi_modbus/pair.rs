@@ -39,7 +39,9 @@ impl Setup {
             // What is whole among what the decoder held is found.
             client::Action::Cut => {
                 for frame in core::mem::take(&mut world.client_holds) {
-                    if frame.what != What::Half {
+                    if frame.what == What::Half {
+                        self.client(world, client::Input::Corrupt, edges);
+                    } else {
                         self.take(world, frame, edges);
                     }
                 }
@@ -188,7 +190,12 @@ impl Setup {
         let asked = expects.map(|place| self.unit(world.places[usize::from(place)]));
         let fits =
             frame.what != What::OtherUnit && asked.is_none_or(|unit| unit == self.unit(frame.job).max(1));
-        let action = self.client(world, client::Input::Reply { transaction, fits }, edges);
+        let fit = match frame.what {
+            _ if !fits => client::Fit::Misfit,
+            What::Exception => client::Fit::Exception,
+            _ => client::Fit::Whole,
+        };
+        let action = self.client(world, client::Input::Reply { transaction, fit }, edges);
         if let client::Action::Replied { place } = action {
             world.flags.foreign_reply |=
                 world.places[usize::from(place)] != frame.job || frame.what == What::OtherUnit;

@@ -3,7 +3,9 @@
 use core::marker::PhantomData;
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::machine::{self as client, ClientLink, ClientMachine, Due, Quiet, Stage};
+use fanuc_hmi_modbus::client::machine::{
+    self as client, ClientLink, ClientMachine, Due, Fit, Held, Quiet, Stage,
+};
 use fanuc_hmi_modbus::server::machine::{self as server, Line, ServerLink, ServerMachine};
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig};
 use robot_session::{Input as _, Machine as _, is_due};
@@ -116,7 +118,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
         };
         let (ask, announce) = (On::Request { broadcast: false }, On::Request { broadcast: true });
         let sent = On::Sent(Due { place: 0, transaction: Self::first() });
-        let reply = On::Reply { transaction: Self::first(), fits: true };
+        let reply = On::Reply { transaction: Self::first(), fit: Fit::Whole };
         let mut states = Vec::new();
         // Nothing is over yet; everything is.
         for at in [NOW, Duration::ZERO] {
@@ -140,6 +142,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
                 up(&[On::Received]),
                 up(&[ask, sent]),
                 up(&[ask, sent, On::Received]),
+                up(&[ask, sent, On::Received, On::Corrupt]),
                 up(&[ask, sent, reply]),
                 after(&timed_out),
                 after(&taken),
@@ -160,13 +163,15 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             On::Request { broadcast: true },
             On::Taken { place: 0 },
             On::Received,
-            On::Reply { transaction, fits: true },
-            On::Reply { transaction, fits: false },
+            On::Reply { transaction, fit: Fit::Whole },
+            On::Reply { transaction, fit: Fit::Exception },
+            On::Reply { transaction, fit: Fit::Misfit },
+            On::Corrupt,
             On::Sent(Due { place: 0, transaction }),
         ];
         // Without transactions every reply has that of every request.
         if transaction > 0 {
-            inputs.push(On::Reply { transaction: 77, fits: true });
+            inputs.push(On::Reply { transaction: 77, fit: Fit::Whole });
         }
         inputs
     }
@@ -180,7 +185,9 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ClientLink::Up { line: Line::Busy { .. }, .. } if machine.name() != "Receiving" => ", bytes",
             ClientLink::Up { .. } | ClientLink::Down => "",
         };
-        format!("{}, {}{bytes}", T::NAME, client_state(machine))
+        let is_doubtful = |held: &Held| matches!(held.stage, Stage::InFlight { doubtful: true, .. });
+        let doubt = if machine.held().any(is_doubtful) { ", in doubt" } else { "" };
+        format!("{}, {}{bytes}{doubt}", T::NAME, client_state(machine))
     }
 
     fn column_at(machine: &ClientMachine<N>, now: Duration, input: &client::Input) -> String {

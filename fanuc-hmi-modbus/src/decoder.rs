@@ -1,10 +1,12 @@
 //! Bytes of a stream in, frames out.
 
+use core::fmt::Debug;
 use core::ops::Range;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, RtuShape, Side};
 use crate::framing::{Framing, Framings};
+use crate::stream::{CAPACITY, Stream};
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
 ///
@@ -29,25 +31,15 @@ use crate::framing::{Framing, Framings};
 ///
 /// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
 #[derive(Debug, Clone)]
-pub struct Decoder<F = Framing> {
+pub struct Decoder<F: Framings = Framing> {
     framing: F,
     side: Side,
-    buffer: [u8; CAPACITY],
-    start: usize,
-    end: usize,
+    stream: Stream,
     /// Where the frame at `start` ends at the earliest: before that nothing is decoded.
     wanted: usize,
-    /// Bytes of the stream before the buffer.
-    passed: u64,
-    /// What is before here will not go on.
-    finished_at: Option<usize>,
-    /// The same of a later end, given before the first was drained.
-    finished_later: Option<usize>,
     corruption: Option<Corruption>,
-    ends: Ends,
+    ends: F::Ends,
 }
-
-const CAPACITY: usize = 1024;
 
 /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
 pub(crate) const WINDOW: usize = 2 * Frame::MAX_LEN;
@@ -73,16 +65,36 @@ struct Corruption {
 /// Where the RTU frames end that may have begun within corruption: of a frame that ends at some place (modulo 256) the length less
 /// one, and at its own beginning the same of another that ends there, or 0.
 #[derive(Debug, Clone)]
-struct Ends {
+pub struct RtuEnds {
     last: [u8; 256],
     other: [u8; 256],
 }
 
-#[expect(clippy::indexing_slicing, reason = "a byte is below 256")]
-impl Ends {
-    const NONE: Self = Self { last: [0; 256], other: [0; 256] };
+/// What a decoder of some framing knows of them: on TCP there are none.
+pub trait Ends: Debug + Clone {
+    const NONE: Self;
 
     /// Adds a frame of 5 to 256 bytes.
+    fn add(&mut self, start: u8, len: usize);
+
+    /// Removes one that ends here; gives its length.
+    fn take(&mut self, end: u8) -> Option<usize>;
+}
+
+impl Ends for () {
+    const NONE: Self = ();
+
+    fn add(&mut self, _: u8, _: usize) {}
+
+    fn take(&mut self, _: u8) -> Option<usize> {
+        None
+    }
+}
+
+#[expect(clippy::indexing_slicing, reason = "a byte is below 256")]
+impl Ends for RtuEnds {
+    const NONE: Self = Self { last: [0; 256], other: [0; 256] };
+
     fn add(&mut self, start: u8, len: usize) {
         if let Ok(less_one) = u8::try_from(len - 1) {
             let end = start.wrapping_add(less_one).wrapping_add(1);
@@ -90,7 +102,6 @@ impl Ends {
         }
     }
 
-    /// Removes one that ends here; gives its length.
     fn take(&mut self, end: u8) -> Option<usize> {
         let less_one = self.last[usize::from(end)];
         let start = end.wrapping_sub(less_one).wrapping_sub(1);
@@ -109,19 +120,7 @@ impl Decoder {
 impl<F: Framings> Decoder<F> {
     /// A decoder of what `side` sends.
     pub const fn new(framing: F, side: Side) -> Self {
-        Self {
-            framing,
-            side,
-            buffer: [0; CAPACITY],
-            start: 0,
-            end: 0,
-            wanted: 0,
-            passed: 0,
-            finished_at: None,
-            finished_later: None,
-            corruption: None,
-            ends: Ends::NONE,
-        }
+        Self { framing, side, stream: Stream::new(), wanted: 0, corruption: None, ends: F::Ends::NONE }
     }
 
     /// The corruption that the stream is in, whose error waits until the next frame is found.
@@ -131,7 +130,7 @@ impl<F: Framings> Decoder<F> {
 
     /// The bytes that wait for the rest of their frame.
     pub const fn pending(&self) -> usize {
-        self.end - self.start
+        self.stream.pending()
     }
 
     /// Whether frames carry a transaction.
@@ -143,46 +142,45 @@ impl<F: Framings> Decoder<F> {
     /// The place of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
     #[inline]
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
-        if self.end < self.wanted { None } else { self.judge() }
+        if self.stream.end() < self.wanted { None } else { self.judge() }
     }
 
     #[inline(never)]
     fn judge(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         loop {
-            let limit = self.finished_at.unwrap_or(self.end);
+            let limit = self.stream.limit();
             if self.corruption.is_some() {
                 match self.end_corruption(limit)? {
                     (_, 0) => continue, // the corruption ended where an error before it did
                     (error, _) => return Some(Err(error)),
                 }
             }
-            let data = self.buffer.get(self.start..limit)?;
+            let has_ended = self.stream.has_ended();
+            let data = self.stream.get(self.stream.start()..limit)?;
             if data.is_empty() {
-                self.finished_at?;
-                self.pass_end();
+                if !has_ended {
+                    return None;
+                }
+                self.stream.pass_end();
                 continue;
             }
-            let begun = if self.framing.has_transactions() {
-                tcp(data)
-            } else {
-                rtu(data, self.side, self.finished_at.is_some())
-            };
+            let begun =
+                if self.framing.has_transactions() { tcp(data) } else { rtu(data, self.side, has_ended) };
             let error = match begun {
                 Ok(len) if len <= data.len() => {
-                    let start = self.start;
-                    self.start += len;
-                    if self.finished_at.is_none() {
-                        self.wanted = self.start + 1;
+                    let frame = self.stream.take(len);
+                    if !has_ended {
+                        self.wanted = frame.end + 1;
                     }
-                    return Some(Ok(start..self.start));
+                    return Some(Ok(frame));
                 }
-                Ok(expected) if self.finished_at.is_some() => {
+                Ok(expected) if has_ended => {
                     // Of the seven bytes of a TCP header, six are judged.
                     let expected = if self.framing.has_transactions() { expected.max(7) } else { expected };
                     DecodeError::Cut { expected, found: data.len() }
                 }
                 Ok(len) => {
-                    self.wanted = self.start + len;
+                    self.wanted = self.stream.start() + len;
                     return None;
                 }
                 Err(error) => error,
@@ -194,7 +192,7 @@ impl<F: Framings> Decoder<F> {
     /// A frame that [`advance`](Self::advance) found.
     #[inline(always)] // whether it has a transaction is known where the framing is
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
-        let bytes = self.buffer.get(range)?;
+        let bytes = self.stream.get(range)?;
         if self.framing.has_transactions() {
             Frame::from_tcp_parts(bytes)
         } else {
@@ -202,52 +200,40 @@ impl<F: Framings> Decoder<F> {
         }
     }
 
-    /// What waits, up to the end of the input where that has ended, and whether it has: for who reads without [`advance`](Self::advance).
-    pub(crate) fn held(&self) -> (&[u8], bool) {
-        let held = self.buffer.get(self.start..self.finished_at.unwrap_or(self.end));
-        (held.unwrap_or_default(), self.finished_at.is_some())
-    }
-
-    /// Takes so many bytes of what waits; gives their place.
-    pub(crate) fn take(&mut self, length: usize) -> Range<usize> {
-        let start = self.start;
-        self.start += length;
-        start..self.start
-    }
-
-    /// What waited up to the end of the input was taken.
-    pub(crate) fn pass_end(&mut self) {
-        self.finished_at = self.finished_later.take();
+    /// A byte of such a frame.
+    #[inline]
+    pub(crate) fn byte(&self, at: usize) -> Option<u8> {
+        self.stream.byte(at)
     }
 
     /// Corruption begins at the start.
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
-        let data = self.buffer.get(self.start..self.finished_at.unwrap_or(self.end)).unwrap_or_default();
+        let (data, start) = (self.stream.held(), self.stream.start());
         let skip = match error {
             // TCP loses nothing: a frame that its connection cuts holds no other.
             DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
             _ => 1,
         };
-        self.corruption =
-            Some(Corruption { error, is_more: false, from: self.start + skip, tried: self.start });
-        self.ends = Ends::NONE;
+        self.corruption = Some(Corruption { error, is_more: false, from: start + skip, tried: start });
+        self.ends = F::Ends::NONE;
     }
 
     /// What the corruption was and how many bytes it takes, when that is known; the start is then after them.
     fn end_corruption(&mut self, limit: usize) -> Option<(DecodeError, usize)> {
         let corruption = self.corruption.as_mut()?;
         let (from, tried) = (corruption.from, corruption.tried);
-        let window = limit.min(self.start + WINDOW);
+        let window = limit.min(self.stream.start() + WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
             (self.next_header(from, tried, window), HEADER)
         } else {
             (self.next_rtu(from, tried, window), Frame::MAX_RTU_LEN - 1)
         };
-        let is_full = window - self.start == WINDOW;
+        let start = self.stream.start();
+        let is_full = window - start == WINDOW;
         let corruption = self.corruption.as_mut()?;
-        if let (Err(tried), false, None) = (next, is_full, self.finished_at) {
+        if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {
             corruption.tried = tried;
             if self.framing.has_transactions() {
                 self.wanted = tried + SHORTEST;
@@ -271,17 +257,16 @@ impl<F: Framings> Decoder<F> {
                 limit
             }
         };
-        let length = end - self.start;
-        self.start = end;
+        let length = end - start;
+        self.stream.take(length);
         Some((if is_more { DecodeError::Noise { length } } else { error }, length))
     }
 
     /// Where the next bytes begin that are an MBAP header, as far as can be seen; else what was tried.
     #[inline(never)]
     fn next_header(&self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
-        let mut rest = self.buffer.get(from.max(tried)..limit).unwrap_or_default();
-        while let [_, after @ ..] = rest {
-            let (data, start) = (rest, limit - rest.len());
+        let mut rest = self.stream.get(from.max(tried)..limit).unwrap_or_default();
+        while let ([_, after @ ..], data) = (rest, rest) {
             rest = after;
             // Protocol 0, a length below 256: judged as soon as it is there.
             if let [_, _, p0, ..] = *data
@@ -291,15 +276,16 @@ impl<F: Framings> Decoder<F> {
             {
                 continue;
             }
+            let start = limit - data.len();
             let Some((six, message)) = data.split_first_chunk() else { return Err(start) };
             let Ok(len) = Frame::tcp_len(six) else { continue };
             // After a frame of another protocol the next one begins in its place; elsewhere a header has to have the length of
             // the message after it.
-            let is_placed = start == from && start > self.start + 1;
+            let is_placed = start == from && start > self.stream.start() + 1;
             match RtuLen::of(message, self.side) {
                 _ if is_placed => return Ok(start),
                 RtuLen::Known(rtu) if 6 + rtu == len + 2 => return Ok(start),
-                RtuLen::AtLeast(_) if self.finished_at.is_none() => return Err(start),
+                RtuLen::AtLeast(_) if !self.stream.has_ended() => return Err(start),
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
             }
         }
@@ -319,7 +305,7 @@ impl<F: Framings> Decoder<F> {
                 let Some(start) = end.checked_sub(at + 1).filter(|start| *start >= from) else {
                     break;
                 };
-                let data = self.buffer.get(start..end).unwrap_or_default();
+                let data = self.stream.get(start..end).unwrap_or_default();
                 let (Some(code), Some(shows)) = (data.get(1), data.last()) else { break };
                 let len = match RtuShape::of(*code, self.side) {
                     RtuShape::Fixed(len) if *at == 1 => len,
@@ -330,7 +316,7 @@ impl<F: Framings> Decoder<F> {
             }
             let mut longest = None;
             while let Some(len) = self.ends.take(self.place(end)) {
-                let frame = self.buffer.get(end.saturating_sub(len)..end).unwrap_or_default();
+                let frame = self.stream.get(end.saturating_sub(len)..end).unwrap_or_default();
                 if Frame::decode_rtu_whole(frame).is_ok() {
                     longest = longest.max(Some(len));
                 }
@@ -344,20 +330,14 @@ impl<F: Framings> Decoder<F> {
 
     /// A place in the stream, modulo 256.
     fn place(&self, index: usize) -> u8 {
-        let [low, ..] = (self.passed + index as u64).to_le_bytes();
+        let [low, ..] = self.stream.position_of(index).to_le_bytes();
         low
     }
 
+    #[inline(never)] // rare, and `push` is built in
     fn compact(&mut self) {
-        let gone = self.start;
-        self.buffer.copy_within(gone..self.end, 0);
-        self.passed += gone as u64;
-        self.start = 0;
-        self.end -= gone;
+        let gone = self.stream.compact();
         self.wanted = self.wanted.saturating_sub(gone);
-        for at in [&mut self.finished_at, &mut self.finished_later].into_iter().flatten() {
-            *at = at.saturating_sub(gone);
-        }
         if let Some(corruption) = &mut self.corruption {
             corruption.from = corruption.from.saturating_sub(gone);
             corruption.tried = corruption.tried.saturating_sub(gone);
@@ -371,22 +351,10 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > CAPACITY - self.end {
+        if self.stream.is_tight(bytes.len()) {
             self.compact();
         }
-        // A port that gives single bytes: no call to copy one.
-        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
-            *room = *byte;
-            self.end += 1;
-            return 1;
-        }
-        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let taken = room.len().min(bytes.len());
-        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
-        taken
+        self.stream.push(bytes)
     }
 
     #[inline]
@@ -398,19 +366,19 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
     }
 
     fn finish(&mut self) {
-        match self.finished_at {
-            None => (self.finished_at, self.wanted) = (Some(self.end), 0),
-            Some(_) => self.finished_later = Some(self.end),
+        if !self.stream.has_ended() {
+            self.wanted = 0;
         }
+        self.stream.finish();
     }
 
     fn position(&self) -> u64 {
-        self.passed + self.start as u64
+        self.stream.position()
     }
 
     fn clear(&mut self) {
-        let passed = self.passed + self.end as u64;
-        *self = Self { passed, ..Self::new(self.framing, self.side) };
+        self.stream.clear();
+        (self.wanted, self.corruption, self.ends) = (0, None, F::Ends::NONE);
     }
 }
 

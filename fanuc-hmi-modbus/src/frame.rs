@@ -134,6 +134,12 @@ impl<'a> Frame<&'a [u8]> {
         Some(Self { transaction: None, unit: *unit, pdu })
     }
 
+    /// Its function code; 0 if it is empty, which none from a decoder is.
+    #[inline]
+    pub(crate) fn function(&self) -> u8 {
+        self.pdu.first().copied().unwrap_or_default()
+    }
+
     /// The same frame with its request.
     ///
     /// # Errors

@@ -58,8 +58,16 @@ impl<F: Copy + sealed::Framings + 'static> Framings for F {}
 
 pub(crate) mod sealed {
     use super::{Framing, Rtu, Tcp};
+    use crate::decoder::{Decoder, Ends, RtuEnds};
+    use crate::server::{AnyReceiver, Receive, RtuReceiver};
 
     pub trait Framings: Sized {
+        /// What a server reads with.
+        type Receiver: Receive;
+
+        /// What a decoder knows of the frames within corruption.
+        type Ends: Ends;
+
         /// This framing, if it is among them.
         fn of(framing: Framing) -> Option<Self>;
 
@@ -68,6 +76,9 @@ pub(crate) mod sealed {
     }
 
     impl Framings for Framing {
+        type Receiver = AnyReceiver;
+        type Ends = RtuEnds;
+
         fn of(framing: Framing) -> Option<Self> {
             Some(framing)
         }
@@ -79,6 +90,9 @@ pub(crate) mod sealed {
     }
 
     impl Framings for Tcp {
+        type Receiver = Decoder<Tcp>;
+        type Ends = ();
+
         fn of(framing: Framing) -> Option<Self> {
             framing.has_transactions().then_some(Self)
         }
@@ -90,6 +104,9 @@ pub(crate) mod sealed {
     }
 
     impl Framings for Rtu {
+        type Receiver = RtuReceiver;
+        type Ends = RtuEnds;
+
         fn of(framing: Framing) -> Option<Self> {
             (!framing.has_transactions()).then_some(Self)
         }

@@ -20,6 +20,7 @@ mod shape;
 mod signals;
 #[cfg(feature = "spec")]
 mod spec;
+mod stream;
 pub mod text;
 pub mod timing;
 pub mod typed;

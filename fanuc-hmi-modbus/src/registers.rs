@@ -1,7 +1,7 @@
 //! What a server holds, and how a request is carried out on it: a PDU in, a PDU out.
 
 use crate::error::DecodeError;
-use crate::message::{Bits, BitsMut, Exception, Pdu, Reply, Request, Words, WordsMut, function, limit};
+use crate::message::{Bits, BitsMut, Exception, Request, Words, WordsMut, function, limit};
 
 /// The coils, inputs and registers of a server. Every method has a default that refuses, so that an implementation names only
 /// the tables that it has.
@@ -93,16 +93,27 @@ pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8
         && quantity.wrapping_sub(1) < limit::READ_REGISTERS
     {
         let address = u16::from_be_bytes([a, b]);
-        let read = |out: &mut WordsMut<'_>| registers.read_holding_registers(address, out);
-        let served = read_words(function, address, quantity, out, read);
-        return served.unwrap_or_else(|exception| refuse(function, exception, out));
+        let served = match words(function, address, quantity, out) {
+            Ok(mut words) => registers.read_holding_registers(address, &mut words),
+            Err(exception) => Err(exception),
+        };
+        return match served {
+            Ok(()) => words_len(quantity),
+            Err(exception) => refuse(function, exception, out),
+        };
     }
     serve_any(pdu, registers, out)
 }
 
+/// [`serve`], with nothing built in.
 #[inline(never)]
-fn serve_any<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8; limit::PDU]) -> usize {
-    match Request::decode(pdu).map_err(exception).and_then(|request| carry_out(request, registers, out)) {
+pub(crate) fn serve_any<R: Registers + ?Sized>(
+    pdu: &[u8],
+    registers: &mut R,
+    out: &mut [u8; limit::PDU],
+) -> usize {
+    let request = Request::decode(pdu).map_err(exception);
+    match request.and_then(|request| carry_out(pdu, request, registers, out)) {
         Ok(len) => len,
         Err(exception) => refuse(pdu.first().copied().unwrap_or_default(), exception, out),
     }
@@ -124,64 +135,64 @@ fn exception(error: DecodeError) -> Exception {
 }
 
 fn carry_out<R: Registers + ?Sized>(
+    pdu: &[u8],
     request: Request<'_>,
     registers: &mut R,
     out: &mut [u8; limit::PDU],
 ) -> Result<usize, Exception> {
-    let reply = match request {
+    match request {
         Request::ReadHoldingRegisters { address, quantity } => {
-            return read_words(request.function(), address, quantity, out, |out| {
-                registers.read_holding_registers(address, out)
-            });
+            let mut words = words(function::READ_HOLDING_REGISTERS, address, quantity, out)?;
+            registers.read_holding_registers(address, &mut words)?;
+            Ok(words_len(quantity))
         }
         Request::ReadInputRegisters { address, quantity } => {
-            return read_words(request.function(), address, quantity, out, |out| {
-                registers.read_input_registers(address, out)
-            });
+            let mut words = words(function::READ_INPUT_REGISTERS, address, quantity, out)?;
+            registers.read_input_registers(address, &mut words)?;
+            Ok(words_len(quantity))
         }
         Request::ReadCoils { address, quantity } => {
-            return read_bits(request.function(), address, quantity, out, |out| {
-                registers.read_coils(address, out)
-            });
+            let mut bits = bits(function::READ_COILS, address, quantity, out)?;
+            registers.read_coils(address, &mut bits)?;
+            Ok(bits_len(quantity))
         }
         Request::ReadDiscreteInputs { address, quantity } => {
-            return read_bits(request.function(), address, quantity, out, |out| {
-                registers.read_discrete_inputs(address, out)
-            });
+            let mut bits = bits(function::READ_DISCRETE_INPUTS, address, quantity, out)?;
+            registers.read_discrete_inputs(address, &mut bits)?;
+            Ok(bits_len(quantity))
         }
         Request::WriteCoil { address, value } => {
             registers.write_coils(address, Bits::from(&[value]))?;
-            Reply::WriteCoil { address, value }
+            repeat::<5>(pdu, out)
         }
         Request::WriteRegister { address, value } => {
             registers.write_registers(address, Words::from(&[value]))?;
-            Reply::WriteRegister { address, value }
+            repeat::<5>(pdu, out)
         }
         Request::WriteCoils { address, values } => {
-            let quantity = in_table(address, values.len())?;
+            in_table(address, values.len())?;
             registers.write_coils(address, values)?;
-            Reply::WriteCoils { address, quantity }
+            repeat::<5>(pdu, out)
         }
         Request::WriteRegisters { address, values } => {
-            let quantity = in_table(address, values.len())?;
+            in_table(address, values.len())?;
             registers.write_registers(address, values)?;
-            Reply::WriteRegisters { address, quantity }
+            repeat::<5>(pdu, out)
         }
         Request::MaskWriteRegister { address, and, or } => {
             let mut word = [0; 2];
             registers.read_holding_registers(address, &mut WordsMut::from_wire(&mut word))?;
             let masked = u16::from_be_bytes(word) & and | or & !and;
             registers.write_registers(address, Words::from(&[masked]))?;
-            Reply::MaskWriteRegister { address, and, or }
+            repeat::<7>(pdu, out)
         }
         Request::ReadWriteRegisters { address, quantity, write_address, values } => {
             in_table(write_address, values.len())?;
-            let mut read = |out: &mut WordsMut<'_>| registers.read_holding_registers(address, out);
-            read_words(request.function(), address, quantity, out, &mut read)?;
+            let mut words = words(function::READ_WRITE_REGISTERS, address, quantity, out)?;
+            registers.read_holding_registers(address, &mut words)?;
             registers.write_registers(write_address, values)?;
-            return read_words(request.function(), address, quantity, out, |out| {
-                registers.read_holding_registers(address, out)
-            });
+            registers.read_holding_registers(address, &mut words)?;
+            Ok(words_len(quantity))
         }
         Request::Other { function, data } => {
             let Some((first, rest)) = out.split_first_mut() else {
@@ -189,47 +200,59 @@ fn carry_out<R: Registers + ?Sized>(
             };
             let len = registers.other(function, data, rest)?;
             *first = function;
-            return if len < limit::PDU { Ok(1 + len) } else { Err(Exception::ServerDeviceFailure) };
+            if len < limit::PDU { Ok(1 + len) } else { Err(Exception::ServerDeviceFailure) }
         }
-    };
-    reply.encode(out).map_err(|_| Exception::ServerDeviceFailure)
-}
-
-/// The quantity, if all of it is within 0 to 65535.
-#[inline]
-fn in_table(address: u16, quantity: usize) -> Result<u16, Exception> {
-    match u16::try_from(quantity) {
-        Ok(quantity) if usize::from(address) + usize::from(quantity) <= 1 << 16 => Ok(quantity),
-        _ => Err(Exception::IllegalDataAddress),
     }
 }
 
-#[inline(always)] // with `serve`
-fn read_words(
-    function: u8,
-    address: u16,
-    quantity: u16,
-    out: &mut [u8; limit::PDU],
-    read: impl FnOnce(&mut WordsMut<'_>) -> Result<(), Exception>,
-) -> Result<usize, Exception> {
-    in_table(address, quantity.into())?;
-    read(&mut WordsMut::from_wire(reply_data(function, 2 * quantity, out)?))?;
-    Ok(2 + 2 * usize::from(quantity))
+/// The reply that repeats the beginning of its request: where was written, and what or how much.
+#[inline]
+fn repeat<const N: usize>(pdu: &[u8], out: &mut [u8; limit::PDU]) -> Result<usize, Exception> {
+    let from = pdu.first_chunk::<N>().ok_or(Exception::ServerDeviceFailure)?;
+    *out.first_chunk_mut().ok_or(Exception::ServerDeviceFailure)? = *from;
+    Ok(N)
 }
 
+/// Whether so many from the address on are within 0 to 65535.
 #[inline]
-fn read_bits(
+fn in_table(address: u16, quantity: usize) -> Result<(), Exception> {
+    if usize::from(address) + quantity <= 1 << 16 { Ok(()) } else { Err(Exception::IllegalDataAddress) }
+}
+
+/// The registers of a reply, of which the rest is written.
+#[inline(always)] // with `serve`
+fn words(
     function: u8,
     address: u16,
     quantity: u16,
     out: &mut [u8; limit::PDU],
-    read: impl FnOnce(&mut BitsMut<'_>) -> Result<(), Exception>,
-) -> Result<usize, Exception> {
+) -> Result<WordsMut<'_>, Exception> {
     in_table(address, quantity.into())?;
-    let count = quantity.div_ceil(8);
-    let data = reply_data(function, count, out)?;
-    read(&mut BitsMut::from_wire(data, quantity.into()))?;
-    Ok(2 + usize::from(count))
+    Ok(WordsMut::from_wire(reply_data(function, 2 * quantity, out)?))
+}
+
+/// The length of the reply with so many registers.
+#[inline]
+const fn words_len(quantity: u16) -> usize {
+    2 + 2 * quantity as usize
+}
+
+/// The bits of a reply, of which the rest is written.
+#[inline]
+fn bits(
+    function: u8,
+    address: u16,
+    quantity: u16,
+    out: &mut [u8; limit::PDU],
+) -> Result<BitsMut<'_>, Exception> {
+    in_table(address, quantity.into())?;
+    Ok(BitsMut::from_wire(reply_data(function, quantity.div_ceil(8), out)?, quantity.into()))
+}
+
+/// The length of the reply with so many bits.
+#[inline]
+const fn bits_len(quantity: u16) -> usize {
+    2 + quantity.div_ceil(8) as usize
 }
 
 /// Writes a function code and a byte count, and gives the bytes that follow them.

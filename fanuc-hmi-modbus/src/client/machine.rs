@@ -411,10 +411,12 @@ impl<const N: usize> ClientMachine<N> {
         let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
             return self.late_reply(transaction);
         };
-        let is_doubtful = matches!(held.stage, Stage::InFlight { doubtful: true, .. });
         let fits = match fit {
             Fit::Whole => true,
-            Fit::Exception => !is_doubtful || !config.rules.keeps(Rule::DoubtException),
+            Fit::Exception => {
+                let is_doubtful = matches!(held.stage, Stage::InFlight { doubtful: true, .. });
+                !is_doubtful || !config.rules.keeps(Rule::DoubtException)
+            }
             Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
         };
         // Without a transaction it may be a late reply to an earlier request: the right one may still come.

@@ -38,7 +38,7 @@ use crate::message::{PduBuf, Reply, Request, function};
 /// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. What is found behind them is taken if it fits, but for
 /// an exception in RTU frames: it may be data of the reply that was damaged.
 #[derive(Debug, Clone)]
-pub struct Client<const N: usize = 8, F = Framing> {
+pub struct Client<const N: usize = 8, F: Framings = Framing> {
     core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
     /// The bytes before those that are read now ended within corruption.
@@ -159,23 +159,28 @@ impl<const N: usize, F: Framings> Client<N, F> {
         }
     }
 
-    /// Why a frame is not what the request that it seems to belong to asks for.
+    /// Whether a frame can be the reply to the request that it seems to belong to; if to none, nothing speaks against it.
     #[inline(always)]
-    fn misfit(&self, frame: &Frame<&[u8]>) -> Option<Misfit> {
-        let place = self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config)?;
-        self.misfit_of(place, frame)
+    fn fit(&self, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
+        match self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config) {
+            Some(place) => self.fit_of(place, frame),
+            None => Ok(Fit::Whole),
+        }
     }
 
-    /// Why a frame is not what the request in this place asks for.
+    /// Whether a frame can be the reply to the request in this place.
     #[inline(always)]
-    fn misfit_of(&self, place: u8, frame: &Frame<&[u8]>) -> Option<Misfit> {
-        self.places.get(usize::from(place))?.misfit(frame, self.core.config.any_unit)
+    fn fit_of(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
+        match self.places.get(usize::from(place)) {
+            Some(place) => place.fit(frame, self.core.config.any_unit),
+            None => Ok(Fit::Whole),
+        }
     }
 
     #[cold]
     fn stray(&mut self, late: Option<u8>, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
-        let misfit = self.misfit(&frame);
+        let misfit = self.fit(&frame).err();
         self.core.statistics.strays += 1;
         self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
@@ -203,7 +208,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
     #[cold]
     fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
-        match self.misfit_of(place, &frame) {
+        match self.fit_of(place, &frame).err() {
             Some(Misfit::Malformed(error)) => self.fail(place, Failure::Malformed(error)),
             Some(Misfit::Mismatch(mismatch)) => self.fail(place, Failure::Refused(mismatch)),
             None => {}
@@ -217,6 +222,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
 
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
+        self.tell(Input::Corrupt);
         // More of the same was reported already.
         if matches!(error, DecodeError::Noise { .. }) {
             return;
@@ -260,21 +266,19 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 
     #[inline(always)]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
-        let range = match self.core.decoder.advance()? {
-            Ok(range) => range,
-            Err(error) => {
-                self.corrupt(error);
-                return Some((Input::Corrupt, None));
-            }
-        };
-        let frame = self.core.decoder.frame(range.clone())?;
-        let fit = match (self.misfit(&frame), frame.pdu.first()) {
-            (Some(_), _) => Fit::Misfit,
-            (None, Some(function)) if *function > function::EXCEPTION => Fit::Exception,
-            (None, _) => Fit::Whole,
-        };
-        let transaction = frame.transaction.unwrap_or(0);
-        Some((Input::Reply { transaction, fit }, Some(range)))
+        loop {
+            let range = match self.core.decoder.advance()? {
+                Ok(range) => range,
+                Err(error) => {
+                    self.corrupt(error);
+                    continue;
+                }
+            };
+            let frame = self.core.decoder.frame(range.clone())?;
+            let fit = self.fit(&frame).unwrap_or(Fit::Misfit);
+            let transaction = frame.transaction.unwrap_or(0);
+            return Some((Input::Reply { transaction, fit }, Some(range)));
+        }
     }
 
     #[inline(always)] // where the input is known, few actions are left
@@ -347,29 +351,28 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 }
 
 impl Place {
-    /// Why a frame cannot be the reply to the request in this place.
+    /// Whether a frame can be the reply to the request in this place.
     #[inline(always)]
-    fn misfit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Option<Misfit> {
+    fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {
         if self.unit != frame.unit && !any_unit {
-            return Some(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
+            return Err(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
         }
         // The read that is repeated in every cycle: what it asked for is known without its request.
-        let is_read = self.pdu.as_bytes().first() == Some(&function::READ_HOLDING_REGISTERS);
+        let is_read = self.pdu.function() == function::READ_HOLDING_REGISTERS;
         match Reply::decode(frame.pdu) {
             Ok(Reply::HoldingRegisters(words)) if is_read && words.len() == usize::from(self.quantity) => {
-                None
+                Ok(Fit::Whole)
             }
             Ok(reply) => self.answered(&reply),
-            Err(error) => Some(Misfit::Malformed(error)),
+            Err(error) => Err(Misfit::Malformed(error)),
         }
     }
 
     #[inline(never)]
-    fn answered(&self, reply: &Reply<'_>) -> Option<Misfit> {
-        match self.pdu.request() {
-            Ok(request) => reply.answers(&request).err().map(Misfit::Mismatch),
-            Err(error) => Some(Misfit::Malformed(error)),
-        }
+    fn answered(&self, reply: &Reply<'_>) -> Result<Fit, Misfit> {
+        let request = self.pdu.request().map_err(Misfit::Malformed)?;
+        reply.answers(&request).map_err(Misfit::Mismatch)?;
+        Ok(if matches!(reply, Reply::Exception { .. }) { Fit::Exception } else { Fit::Whole })
     }
 
     /// The reply takes the place of its request.

@@ -51,6 +51,12 @@ impl PduBuf {
         self.bytes.get(..usize::from(self.len)).unwrap_or_default()
     }
 
+    /// The function code; 0 if it is empty.
+    pub(crate) const fn function(&self) -> u8 {
+        let [function, ..] = self.bytes;
+        function
+    }
+
     /// The request in it.
     ///
     /// # Errors

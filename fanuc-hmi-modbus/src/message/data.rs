@@ -342,17 +342,22 @@ impl<'a> BitsMut<'a> {
     }
 }
 
-/// Copies as many registers as both have: eight at once, a vector's worth, and the last eight once more instead of one by one.
+/// Copies as many registers as both have. Where there are vectors: eight at once, and the last eight once more instead of one by one.
 #[inline(always)] // for few registers there is little of it
 fn copy<A: Copy, B>(from: &[A], to: &mut [B], convert: impl Fn(A) -> B + Copy) {
     let len = from.len().min(to.len());
     let (from, to) = (from.get(..len).unwrap_or_default(), to.get_mut(..len).unwrap_or_default());
-    let (Some(last), Some(to_last)) = (from.last_chunk::<8>(), to.last_chunk_mut()) else {
-        return to.iter_mut().zip(from).for_each(|(to, from)| *to = convert(*from));
-    };
-    *to_last = last.map(convert);
-    for (to, from) in to.as_chunks_mut::<8>().0.iter_mut().zip(from.as_chunks::<8>().0) {
-        *to = from.map(convert);
+    if cfg!(target_pointer_width = "64")
+        && let (Some(last), Some(to_last)) = (from.last_chunk::<8>(), to.last_chunk_mut())
+    {
+        *to_last = last.map(convert);
+        for (to, from) in to.as_chunks_mut::<8>().0.iter_mut().zip(from.as_chunks::<8>().0) {
+            *to = from.map(convert);
+        }
+        return;
+    }
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = convert(*from);
     }
 }
 

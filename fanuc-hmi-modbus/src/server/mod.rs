@@ -21,8 +21,9 @@ use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
 use crate::frame::Frame;
 use crate::framing::{Framing, Framings};
-use crate::registers::Registers;
-use receiver::Receiver;
+use crate::message::{function, limit};
+use crate::registers::{Registers, serve_any};
+pub(crate) use receiver::{AnyReceiver, Receive, RtuReceiver};
 use replies::Replies;
 
 /// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
@@ -41,8 +42,8 @@ use replies::Replies;
 /// is whole frames. A silence counts when the driver has seen it: [`handle_timeout`](robot_session::Session::handle_timeout) is called
 /// after what has arrived was read.
 #[derive(Debug, Clone)]
-pub struct Server<R, const N: usize = 8, F = Framing> {
-    core: Core<ServerMachine<N>, Receiver<F>, EventQueue<ServerEvent, 8>, ServerStatistics>,
+pub struct Server<R, const N: usize = 8, F: Framings = Framing> {
+    core: Core<ServerMachine<N>, F::Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
     /// What was read last ended within corruption.
@@ -59,9 +60,9 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
             return Err(ConfigError::Unit { found });
         }
-        let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
+        F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
-            core: Core::new(config, ServerMachine::NEW, Receiver::new(framing, config.framing, config.unit)),
+            core: Core::new(config, ServerMachine::NEW, Receive::new(config.framing, config.unit)),
             registers,
             replies: Replies::EMPTY,
             was_corrupt: false,
@@ -95,15 +96,47 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
             self.was_corrupt = false;
             return;
         };
-        if !core::mem::replace(&mut self.was_corrupt, true) && self.core.decoder.has_transactions() {
+        if !core::mem::replace(&mut self.was_corrupt, true) {
             self.core.events.push_notice(ServerEvent::OutOfStep(error));
         }
     }
 
+    /// Carries a request out, and keeps its reply.
+    #[inline(always)] // into the two places that read
+    fn serve(&mut self, request: Range<usize>) {
+        let Some(frame) = self.core.decoder.frame(request) else { return };
+        let Some(reply) = self.replies.next() else { return };
+        reply.length = F::Receiver::serve(&frame, &mut self.registers, &mut reply.bytes).unwrap_or(0);
+        let exception = reply.exception(frame.transaction.is_some());
+        let Frame { transaction, unit, .. } = frame;
+        let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
+        self.replies.keep();
+        self.core.statistics.served += 1;
+        self.core.events.push_notice(served);
+    }
+
+    /// Carries a request out; its reply is not sent.
     #[cold]
-    fn refused(&mut self, unit: u8, function: u8) {
+    fn serve_broadcast(&mut self, request: Range<usize>) {
+        let Some(frame) = self.core.decoder.frame(request) else { return };
+        let mut reply = [0; limit::PDU];
+        let length = serve_any(frame.pdu, &mut self.registers, &mut reply);
+        let exception = match reply.get(..length) {
+            Some([code, exception]) if *code >= function::EXCEPTION => Some((*exception).into()),
+            _ => None,
+        };
+        let Frame { transaction, unit, .. } = frame;
+        let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
+        self.core.statistics.served += 1;
+        self.core.events.push_notice(served);
+    }
+
+    #[cold]
+    fn refused(&mut self, request: Range<usize>) {
+        let Some(frame) = self.core.decoder.frame(request) else { return };
+        let refused = ServerEvent::Refused { unit: frame.unit, function: frame.function() };
         self.core.statistics.refused += 1;
-        self.core.events.push_notice(ServerEvent::Refused { unit, function });
+        self.core.events.push_notice(refused);
     }
 
     #[cold]
@@ -115,7 +148,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
 
 impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     type Machine = ServerMachine<N>;
-    type Decoder = Receiver<F>;
+    type Decoder = F::Receiver;
     type Events = EventQueue<ServerEvent, 8>;
     type Statistics = ServerStatistics;
     /// The place of a request in the decoder.
@@ -137,7 +170,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
             };
             match found {
                 Ok(range) => {
-                    let unit = self.core.decoder.frame(range.clone())?.unit;
+                    let unit = self.core.decoder.unit(&range)?;
                     let is_last = self.core.decoder.was_last();
                     return Some((Input::Request { unit, is_last }, Some(range)));
                 }
@@ -148,33 +181,20 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
         }
     }
 
-    #[inline(always)] // where the input is known, few actions are left
+    #[inline(always)] // where there is no request, little is left
     fn act(&mut self, now: Duration, action: Action, request: Option<Range<usize>>) {
-        match action {
-            Action::Reset => {
+        match (action, request) {
+            (Action::Reset, _) => {
                 self.was_corrupt = false;
-                return self.replies.clear();
+                self.replies.clear();
             }
-            Action::Cut => return self.finish(now),
-            Action::Nothing | Action::Ignore | Action::Sent => return,
-            Action::Serve | Action::ServeBroadcast | Action::Refuse => {}
+            (Action::Cut, _) => self.finish(now),
+            (Action::Serve, Some(request)) => self.serve(request),
+            (Action::ServeBroadcast, Some(request)) => self.serve_broadcast(request),
+            (Action::Refuse, Some(request)) => self.refused(request),
+            (Action::Nothing | Action::Ignore | Action::Sent, _) => {}
+            (Action::Serve | Action::ServeBroadcast | Action::Refuse, None) => {}
         }
-        let Some(frame) = request.and_then(|range| self.core.decoder.frame(range)) else { return };
-        let (transaction, unit) = (frame.transaction, frame.unit);
-        let function = frame.pdu.first().copied().unwrap_or_default();
-        let exception = match action {
-            Action::Serve => {
-                self.replies.push(transaction.is_some(), |out| frame.serve(&mut self.registers, out))
-            }
-            Action::ServeBroadcast => {
-                let mut out = [0; Frame::MAX_LEN];
-                let length = frame.serve(&mut self.registers, &mut out).unwrap_or(0);
-                out.get(..length).and_then(|reply| replies::exception(reply, transaction.is_some()))
-            }
-            _ => return self.refused(unit, function),
-        };
-        self.core.statistics.served += 1;
-        self.core.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
     }
 
     #[inline]
@@ -189,8 +209,8 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
 
     #[inline]
     fn begin_input(&mut self, now: Duration) -> bool {
-        self.advance(now, Input::Received, None);
-        self.core.machine.is_connected()
+        let result = self.core.on(now, Input::Received);
+        result.map_err(|unexpected| self.refuse(unexpected)).is_ok()
     }
 
     /// Also while a frame arrives that only the silence ends.
@@ -207,10 +227,8 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
             self.core.decoder.lose(noise);
             self.corrupt(noise);
         }
-        while let Some(range) = self.core.decoder.next_followed() {
-            let Some(frame) = self.core.decoder.frame(range) else { return };
-            let (unit, function) = (frame.unit, frame.pdu.first().copied().unwrap_or_default());
-            self.refused(unit, function);
+        while let Some(request) = self.core.decoder.next_followed() {
+            self.refused(request);
         }
     }
 }

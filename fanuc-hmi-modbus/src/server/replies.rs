@@ -11,28 +11,42 @@ pub(super) struct Replies<const N: usize> {
     count: usize,
 }
 
+/// A frame.
 #[derive(Debug, Clone, Copy)]
-struct Reply {
-    bytes: [u8; Frame::MAX_LEN],
-    length: usize,
+pub(super) struct Reply {
+    pub(super) bytes: [u8; Frame::MAX_LEN],
+    pub(super) length: usize,
+}
+
+impl Reply {
+    pub(super) const EMPTY: Self = Self { bytes: [0; Frame::MAX_LEN], length: 0 };
+
+    /// The exception in it.
+    #[inline]
+    pub(super) fn exception(&self, tcp: bool) -> Option<Exception> {
+        let (before, length) = if tcp { (7, 9) } else { (1, 5) };
+        match self.bytes.get(before..)? {
+            [code, exception, ..] if self.length == length && *code >= function::EXCEPTION => {
+                Some((*exception).into())
+            }
+            _ => None,
+        }
+    }
 }
 
 impl<const N: usize> Replies<N> {
-    pub(super) const EMPTY: Self =
-        Self { frames: [Reply { bytes: [0; Frame::MAX_LEN], length: 0 }; N], first: 0, count: 0 };
+    pub(super) const EMPTY: Self = Self { frames: [Reply::EMPTY; N], first: 0, count: 0 };
 
-    /// Keeps the frame that `write` makes; gives the exception in it.
+    /// The place of the next frame.
     #[inline]
-    pub(super) fn push(
-        &mut self,
-        tcp: bool,
-        write: impl FnOnce(&mut [u8]) -> Option<usize>,
-    ) -> Option<Exception> {
-        let reply = self.frames.get_mut((self.first + self.count) % N)?;
-        reply.length = write(&mut reply.bytes)?;
+    pub(super) fn next(&mut self) -> Option<&mut Reply> {
+        self.frames.get_mut((self.first + self.count) % N)
+    }
+
+    /// There is a frame in the place of the next one now.
+    #[inline]
+    pub(super) const fn keep(&mut self) {
         self.count += 1;
-        let bytes = reply.bytes.get(..reply.length)?;
-        exception(bytes, tcp)
     }
 
     /// Writes the oldest frame to `out`; gives its length.
@@ -48,15 +62,5 @@ impl<const N: usize> Replies<N> {
 
     pub(super) fn clear(&mut self) {
         (self.first, self.count) = (0, 0);
-    }
-}
-
-/// The exception in a frame.
-#[inline]
-pub(super) fn exception(reply: &[u8], tcp: bool) -> Option<Exception> {
-    let pdu = if tcp { reply.get(7..)? } else { reply.get(1..reply.len().checked_sub(2)?)? };
-    match pdu {
-        [code, exception] if *code >= function::EXCEPTION => Some((*exception).into()),
-        _ => None,
     }
 }

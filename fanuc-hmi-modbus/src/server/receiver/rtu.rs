@@ -1,22 +1,24 @@
-//! What a server reads of its stream.
+//! The requests among RTU frames.
 
 use core::ops::Range;
 
 use robot_session::Decoder as _;
 
-use crate::decoder::{self, Decoder};
+use super::Receive;
+use crate::decoder;
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, Side};
-use crate::framing::{Framing, Framings};
+use crate::framing::Framing;
+use crate::registers::Registers;
+use crate::stream::Stream;
 
-/// The requests in a stream. Over TCP a [`Decoder`].
-///
 /// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
 /// where the input has begun, or behind a whole frame of either direction, and nowhere else; behind what is no frame nothing is read
-/// until the input ends. Through TCP, which loses nothing, the rest of a frame may come after any stall. On a serial line, where the silence ends a message, it is read when it has ended, and is whole frames or nothing.
+/// until the input ends. Through TCP, which loses nothing, the rest of a frame may come after any stall. On a serial line, where the
+/// silence ends a message, it is read when it has ended, and is whole frames or nothing.
 #[derive(Debug, Clone)]
-pub struct Receiver<F> {
-    decoder: Decoder<F>,
+pub struct RtuReceiver {
+    stream: Stream,
     /// The unit whose requests are read; everything else on the line may as well be a reply.
     own: Option<u8>,
     is_serial: bool,
@@ -37,72 +39,90 @@ enum Begun {
 /// What is kept of a line without a silence: a frame may have begun in it.
 const KEPT: usize = Frame::MAX_RTU_LEN;
 
-impl<F: Framings> Receiver<F> {
-    pub(super) const fn new(framing: F, config: Framing, own: Option<u8>) -> Self {
-        let decoder = Decoder::new(framing, Side::Client);
-        Self { decoder, own, is_serial: config.is_serial(), is_whole: false, lost: None }
-    }
-
-    /// The place of the next request.
-    #[inline(always)] // into the one place that reads
-    pub(super) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
-        if self.decoder.has_transactions() { self.decoder.advance() } else { self.advance_rtu() }
-    }
-
+impl RtuReceiver {
     #[inline(never)]
-    fn advance_rtu(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+    fn judge(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         loop {
-            let (held, has_ended) = self.decoder.held();
+            let (held, has_ended) = (self.stream.held(), self.stream.has_ended());
             let length = held.len();
             if self.lost.is_none() && length > 0 {
                 if has_ended && self.is_serial && !self.is_whole {
+                    // Mostly it is one frame.
+                    if Frame::decode_rtu_whole(held).is_ok() {
+                        return Some(Ok(self.stream.take(length)));
+                    }
                     self.lost = no_frames(held, self.own);
                     self.is_whole = self.lost.is_none();
                 }
                 match begun(held, self.own, has_ended, !self.is_serial) {
                     _ if self.lost.is_some() => {}
                     Ok(Begun::Frame(length, side)) => {
-                        let range = self.decoder.take(length);
+                        let range = self.stream.take(length);
                         match side {
                             Side::Client => return Some(Ok(range)),
                             Side::Server => continue,
                         }
                     }
                     Ok(Begun::Part) if has_ended => {
-                        self.decoder.pass_end();
+                        self.stream.pass_end();
                         continue;
                     }
                     Ok(Begun::Part) => return None,
                     Err(error) => self.lost = Some(error),
                 }
             }
-            self.decoder.take(length);
+            self.stream.take(length);
             if !has_ended {
                 return None;
             }
-            self.decoder.pass_end();
+            self.stream.pass_end();
             self.is_whole = false;
             if let Some(error) = self.lost.take() {
                 return Some(Err(error));
             }
         }
     }
+}
 
-    /// Whether nothing has come behind the request that was given last, as far as that counts: on a serial line.
-    #[inline]
-    pub(super) fn was_last(&self) -> bool {
-        !self.is_serial || self.decoder.held() == (&[], true)
+impl Receive for RtuReceiver {
+    fn new(framing: Framing, own: Option<u8>) -> Self {
+        let is_serial = framing.is_serial();
+        Self { stream: Stream::new(), own, is_serial, is_whole: false, lost: None }
     }
 
-    /// A line has had no silence for so long that the buffer is full: takes what is past, until there is room; gives the place of what
-    /// was a request for this server.
-    pub(super) fn next_followed(&mut self) -> Option<Range<usize>> {
-        while self.decoder.pending() > KEPT {
-            let (held, _) = self.decoder.held();
+    #[inline(always)] // into the one place that reads
+    fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+        // Mostly there is nothing.
+        if self.stream.pending() == 0 && !self.stream.has_ended() { None } else { self.judge() }
+    }
+
+    #[inline(always)]
+    fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
+        Frame::from_rtu_parts(self.stream.get(range)?)
+    }
+
+    #[inline(always)]
+    fn unit(&self, request: &Range<usize>) -> Option<u8> {
+        self.stream.byte(request.start)
+    }
+
+    #[inline(always)]
+    fn serve<R: Registers>(request: &Frame<&[u8]>, registers: &mut R, out: &mut [u8]) -> Option<usize> {
+        Frame { transaction: None, ..*request }.serve(registers, out)
+    }
+
+    #[inline]
+    fn was_last(&self) -> bool {
+        !self.is_serial || self.stream.has_ended() && self.stream.held().is_empty()
+    }
+
+    fn next_followed(&mut self) -> Option<Range<usize>> {
+        while self.stream.pending() > KEPT {
+            let held = self.stream.held();
             match begun(held, self.own, false, false) {
-                _ if self.lost.is_some() => drop(self.decoder.take(held.len())),
+                _ if self.lost.is_some() => drop(self.stream.take(held.len())),
                 Ok(Begun::Frame(length, side)) => {
-                    let range = self.decoder.take(length);
+                    let range = self.stream.take(length);
                     let is_own = self.frame(range.clone()).is_some_and(|frame| is_for(frame.unit, self.own));
                     if is_own && side == Side::Client {
                         return Some(range);
@@ -115,41 +135,27 @@ impl<F: Framings> Receiver<F> {
         None
     }
 
-    /// What is held, and off TCP what comes until the end, is no frame.
-    pub(super) fn lose(&mut self, error: DecodeError) {
+    /// What comes until the end is no frame either.
+    fn lose(&mut self, error: DecodeError) {
         self.clear();
         self.lost = Some(error);
     }
 
-    /// [`Decoder::frame`].
-    #[inline(always)]
-    pub(super) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
-        self.decoder.frame(range)
-    }
-
-    /// [`Decoder::corruption`], which TCP has.
-    #[inline]
-    pub(super) fn corruption(&self) -> Option<DecodeError> {
-        self.decoder.corruption()
-    }
-
-    #[inline(always)]
-    pub(super) fn has_transactions(&self) -> bool {
-        self.decoder.has_transactions()
-    }
-
-    pub(super) const fn pending(&self) -> usize {
-        self.decoder.pending()
+    fn pending(&self) -> usize {
+        self.stream.pending()
     }
 }
 
-impl<F: Framings> robot_session::Decoder for Receiver<F> {
+impl robot_session::Decoder for RtuReceiver {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
     #[inline(always)]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        self.decoder.push(bytes)
+        if self.stream.is_tight(bytes.len()) {
+            self.stream.compact();
+        }
+        self.stream.push(bytes)
     }
 
     fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
@@ -160,16 +166,16 @@ impl<F: Framings> robot_session::Decoder for Receiver<F> {
     }
 
     fn finish(&mut self) {
-        self.decoder.finish();
+        self.stream.finish();
     }
 
     fn position(&self) -> u64 {
-        self.decoder.position()
+        self.stream.position()
     }
 
     fn clear(&mut self) {
         (self.is_whole, self.lost) = (false, None);
-        self.decoder.clear();
+        self.stream.clear();
     }
 }
 

@@ -1,0 +1,8 @@
+//! modbus-core, TCP.
+#![no_std]
+#![no_main]
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    modbus_peers::run(true, modbus_peers::modbus_core::serve_tcp())
+}

@@ -1,0 +1,10 @@
+//! Our session, on a serial line.
+#![no_std]
+#![no_main]
+
+use fanuc_hmi_modbus::{Rtu, ServerConfig};
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    modbus_peers::run(false, modbus_peers::ours::session::<Rtu>(ServerConfig::rtu(modbus_peers::UNIT, 19_200)))
+}

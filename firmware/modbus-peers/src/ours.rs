@@ -1,0 +1,66 @@
+//! fanuc-hmi-modbus: its session, and its codec alone.
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use fanuc_hmi_modbus::robot_session::{Output, Session as _, settle};
+use fanuc_hmi_modbus::{Exception, Frame, Framings, Registers, Server, ServerConfig, Words, WordsMut};
+
+use crate::{REGISTERS, ROOM, UNIT, fail};
+
+struct Bank([u16; REGISTERS]);
+
+impl Registers for Bank {
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        let first = usize::from(address);
+        out.copy_from(self.0.get(first..first + out.len()).ok_or(Exception::IllegalDataAddress)?);
+        Ok(())
+    }
+
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        let first = usize::from(address);
+        let to = self.0.get_mut(first..first + values.len()).ok_or(Exception::IllegalDataAddress)?;
+        values.copy_to(to);
+        Ok(())
+    }
+}
+
+/// What a board does: the bytes, on a line the silence behind them, and everything that comes out.
+pub fn session<F: Framings>(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+    let Ok(mut server) = Server::<_, 1, F>::new(config, Bank([0; REGISTERS])) else { fail() };
+    let mut now = Duration::ZERO;
+    server.handle_connected(now);
+    move |request, reply| {
+        server.handle_input(now, request);
+        if let Some(silent_at) = server.poll_timeout() {
+            now = silent_at;
+            server.handle_timeout(now);
+        }
+        let mut length = 0;
+        let _ = settle(&mut server, now, reply, |_, output| {
+            if let Output::Transmit(bytes) = output {
+                length = bytes.len();
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        length
+    }
+}
+
+/// A frame that is known to be whole.
+pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+    let mut bank = Bank([0; REGISTERS]);
+    move |request, reply| match Frame::decode_rtu_whole(request) {
+        Ok(frame) if frame.unit == UNIT => frame.serve(&mut bank, reply).unwrap_or(0),
+        _ => 0,
+    }
+}
+
+/// The frame at the beginning of a stream.
+pub fn codec_tcp() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+    let mut bank = Bank([0; REGISTERS]);
+    move |request, reply| match Frame::decode_tcp(request) {
+        Ok(Some((frame, _))) if frame.unit == UNIT => frame.serve(&mut bank, reply).unwrap_or(0),
+        _ => 0,
+    }
+}

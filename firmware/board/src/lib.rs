@@ -1,0 +1,60 @@
+//! What the firmware of every end needs of its board.
+//!
+//! - The bytes of the UART come and go by its interrupt, through two buffers: [`Uart`].
+//! - The session runs in an interrupt of its own, below those of the UART and of the alarm, which trigger it: [`start`], [`wake`].
+//! - The main loop is the motion task. It sleeps in [`idle`], which feeds the watchdog.
+//! - A panic stops the motion, and the board begins again: `panic`.
+//!
+//! All that is unsafe is in `register`, and the entry of a fault.
+#![no_std]
+
+mod alarm;
+mod latest;
+mod panic;
+#[cfg(feature = "lm3s6965evb")]
+#[path = "lm3s6965evb.rs"]
+mod chip;
+mod register;
+mod session;
+mod uart;
+
+pub use chip::{init, now};
+pub use latest::Latest;
+pub use session::{Driver, Link, start, wake};
+pub use uart::Uart;
+
+use defmt_semihosting as _;
+
+/// The main loop has nothing to do: sleeps until the next interrupt, unless `has_work`. What interrupts do is seen by it, so none comes
+/// between the look and the sleep unseen.
+pub fn idle(has_work: impl FnOnce() -> bool) {
+    chip::feed();
+    critical_section::with(|_| {
+        if !has_work() {
+            chip::wait_for_interrupt();
+        }
+    });
+}
+
+/// The motion goes on: feeds the watchdog. [`idle`] does so, too.
+pub fn is_alive() {
+    chip::feed();
+}
+
+/// Passes time in the motion task: the watchdog is fed, the session goes on.
+pub fn pause(time: core::time::Duration) {
+    let end = now() + time;
+    while now() < end {
+        is_alive();
+    }
+}
+
+/// Switches the drives of the motion on. A panic, a fault and a reset switch them off.
+pub fn enable_drives() {
+    chip::set_drives(true);
+}
+
+defmt::timestamp!("{=u64:us}", {
+    let now = now();
+    now.as_secs() * 1_000_000 + u64::from(now.subsec_micros())
+});

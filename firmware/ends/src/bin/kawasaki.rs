@@ -1,0 +1,81 @@
+//! A Kawasaki robot behind the TCP bridge of a UART: lines go into a queue in the interrupt of the session, and the main loop draws them.
+#![no_std]
+#![no_main]
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use board::{Driver, Link};
+use kawasaki_msg::{Job, Line, Robot, RobotConfig, RobotEvent};
+use robot_session::Session as _;
+use robot_work_queue::{NoWake, Reader, WorkQueue};
+use static_cell::StaticCell;
+
+type Session = Robot<'static, Line>;
+const QUEUE_LEN: usize = 64;
+static QUEUE: StaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> = StaticCell::new();
+/// The numbers of executed jobs, before they are completed: never more than there are jobs.
+static DONE: StaticCell<WorkQueue<u16, QUEUE_LEN>> = StaticCell::new();
+static LINK: StaticCell<Kawasaki> = StaticCell::new();
+
+const MAX_NUMBER: u16 = 9999;
+
+/// What runs in the interrupt of the session.
+struct Kawasaki {
+    driver: Driver<256, { Session::MAX_TRANSMIT }>,
+    session: Session,
+    done: Reader<'static, u16>,
+}
+
+impl Link for Kawasaki {
+    fn poll(&mut self) -> Option<Duration> {
+        while let Some(number) = self.done.take() {
+            if let Err(error) = self.session.job_done(board::now(), number.complete()) {
+                defmt::warn!("{}", error);
+            }
+        }
+        let Ok(turn) = self.driver.poll(&mut self.session, handle);
+        turn.continue_value().flatten()
+    }
+}
+
+fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
+    match event {
+        // The bridge has the connection: the line is always there.
+        RobotEvent::Connect => robot.handle_connected(board::now()),
+        RobotEvent::Disconnect => robot.handle_disconnected(board::now()),
+        RobotEvent::PeerStatus { .. } | RobotEvent::NoReply => defmt::debug!("{}", event),
+        event => defmt::info!("{}", event),
+    }
+    ControlFlow::Continue(())
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let uart = board::init(115_200);
+    let (Ok(queue), Ok(done)) = (WorkQueue::new(MAX_NUMBER), WorkQueue::new(MAX_NUMBER)) else {
+        panic!("more numbers than jobs")
+    };
+    let (writer, mut motion) = QUEUE.init(queue).split_with(NoWake, board::wake);
+    let (mut report, done) = DONE.init(done).split_with(NoWake, NoWake);
+    let Ok(session) = Robot::new(RobotConfig::TCP, writer) else { panic!("it works") };
+    board::start(LINK.init(Kawasaki { driver: Driver::new(uart, board::now), session, done }));
+    board::enable_drives();
+    defmt::info!("kawasaki");
+    let mut executed = 0_u32;
+    loop {
+        let Some(job) = motion.take() else {
+            board::idle(|| !motion.is_empty());
+            continue;
+        };
+        board::pause(Duration::from_millis(1)); // the motion
+        executed += 1;
+        let Job { order, number, work } = *job;
+        defmt::info!("executed {}: order {}, job {} to {} {}", executed, order, number, work.end.x, work.end.y);
+        // Reported, then completed.
+        if let Ok(place) = report.claim() {
+            place.push(number);
+        }
+        job.complete(); // which wakes the session
+    }
+}

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 fn main() {
-    let board = ["lm3s6965evb"]
+    let board = ["lm3s6965evb", "microbit", "mps2_an386", "virt"]
         .into_iter()
         .find(|board| env::var_os(format!("CARGO_FEATURE_{}", board.to_uppercase())).is_some())
         .expect("the feature of a board");

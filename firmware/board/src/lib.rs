@@ -9,19 +9,47 @@
 #![no_std]
 
 mod alarm;
-mod latest;
-mod panic;
 #[cfg(feature = "lm3s6965evb")]
 #[path = "lm3s6965evb.rs"]
 mod chip;
+#[cfg(feature = "microbit")]
+#[path = "microbit.rs"]
+mod chip;
+#[cfg(feature = "mps2_an386")]
+#[path = "mps2_an386.rs"]
+mod chip;
+#[cfg(feature = "virt")]
+#[path = "virt.rs"]
+mod chip;
+#[cfg(target_arch = "arm")]
+mod cortex_m;
+mod latest;
+mod panic;
 mod register;
 mod session;
+#[cfg(any(feature = "lm3s6965evb", feature = "mps2_an386"))]
+mod systick;
 mod uart;
 
-pub use chip::{init, now};
+#[cfg(feature = "virt")]
+pub use chip::entry;
+pub use chip::init;
+#[cfg(any(feature = "microbit", feature = "virt"))]
+pub use chip::now;
+#[cfg(target_arch = "arm")]
+pub use cortex_m::entry;
 pub use latest::Latest;
 pub use session::{Driver, Link, start, wake};
+#[cfg(any(feature = "lm3s6965evb", feature = "mps2_an386"))]
+pub use systick::now;
 pub use uart::Uart;
+
+#[cfg(feature = "virt")]
+use chip as core_of;
+#[cfg(target_arch = "arm")]
+use cortex_m as core_of;
+
+use core::time::Duration;
 
 use defmt_semihosting as _;
 
@@ -31,7 +59,7 @@ pub fn idle(has_work: impl FnOnce() -> bool) {
     chip::feed();
     critical_section::with(|_| {
         if !has_work() {
-            chip::wait_for_interrupt();
+            core_of::wait_for_interrupt();
         }
     });
 }
@@ -42,11 +70,13 @@ pub fn is_alive() {
 }
 
 /// Passes time in the motion task: the watchdog is fed, the session goes on.
-pub fn pause(time: core::time::Duration) {
+pub fn pause(time: Duration) {
     let end = now() + time;
+    alarm::set(|times| times.main = Some(end));
     while now() < end {
-        is_alive();
+        idle(|| now() >= end);
     }
+    alarm::set(|times| times.main = None);
 }
 
 /// Switches the drives of the motion on. A panic, a fault and a reset switch them off.

@@ -1,21 +1,18 @@
 //! TI's evaluation board for the LM3S6965 (Cortex-M3), and QEMU's `lm3s6965evb`.
 
-use core::cell::Cell;
 use core::time::Duration;
 
-use cortex_m::peripheral::scb::SystemHandler;
-use cortex_m::peripheral::syst::SystClkSource;
-use cortex_m::peripheral::{NVIC, SCB, SYST};
-use cortex_m_rt::{ExceptionFrame, exception};
-use critical_section::Mutex;
+use ::cortex_m::peripheral::NVIC;
 use lm3s6965::{Interrupt, interrupt};
 
+use crate::cortex_m::{set_priorities, trigger_session};
 use crate::register::registers;
-use crate::{Uart, session, uart};
+use crate::systick::{self, CYCLE};
+use crate::{Uart, uart};
 
-/// A cycle of the processor is 80 ns, and so the counter of the system timer, of 24 bits, counts a whole second.
-const HZ: u32 = 12_500_000;
-const NANOS: u32 = 1_000_000_000 / HZ;
+pub(crate) const HZ: u32 = 12_500_000;
+/// The system timer counts a whole second.
+pub(crate) const PARTS: u32 = 1;
 /// The second time that the watchdog has counted so far, 4 s after it was fed, it resets the board. An idle one is woken every second.
 const WATCHDOG: u32 = 2 * HZ;
 
@@ -27,9 +24,6 @@ registers!(0x4000_C000: DR = 0x00, RSR = 0x04, FR = 0x18, IBRD = 0x24, FBRD = 0x
 registers!(0x4003_0000: TIMER_CFG = 0x00, TIMER_MODE = 0x04, TIMER_CTL = 0x0C, TIMER_IMR = 0x18, TIMER_ICR = 0x24, TIMER_LOAD = 0x28);
 registers!(0x4000_0000: WDT_LOAD = 0x00, WDT_CTL = 0x08);
 
-/// How often the system timer has begun anew: the seconds.
-static SECONDS: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
-
 /// Starts the board: its clock, the time, the UART at a rate, without parity, and the watchdog.
 ///
 /// # Panics
@@ -37,18 +31,15 @@ static SECONDS: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 pub fn init(baud: u32) -> Uart {
     let mut core = cortex_m::Peripherals::take().expect("the board is started once");
     run_from_pll();
-    RCGC0.modify(|clocks| clocks | 1 << 3); // the watchdog
-    RCGC1.modify(|clocks| clocks | 1 << 16 | 1); // TIMER0, UART0
-    RCGC2.modify(|clocks| clocks | 1 << 5 | 1); // ports F and A
+    RCGC0.write(RCGC0.read() | 1 << 3); // the watchdog
+    RCGC1.write(RCGC1.read() | 1 << 16 | 1); // TIMER0, UART0
+    RCGC2.write(RCGC2.read() | 1 << 5 | 1); // ports F and A
     PORTF_DIR.write(1);
     PORTF_DEN.write(1);
     set_drives(false);
 
-    core.SYST.set_clock_source(SystClkSource::Core);
-    core.SYST.set_reload(HZ - 1);
-    core.SYST.clear_current();
-    core.SYST.enable_interrupt();
-    core.SYST.enable_counter();
+    systick::start(&mut core.SYST);
+    set_priorities(&mut core.SCB);
 
     PORTA_AFSEL.write(0b11);
     PORTA_DEN.write(0b11);
@@ -64,10 +55,8 @@ pub fn init(baud: u32) -> Uart {
     TIMER_MODE.write(1); // once
     TIMER_IMR.write(1);
 
-    // The session is below the interrupts that trigger it, above the main loop.
-    // SAFETY: no critical section relies on priorities.
+    // SAFETY: no critical section masks single interrupts.
     unsafe {
-        core.SCB.set_priority(SystemHandler::PendSV, 0xFF);
         NVIC::unmask(Interrupt::UART0);
         NVIC::unmask(Interrupt::TIMER_0A);
     }
@@ -79,26 +68,14 @@ pub fn init(baud: u32) -> Uart {
 /// From the crystal of 8 MHz: 400 MHz / 2 / 16.
 fn run_from_pll() {
     RCC.write(0x078E_3AC0); // from the internal oscillator, as after a reset
-    RCC.modify(|rcc| rcc & !(0x1F << 6 | 0b11 << 4 | 1 << 13 | 1 << 12 | 1) | 0xE << 6);
+    RCC.write(RCC.read() & !(0x1F << 6 | 0b11 << 4 | 1 << 13 | 1 << 12 | 1) | 0xE << 6);
     while RIS.read() & 1 << 6 == 0 {}
-    RCC.modify(|rcc| rcc & !(1 << 11) | 0xF << 23 | 1 << 22);
-}
-
-/// The time since the board was started.
-pub fn now() -> Duration {
-    critical_section::with(|cs| {
-        let mut seconds = SECONDS.borrow(cs).get();
-        let mut left = SYST::get_current();
-        if SCB::is_pendst_pending() {
-            (seconds, left) = (seconds + 1, SYST::get_current());
-        }
-        Duration::new(u64::from(seconds), (HZ - left) % HZ * NANOS)
-    })
+    RCC.write(RCC.read() & !(1 << 11) | 0xF << 23 | 1 << 22);
 }
 
 pub(crate) fn set_alarm(after: Duration) {
     TIMER_CTL.write(0);
-    let cycles = after.as_secs() as u32 * HZ + after.subsec_nanos() / NANOS;
+    let cycles = after.as_secs() as u32 * HZ + after.subsec_nanos() / CYCLE;
     TIMER_LOAD.write(cycles + 1);
     TIMER_CTL.write(1);
 }
@@ -132,37 +109,12 @@ pub(crate) fn send(byte: u8) -> bool {
     has_room
 }
 
-pub(crate) fn trigger_session() {
-    SCB::set_pendsv();
-}
-
-pub(crate) fn wait_for_interrupt() {
-    cortex_m::asm::wfi();
-}
-
 pub(crate) fn feed() {
     WDT_LOAD.write(WATCHDOG);
 }
 
 pub(crate) fn set_drives(on: bool) {
     PF0.write(u32::from(on));
-}
-
-pub(crate) fn reset() -> ! {
-    SCB::sys_reset()
-}
-
-#[exception]
-fn SysTick() {
-    critical_section::with(|cs| {
-        let seconds = SECONDS.borrow(cs);
-        seconds.set(seconds.get() + 1);
-    });
-}
-
-#[exception]
-fn PendSV() {
-    session::interrupt();
 }
 
 #[interrupt]
@@ -175,12 +127,4 @@ fn UART0() {
 fn TIMER_0A() {
     TIMER_ICR.write(1);
     trigger_session();
-}
-
-/// A fault stops the motion, too.
-// SAFETY: it only writes a register.
-#[exception]
-unsafe fn HardFault(_: &ExceptionFrame) -> ! {
-    set_drives(false);
-    reset()
 }

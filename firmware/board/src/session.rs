@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use critical_section::Mutex;
 
-use crate::{Uart, chip};
+use crate::{Uart, core_of};
 
 /// The loop of an end over the UART: reads `INPUT` bytes at once, and sends up to `OUT`.
 pub type Driver<const INPUT: usize, const OUT: usize> =
@@ -27,14 +27,14 @@ pub fn start(link: &'static mut dyn Link) {
 
 /// Has the session look at what it works with, as a queue whose jobs were completed: from anywhere.
 pub fn wake() {
-    chip::trigger_session();
+    core_of::trigger_session();
 }
 
 /// The interrupt: it never interrupts itself, so a session that is out of its place is on its way back.
 pub(crate) fn interrupt() {
     if let Some(link) = critical_section::with(|cs| LINK.borrow(cs).take()) {
         let at = link.poll();
-        crate::alarm::set(at);
+        crate::alarm::set(|times| times.session = at);
         critical_section::with(|cs| LINK.borrow(cs).set(Some(link)));
     }
 }

@@ -5,16 +5,17 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use robot_session::Session as _;
 use robot_work_queue::{NoWake, Reader, WorkQueue};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 use val2_alter::{Host, HostConfig, HostEvent};
 
 /// Speeds in each cycle, ahead of the robot.
 type Words = [i16; 6];
 const AHEAD: usize = 8;
-static AHEAD_OF_ROBOT: StaticCell<WorkQueue<Words, AHEAD>> = StaticCell::new();
+static AHEAD_OF_ROBOT: ConstStaticCell<WorkQueue<Words, AHEAD>> =
+    ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Alter> = StaticCell::new();
 
 /// What runs in the interrupt of the session.
@@ -36,7 +37,12 @@ impl Link for Alter {
                     }
                     let statistics = host.statistics();
                     if statistics.cycles % 100 == 0 {
-                        defmt::info!("cycles {}, missed {}: {}", statistics.cycles, statistics.missed, host.values());
+                        defmt::info!(
+                            "cycles {}, missed {}: {}",
+                            statistics.cycles,
+                            statistics.missed,
+                            host.values()
+                        );
                     }
                 }
                 event => defmt::info!("{}", event),
@@ -53,16 +59,23 @@ fn trajectory(cycle: u32) -> Words {
     if (cycle / 100).is_multiple_of(2) { [speed, 0, 0, 0, 0, 0] } else { [0, speed, 0, 0, 0, 0] }
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart, words: Reader<'static, Words>) {
+    let link = LINK.init_with(|| {
+        // Behind an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.
+        let config = HostConfig { gap: None, ..HostConfig::default() };
+        let Ok(session) = Host::new(config) else { panic!("it works") };
+        Alter { driver: Driver::new(uart, board::now), session, words }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(val2_alter::timing::BAUD);
-    let Ok(words) = WorkQueue::new(9999) else { panic!("more numbers than jobs") };
-    let (mut ahead, words) = AHEAD_OF_ROBOT.init(words).split_with(NoWake, NoWake);
-    // Behind an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.
-    let config = HostConfig { gap: None, ..HostConfig::default() };
-    let Ok(mut session) = Host::new(config) else { panic!("it works") };
-    session.handle_connected(board::now());
-    board::start(LINK.init(Alter { driver: Driver::new(uart, board::now), session, words }));
+    let (mut ahead, words) = AHEAD_OF_ROBOT.take().split_with(NoWake, NoWake);
+    start(uart, words);
     defmt::info!("alter");
     let mut cycle = 0;
     loop {

@@ -5,7 +5,7 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Latest, Link};
+use board::{Driver, Latest, Link, Uart};
 use isra_ball::{Ball, BallConfig, BallEvent, Keys};
 use robot_session::Session as _;
 use static_cell::StaticCell;
@@ -45,19 +45,26 @@ impl Link for ControlBall {
     }
 }
 
-/// The sensor: a hand that pushes to and fro.
+/// The sensor: a hand that rests for a second, then pushes for one.
 fn measure(now: Duration) -> ([i8; 3], [i8; 3]) {
-    let phase = now.subsec_millis() / 4; // 0 to 249
-    let push = (phase as i16 - 125).abs() - 62;
-    ([push.clamp(-60, 60) as i8, 0, 0], [0; 3])
+    let push = if now.as_secs().is_multiple_of(2) { 0 } else { 40 };
+    ([push, 0, 0], [0; 3])
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Ball::new(BallConfig::default()) else { panic!("it works") };
+        ControlBall { driver: Driver::new(uart, board::now), session, replies: 0 }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(isra_ball::timing::BAUD);
-    let Ok(mut session) = Ball::new(BallConfig::default()) else { panic!("it works") };
-    session.handle_connected(board::now());
-    board::start(LINK.init(ControlBall { driver: Driver::new(uart, board::now), session, replies: 0 }));
+    start(uart);
     defmt::info!("ball");
     loop {
         MEASURED.set(measure(board::now()));

@@ -5,17 +5,19 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use kawasaki_msg::{Job, Line, Robot, RobotConfig, RobotEvent};
 use robot_session::Session as _;
-use robot_work_queue::{NoWake, Reader, WorkQueue};
-use static_cell::StaticCell;
+use robot_work_queue::{NoWake, Reader, WorkQueue, Writer};
+use static_cell::{ConstStaticCell, StaticCell};
 
 type Session = Robot<'static, Line>;
 const QUEUE_LEN: usize = 64;
-static QUEUE: StaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> = StaticCell::new();
+static QUEUE: ConstStaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> =
+    ConstStaticCell::new(WorkQueue::numbered::<MAX_NUMBER>());
 /// The numbers of executed jobs, before they are completed: never more than there are jobs.
-static DONE: StaticCell<WorkQueue<u16, QUEUE_LEN>> = StaticCell::new();
+static DONE: ConstStaticCell<WorkQueue<u16, QUEUE_LEN>> =
+    ConstStaticCell::new(WorkQueue::numbered::<MAX_NUMBER>());
 static LINK: StaticCell<Kawasaki> = StaticCell::new();
 
 const MAX_NUMBER: u16 = 9999;
@@ -50,16 +52,20 @@ fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart, writer: Writer<'static, Job<Line>>, done: Reader<'static, u16>) {
+    board::start(LINK.init_with(|| {
+        let Ok(session) = Robot::new(RobotConfig::TCP, writer) else { panic!("it works") };
+        Kawasaki { driver: Driver::new(uart, board::now), session, done }
+    }));
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(115_200);
-    let (Ok(queue), Ok(done)) = (WorkQueue::new(MAX_NUMBER), WorkQueue::new(MAX_NUMBER)) else {
-        panic!("more numbers than jobs")
-    };
-    let (writer, mut motion) = QUEUE.init(queue).split_with(NoWake, board::wake);
-    let (mut report, done) = DONE.init(done).split_with(NoWake, NoWake);
-    let Ok(session) = Robot::new(RobotConfig::TCP, writer) else { panic!("it works") };
-    board::start(LINK.init(Kawasaki { driver: Driver::new(uart, board::now), session, done }));
+    let (writer, mut motion) = QUEUE.take().split_with(NoWake, board::wake);
+    let (mut report, done) = DONE.take().split_with(NoWake, NoWake);
+    start(uart, writer, done);
     board::enable_drives();
     defmt::info!("kawasaki");
     let mut executed = 0_u32;
@@ -71,7 +77,14 @@ fn main() -> ! {
         board::pause(Duration::from_millis(1)); // the motion
         executed += 1;
         let Job { order, number, work } = *job;
-        defmt::info!("executed {}: order {}, job {} to {} {}", executed, order, number, work.end.x, work.end.y);
+        defmt::info!(
+            "executed {}: order {}, job {} to {} {}",
+            executed,
+            order,
+            number,
+            work.end.x,
+            work.end.y
+        );
         // Reported, then completed.
         if let Ok(place) = report.claim() {
             place.push(number);

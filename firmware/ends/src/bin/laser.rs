@@ -6,11 +6,11 @@ use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Item, Refusal};
 use robot_session::Session as _;
-use robot_work_queue::{NoWake, WorkQueue};
-use static_cell::StaticCell;
+use robot_work_queue::{NoWake, WorkQueue, Writer};
+use static_cell::{ConstStaticCell, StaticCell};
 
 /// Immediate instructions of this robot, and its queries.
 const HALT: u16 = 0x0201;
@@ -20,7 +20,8 @@ const STATUS: u16 = 0x0301;
 
 /// How many instructions wait at most.
 const QUEUE_LEN: usize = 32;
-static QUEUE: StaticCell<WorkQueue<Cut, QUEUE_LEN>> = StaticCell::new();
+static QUEUE: ConstStaticCell<WorkQueue<Cut, QUEUE_LEN>> =
+    ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Laser> = StaticCell::new();
 static HALTED: AtomicBool = AtomicBool::new(false);
 
@@ -83,14 +84,21 @@ fn handle(controller: &mut Session, event: ControllerEvent) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart, writer: Writer<'static, Cut>) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Controller::new(ControllerConfig::default(), writer) else { panic!("it works") };
+        Laser { driver: Driver::new(uart, board::now), session }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(115_200);
-    let Ok(queue) = WorkQueue::new(9999) else { panic!("more numbers than jobs") };
-    let (writer, mut motion) = QUEUE.init(queue).split_with(NoWake, NoWake);
-    let Ok(mut session) = Controller::new(ControllerConfig::default(), writer) else { panic!("it works") };
-    session.handle_connected(board::now());
-    board::start(LINK.init(Laser { driver: Driver::new(uart, board::now), session }));
+    let (writer, mut motion) = QUEUE.take().split_with(NoWake, NoWake);
+    start(uart, writer);
     board::enable_drives();
     defmt::info!("laser");
     let mut executed = 0_u32;

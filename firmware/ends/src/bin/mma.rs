@@ -5,15 +5,16 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order, RobotPose};
 use robot_session::Session as _;
 use robot_work_queue::{NoWake, Reader, WorkQueue, Writer};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 type Session = Device<RobotPose>;
-static ORDERS: StaticCell<WorkQueue<Order<RobotPose>, 4>> = StaticCell::new();
-static REPORTS: StaticCell<WorkQueue<Report, 8>> = StaticCell::new();
+static ORDERS: ConstStaticCell<WorkQueue<Order<RobotPose>, 4>> =
+    ConstStaticCell::new(WorkQueue::numbered::<9999>());
+static REPORTS: ConstStaticCell<WorkQueue<Report, 8>> = ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Mma> = StaticCell::new();
 
 const HOME: RobotPose = RobotPose::from_units([0, 0, 100_000, 0]);
@@ -51,7 +52,11 @@ impl Link for Mma {
     }
 }
 
-fn handle(session: &mut Session, event: DeviceEvent<RobotPose>, orders: &mut Writer<'static, Order<RobotPose>>) {
+fn handle(
+    session: &mut Session,
+    event: DeviceEvent<RobotPose>,
+    orders: &mut Writer<'static, Order<RobotPose>>,
+) {
     defmt::debug!("{}", event);
     match event {
         DeviceEvent::Asked { order: order @ Order::Close } => _ = session.accept(order),
@@ -101,16 +106,23 @@ impl Axes {
     }
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart, orders: Writer<'static, Order<RobotPose>>, reports: Reader<'static, Report>) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Device::new(DeviceConfig::DEFAULT) else { panic!("it works") };
+        Mma { driver: Driver::new(uart, board::now), session, orders, reports }
+    });
+    link.session.set_pose(HOME);
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(115_200);
-    let (Ok(orders), Ok(reports)) = (WorkQueue::new(9999), WorkQueue::new(9999)) else { panic!("more numbers than jobs") };
-    let (writer, mut orders) = ORDERS.init(orders).split_with(NoWake, NoWake);
-    let (mut tell, reports) = REPORTS.init(reports).split_with(board::wake, NoWake);
-    let Ok(mut session) = Device::new(DeviceConfig::DEFAULT) else { panic!("it works") };
-    session.set_pose(HOME);
-    session.handle_connected(board::now());
-    board::start(LINK.init(Mma { driver: Driver::new(uart, board::now), session, orders: writer, reports }));
+    let (writer, mut orders) = ORDERS.take().split_with(NoWake, NoWake);
+    let (mut tell, reports) = REPORTS.take().split_with(board::wake, NoWake);
+    start(uart, writer, reports);
     board::enable_drives();
     defmt::info!("mma");
     let mut axes = Axes { at: HOME.units(), to: None, percent: 100 };

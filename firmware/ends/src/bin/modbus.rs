@@ -6,7 +6,7 @@ use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicU16, Ordering};
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use fanuc_hmi_modbus::{Exception, Registers, Rtu, Server, ServerConfig, Words, WordsMut};
 use robot_session::Session as _;
 use static_cell::StaticCell;
@@ -34,7 +34,10 @@ impl Registers for Machine {
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         let registers = of(address, values.len())?;
-        registers.iter().zip(values.iter()).for_each(|(register, value)| register.store(value, Ordering::Relaxed));
+        registers
+            .iter()
+            .zip(values.iter())
+            .for_each(|(register, value)| register.store(value, Ordering::Relaxed));
         Ok(())
     }
 }
@@ -61,17 +64,28 @@ impl Link for Modbus {
     }
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Server::new(ServerConfig::rtu(UNIT, BAUD), Machine) else { panic!("it works") };
+        Modbus { driver: Driver::new(uart, board::now), session }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(BAUD);
-    let Ok(mut session) = Server::new(ServerConfig::rtu(UNIT, BAUD), Machine) else { panic!("it works") };
-    session.handle_connected(board::now());
-    REGISTERS[1].store(1, Ordering::Relaxed);
-    board::start(LINK.init(Modbus { driver: Driver::new(uart, board::now), session }));
+    start(uart);
     defmt::info!("modbus");
+    let [count, step, ..] = &REGISTERS;
+    step.store(1, Ordering::Relaxed);
     loop {
         board::pause(Duration::from_millis(100));
-        let [count, step, ..] = &REGISTERS;
-        count.store(count.load(Ordering::Relaxed).wrapping_add(step.load(Ordering::Relaxed)), Ordering::Relaxed);
+        count.store(
+            count.load(Ordering::Relaxed).wrapping_add(step.load(Ordering::Relaxed)),
+            Ordering::Relaxed,
+        );
     }
 }

@@ -5,14 +5,15 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Link};
+use board::{Driver, Link, Uart};
 use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, Rtu, TelemetryBlock, WordOrder};
 use robot_session::Session as _;
 use robot_work_queue::{NoWake, WorkQueue, Writer};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 type Session = Client<1, Rtu>;
-static BLOCKS: StaticCell<WorkQueue<TelemetryBlock, 4>> = StaticCell::new();
+static BLOCKS: ConstStaticCell<WorkQueue<TelemetryBlock, 4>> =
+    ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Telemetry> = StaticCell::new();
 
 const BAUD: u32 = 19_200;
@@ -33,9 +34,8 @@ impl Link for Telemetry {
         let now = board::now();
         if now >= self.next {
             self.next = now + PERIOD;
-            if let Err(error) = self.session.request(UNIT, &TelemetryBlock::request()) {
-                defmt::warn!("{}", error);
-            }
+            // Refused while the one before has no outcome.
+            let _ = self.session.request(UNIT, &TelemetryBlock::request());
         }
         let blocks = &mut self.blocks;
         let Ok(turn) = self.driver.poll(&mut self.session, |client, event| {
@@ -56,15 +56,21 @@ fn handle(client: &mut Session, event: ClientEvent, blocks: &mut Writer<'static,
     }
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart, blocks: Writer<'static, TelemetryBlock>) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Client::new(ClientConfig::rtu(BAUD)) else { panic!("it works") };
+        Telemetry { driver: Driver::new(uart, board::now), session, blocks, next: board::now() }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(BAUD);
-    let Ok(blocks) = WorkQueue::new(9999) else { panic!("more numbers than jobs") };
-    let (writer, mut blocks) = BLOCKS.init(blocks).split_with(NoWake, NoWake);
-    let Ok(mut session) = Client::new(ClientConfig::rtu(BAUD)) else { panic!("it works") };
-    session.handle_connected(board::now());
-    let next = board::now();
-    board::start(LINK.init(Telemetry { driver: Driver::new(uart, board::now), session, blocks: writer, next }));
+    let (writer, mut blocks) = BLOCKS.take().split_with(NoWake, NoWake);
+    start(uart, writer);
     defmt::info!("telemetry");
     loop {
         while let Some(block) = blocks.take() {

@@ -5,7 +5,7 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use board::{Driver, Latest, Link};
+use board::{Driver, Latest, Link, Uart};
 use robot_session::Session as _;
 use static_cell::StaticCell;
 use val2_viewer::{Host, HostConfig, HostEvent};
@@ -39,12 +39,20 @@ impl Link for Viewer {
     }
 }
 
-#[cortex_m_rt::entry]
+#[inline(never)] // what it makes passes through its stack, which the motion has again
+fn start(uart: Uart) {
+    let link = LINK.init_with(|| {
+        let Ok(session) = Host::new(HostConfig::default()) else { panic!("it works") };
+        Viewer { driver: Driver::new(uart, board::now), session }
+    });
+    link.session.handle_connected(board::now());
+    board::start(link);
+}
+
+#[board::entry]
 fn main() -> ! {
     let uart = board::init(val2_viewer::timing::BAUD);
-    let Ok(mut session) = Host::new(HostConfig::default()) else { panic!("it works") };
-    session.handle_connected(board::now());
-    board::start(LINK.init(Viewer { driver: Driver::new(uart, board::now), session }));
+    start(uart);
     defmt::info!("viewer");
     let mut step: i16 = 0;
     loop {

@@ -74,7 +74,7 @@ fn main() -> ! {
             board::idle(|| !motion.is_empty());
             continue;
         };
-        board::pause(Duration::from_millis(1)); // the motion
+        board::pause(Duration::from_millis(10)); // the motion
         executed += 1;
         let Job { order, number, work } = *job;
         defmt::info!(

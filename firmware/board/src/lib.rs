@@ -23,6 +23,8 @@ mod chip;
 mod chip;
 #[cfg(target_arch = "arm")]
 mod cortex_m;
+#[cfg(feature = "embassy")]
+mod embassy;
 mod latest;
 mod panic;
 mod register;
@@ -38,6 +40,8 @@ pub use chip::init;
 pub use chip::now;
 #[cfg(target_arch = "arm")]
 pub use cortex_m::entry;
+#[cfg(feature = "embassy")]
+pub use embassy::{EmbassyClock, wait_or_second};
 pub use latest::Latest;
 pub use session::{Driver, Link, start, wake};
 #[cfg(any(feature = "lm3s6965evb", feature = "mps2_an386"))]

@@ -32,6 +32,8 @@ pub fn wake() {
 
 /// The interrupt: it never interrupts itself, so a session that is out of its place is on its way back.
 pub(crate) fn interrupt() {
+    #[cfg(feature = "embassy")]
+    crate::embassy::interrupt();
     if let Some(link) = critical_section::with(|cs| LINK.borrow(cs).take()) {
         let at = link.poll();
         crate::alarm::set(|times| times.session = at);

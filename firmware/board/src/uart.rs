@@ -31,6 +31,12 @@ impl Uart {
         Self(())
     }
 
+    /// Whether the UART has taken all that was written.
+    #[cfg(feature = "embassy")]
+    pub(crate) fn is_sent(&self) -> bool {
+        critical_section::with(|cs| BYTES.borrow_ref(cs).to_send.is_empty())
+    }
+
     /// How often bytes were lost since the last call, because the session has not run for too long.
     pub fn take_lost(&self) -> u32 {
         critical_section::with(|cs| LOST.borrow(cs).take())

@@ -15,7 +15,7 @@ use static_cell::StaticCell;
 static REGISTERS: [AtomicU16; 64] = [const { AtomicU16::new(0) }; 64];
 static LINK: StaticCell<Modbus> = StaticCell::new();
 
-const BAUD: u32 = 19_200;
+const BAUD: u32 = 9_600;
 const UNIT: u8 = 1;
 
 struct Machine;

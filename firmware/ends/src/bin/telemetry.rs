@@ -16,7 +16,7 @@ static BLOCKS: ConstStaticCell<WorkQueue<TelemetryBlock, 4>> =
     ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Telemetry> = StaticCell::new();
 
-const BAUD: u32 = 19_200;
+const BAUD: u32 = 9_600;
 const UNIT: u8 = 1;
 const PERIOD: Duration = Duration::from_millis(100);
 

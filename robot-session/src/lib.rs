@@ -9,8 +9,14 @@ mod buffer;
 mod bytes;
 mod counters;
 mod decoder;
+#[cfg(feature = "embedded-io")]
+pub mod embedded_io;
+#[cfg(feature = "embedded-io-async")]
+pub mod embedded_io_async;
 mod encode;
 mod end;
+#[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
+mod ended;
 mod event;
 mod machine;
 mod rules;
@@ -22,6 +28,8 @@ pub mod spec;
 mod std_driver;
 #[cfg(feature = "tokio")]
 pub mod tokio;
+#[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+mod turn;
 #[cfg(feature = "serde")]
 pub mod under;
 mod unexpected;
@@ -34,13 +42,17 @@ pub use counters::Counters;
 pub use decoder::Decoder;
 pub use encode::Encode;
 pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
+#[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
+pub use ended::Ended;
 pub use event::{EventQueue, Events};
 pub use machine::{Expiry, Input, Machine, is_due};
 pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
+pub use std_driver::{Driver, Received, Sent, Transport, drive, now};
+#[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+pub use turn::Clock;
 pub use unexpected::Unexpected;
 #[cfg(feature = "std")]
 pub use wait::{Wait, Waker};

@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 use std::vec::Vec;
 
+use crate::ended::{Ended, report, wind_down};
 use crate::session::Session;
 use crate::settle::{Output, settle};
 use crate::wait::{Wait, Waker};
@@ -53,15 +54,6 @@ pub enum Sent {
     Buffered,
     /// The last one has left the port: the driver calls [`Session::handle_transmitted`].
     Transmitted,
-}
-
-/// How a loop ended that no error ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Ended<B> {
-    /// The handler has ended it.
-    ByHandler(B),
-    /// The peer has closed the connection.
-    ByPeer,
 }
 
 /// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session.
@@ -176,34 +168,6 @@ impl<T: Transport> Driver<T> {
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }
-}
-
-/// Gives the events of the end to `handler`, all of them: what ended the loop first stays its end.
-pub(crate) fn wind_down<S: Session, B>(
-    session: &mut S,
-    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ended: io::Result<Ended<B>>,
-) -> io::Result<Ended<B>> {
-    let mut value = None;
-    while let Some(event) = session.poll_event() {
-        let broke = handler(session, event).break_value();
-        value = value.or(broke);
-    }
-    match (ended, value) {
-        (Ok(Ended::ByPeer), Some(value)) => Ok(Ended::ByHandler(value)),
-        (ended, _) => ended,
-    }
-}
-
-/// Gives every event to `handler`.
-pub(crate) fn report<S: Session, B>(
-    session: &mut S,
-    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-) -> ControlFlow<B> {
-    while let Some(event) = session.poll_event() {
-        handler(session, event)?;
-    }
-    ControlFlow::Continue(())
 }
 
 impl<T: Transport + ?Sized> Transport for &mut T {

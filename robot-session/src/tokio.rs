@@ -1,10 +1,7 @@
 //! For tokio: a decoder under `tokio_util`'s framed transports, and the loop of [`drive`](crate::drive) over any
 //! `AsyncRead + AsyncWrite`.
 
-use core::future::{Future as _, pending, poll_fn};
 use core::ops::ControlFlow;
-use core::pin::pin;
-use core::task::Poll;
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -15,8 +12,9 @@ use ::tokio::sync::Notify;
 use ::tokio::time::sleep;
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
-use crate::std_driver::{report, wind_down};
-use crate::{Decoder, Encode, Ended, Session, now};
+use crate::ended::wind_down;
+use crate::turn::{Left, Turn};
+use crate::{Clock, Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
 ///
@@ -90,12 +88,11 @@ where
 /// `select!`.
 #[derive(Debug)]
 pub struct Driver<T> {
-    transport: T,
+    port: Port<T>,
     input: Vec<u8>,
-    out: BytesMut,
+    out: Vec<u8>,
+    left: Left,
     waker: Waker,
-    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
-    woken: bool,
 }
 
 /// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and waking often
@@ -113,7 +110,13 @@ impl Waker {
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: Vec::new(), out: BytesMut::new(), waker: Waker::default(), woken: false }
+        Self {
+            port: Port(transport),
+            input: Vec::new(),
+            out: Vec::new(),
+            left: Left::NOTHING,
+            waker: Waker::default(),
+        }
     }
 
     /// What ends the wait of a turn, or its next one.
@@ -123,7 +126,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
 
     /// The transport.
     pub fn transport_mut(&mut self) -> &mut T {
-        &mut self.transport
+        &mut self.port.0
     }
 
     /// One turn: events and what is to be sent, until there is neither, then one wait for bytes or for the session's timeout, then
@@ -137,33 +140,12 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     pub async fn turn<S: Session, B>(
         &mut self,
         session: &mut S,
-        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        let mut idle = false;
-        while !core::mem::replace(&mut idle, true) {
-            while let Some(event) = session.poll_event() {
-                if let ControlFlow::Break(value) = handler(session, event) {
-                    return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-                }
-                idle = false;
-            }
-            // What a dropped future has left comes first.
-            self.write().await?;
-            while self.transmit(session) {
-                self.write().await?;
-                idle = false;
-            }
-        }
-        let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
-        let limit = if self.woken { Some(Duration::ZERO) } else { due };
-        self.input.resize(S::MAX_INPUT, 0);
-        match self.receive(session.wants_input(), limit).await? {
-            Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
-            Some(length) => session.handle_input(now(), self.input.get(..length).unwrap_or_default()),
-            None => {}
-        }
-        session.handle_timeout(now());
-        Ok(report(session, &mut handler).map_break(Ended::ByHandler))
+        let Self { port, input, out, left, waker } = self;
+        input.resize(S::MAX_INPUT, 0);
+        out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
+        Turn { port, clock: &Process, input, out, left }.run(session, waker.0.notified(), handler).await
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does.
@@ -186,49 +168,39 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session.handle_disconnected(now());
         wind_down(session, &mut handler, ended)
     }
+}
 
-    /// How many bytes have come; `None` if the time is over, or the driver was woken.
-    async fn receive(&mut self, wants_input: bool, limit: Option<Duration>) -> io::Result<Option<usize>> {
-        let Self { transport, input, waker, woken, .. } = self;
-        let mut arrival =
-            pin!(async { if wants_input { transport.read(input).await } else { pending().await } });
-        let mut wake = pin!(waker.0.notified());
-        let mut time = pin!(async {
-            match limit {
-                Some(limit) => sleep(limit).await,
-                None => pending().await,
-            }
-        });
-        let (is_woken, read) = poll_fn(|context| {
-            if let Poll::Ready(read) = arrival.as_mut().poll(context) {
-                return Poll::Ready((false, read.map(Some)));
-            }
-            if wake.as_mut().poll(context).is_ready() {
-                return Poll::Ready((true, Ok(None)));
-            }
-            time.as_mut().poll(context).map(|()| (false, Ok(None)))
-        })
-        .await;
-        *woken = is_woken;
-        read
+/// The clock of the process, and tokio's timer.
+struct Process;
+
+impl Clock for Process {
+    fn now(&self) -> Duration {
+        now()
     }
 
-    /// Whether the session had something to send: it is in `out`.
-    fn transmit<S: Session>(&mut self, session: &mut S) -> bool {
-        let begin = self.out.len();
-        self.out.put_bytes(0, S::MAX_TRANSMIT);
-        let written = session.poll_transmit(now(), self.out.get_mut(begin..).unwrap_or_default());
-        self.out.truncate(begin + written.unwrap_or(0));
-        written.is_some()
+    fn sleep_until(&self, at: Duration) -> impl Future<Output = ()> {
+        sleep(at.saturating_sub(now()))
+    }
+}
+
+#[derive(Debug)]
+struct Port<T>(T);
+
+impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
+    type Error = io::Error;
+
+    async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(buffer).await
     }
 
-    /// Writes what is left, cancel-safe: what a write has taken is gone from `out`.
-    async fn write(&mut self) -> io::Result<()> {
-        while !self.out.is_empty() {
-            if self.transport.write_buf(&mut self.out).await? == 0 {
-                return Err(io::ErrorKind::WriteZero.into());
-            }
+    async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.0.write(bytes).await? {
+            0 => Err(io::ErrorKind::WriteZero.into()),
+            length => Ok(length),
         }
-        self.transport.flush().await
+    }
+
+    async fn flush(&mut self) -> io::Result<()> {
+        self.0.flush().await
     }
 }

@@ -31,6 +31,7 @@ macro_rules! orderings {
     ($($(#[$doc:meta])* $name:ident: $strong:ident or $($weak:ident),+;)*) => {
         /// One name for each ordering that the proof of the queue depends on.
         #[cfg(not(loom))]
+        #[cfg_attr(not(target_has_atomic = "8"), allow(dead_code, reason = "no queue in a static, or on the heap, has ends there"))]
         pub(crate) mod order {
             $($(#[$doc])* #[inline(always)] pub(crate) const fn $name() -> super::Ordering { super::Ordering::$strong })*
         }

@@ -5,6 +5,8 @@
 mod change;
 mod decoder;
 #[cfg(feature = "links")]
+mod driven;
+#[cfg(feature = "links")]
 mod held;
 #[cfg(feature = "links")]
 mod objects;

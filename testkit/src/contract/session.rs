@@ -6,6 +6,7 @@ use cellwire_links::end::{By, End, Make, Once};
 use serde_json::{Map, Value, json};
 
 use super::change;
+use super::driven::{Done, Driven};
 use super::open::Open;
 use crate::rng::Rng;
 
@@ -16,6 +17,8 @@ struct Trace {
     /// Whether there is a connection.
     connected: bool,
     open: Open,
+    /// What goes through a driver of a microcontroller.
+    driven: Driven,
     /// How many notices it has dropped, those that depend on how the input is cut among them.
     dropped: u64,
 }
@@ -24,6 +27,24 @@ impl Trace {
     fn connection(&mut self, connected: bool) {
         self.connected = connected;
         self.open.note(By::Connection, 1);
+    }
+
+    fn event(&mut self, now: Duration, event: &str) {
+        // What is so until more bytes come depends on how the input is cut.
+        if event.starts_with(r#"{"event":"out_of_step""#) {
+            return;
+        }
+        let object: Value = serde_json::from_str(event).unwrap();
+        let times = object["count"].as_u64().unwrap_or(1);
+        self.open.note(By::Event(object["event"].as_str().unwrap()), times);
+        self.all.push(format!("{now:?} {event}"));
+    }
+
+    fn sent(&mut self, now: Duration, bytes: &[u8]) {
+        assert!(!bytes.is_empty(), "a transmission without bytes");
+        assert!(self.connected, "a transmission without a connection");
+        self.open.note(By::Sent, 1);
+        self.all.push(format!("{now:?} {bytes:02X?}"));
     }
 }
 
@@ -60,7 +81,7 @@ pub fn session(held: &Held, seeds: u64) {
         let (is_careless, ends) = (seed.is_multiple_of(4), seed.is_multiple_of(3));
         for is_endless in [false, true] {
             let script = Script { story, is_endless, is_careless, ends, steps: 60, choices: Rng::new(seed) };
-            held.compare(&script, &[Caller::Often, Caller::SmallBuffer, Caller::Pieces]);
+            held.compare(&script, &Caller::OTHERS);
         }
     }
 }
@@ -73,7 +94,7 @@ pub fn scripted(held: &Held, bytes: &[u8]) {
     let is = |bit: u32| how >> bit & 1 == 1;
     let (is_endless, is_careless, ends, steps) = (is(0), is(1) && is(2), is(3), bytes.len());
     let script = Script { story, is_endless, is_careless, ends, steps, choices };
-    held.compare(&script, &[[Caller::Often, Caller::SmallBuffer, Caller::Pieces][(how >> 4) % 3]]);
+    held.compare(&script, &[Caller::OTHERS[(how >> 4) % Caller::OTHERS.len()]]);
 }
 
 /// A string of calls.
@@ -102,7 +123,18 @@ enum Caller {
     SmallBuffer,
     /// Input byte by byte.
     Pieces,
+    /// The loop over `embedded-io`.
+    Polls,
+    /// The loop over `embedded-io-async`.
+    Awaits,
 }
+
+impl Caller {
+    const OTHERS: [Self; 5] = [Self::Often, Self::SmallBuffer, Self::Pieces, Self::Polls, Self::Awaits];
+}
+
+/// So many are endless.
+const MANY: usize = 10_000;
 
 /// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] is never.
 const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
@@ -218,7 +250,13 @@ impl Held {
                         }
                         let in_pieces = caller == Caller::Pieces && self.may_be_cut(&bytes);
                         let size = if in_pieces { 1 } else { bytes.len().max(1) };
-                        bytes.chunks(size).for_each(|piece| end.handle_input(now, piece));
+                        match caller {
+                            // A driver reads nothing that is not wanted.
+                            Caller::Polls | Caller::Awaits if trace.connected && end.wants_input() => {
+                                trace.driven.received = bytes;
+                            }
+                            _ => bytes.chunks(size).for_each(|piece| end.handle_input(now, piece)),
+                        }
                     }
                 }
                 12 => {
@@ -248,36 +286,21 @@ impl Held {
 
     /// Until the session has nothing to do: then its timeout lies ahead.
     fn drain(&self, end: &mut dyn End, now: Duration, caller: Caller, trace: &mut Trace) {
-        const MANY: usize = 10_000;
-        let (begin, name) = (trace.all.len(), &self.name);
-        let mut out = vec![0; end.max_transmit()];
+        let name = &self.name;
         for round in 0.. {
             assert!(round < MANY, "{name}: at {now:?} a timeout is due again and again");
             let before = trace.all.len();
             end.handle_timeout(now);
-            while let Some(event) = end.poll_event() {
-                // What is so until more bytes come depends on how the input is cut.
-                if event.starts_with(r#"{"event":"out_of_step""#) {
-                    continue;
-                }
-                let object: Value = serde_json::from_str(&event).unwrap();
-                let times = object["count"].as_u64().unwrap_or(1);
-                trace.open.note(By::Event(object["event"].as_str().unwrap()), times);
-                trace.all.push(format!("{now:?} {event}"));
-                assert!(trace.all.len() < begin + MANY, "{name}: events without end: {:?}", trace.all.last());
+            match caller {
+                Caller::Polls => trace.driven.poll(end, now),
+                Caller::Awaits => trace.driven.turn(end, now),
+                _ => self.call(end, now, caller, trace),
             }
-            loop {
-                if caller == Caller::SmallBuffer {
-                    // A message may be short enough for any longer one.
-                    let length = end.poll_transmit(now, &mut []);
-                    assert_eq!(length, None, "{name}: a transmission without bytes");
+            for done in core::mem::take(&mut trace.driven.done) {
+                match done {
+                    Done::Event(event) => trace.event(now, &event),
+                    Done::Sent(bytes) => trace.sent(now, &bytes),
                 }
-                let Some(length) = end.poll_transmit(now, &mut out) else { break };
-                assert!(length > 0, "{name}: a transmission without bytes");
-                assert!(trace.connected, "{name}: a transmission without a connection");
-                trace.open.note(By::Sent, 1);
-                trace.all.push(format!("{now:?} {:02X?}", &out[..length]));
-                assert!(trace.all.len() < begin + MANY, "{name}: transmissions without end");
             }
             let is_due = end.poll_timeout().is_some_and(|at| at <= now);
             if caller == Caller::Often {
@@ -292,5 +315,25 @@ impl Held {
         }
         assert!(end.poll_timeout().is_none_or(|at| at > now), "{name}: nothing is left to do");
         assert!(end.poll_event().is_none(), "{name}: an event that nothing has caused");
+    }
+
+    /// Events, then what is to be sent.
+    fn call(&self, end: &mut dyn End, now: Duration, caller: Caller, trace: &mut Trace) {
+        let (begin, name) = (trace.all.len(), &self.name);
+        let mut out = vec![0; end.max_transmit()];
+        while let Some(event) = end.poll_event() {
+            trace.event(now, &event);
+            assert!(trace.all.len() < begin + MANY, "{name}: events without end: {:?}", trace.all.last());
+        }
+        loop {
+            if caller == Caller::SmallBuffer {
+                // A message may be short enough for any longer one.
+                let length = end.poll_transmit(now, &mut []);
+                assert_eq!(length, None, "{name}: a transmission without bytes");
+            }
+            let Some(length) = end.poll_transmit(now, &mut out) else { break };
+            trace.sent(now, &out[..length]);
+            assert!(trace.all.len() < begin + MANY, "{name}: transmissions without end");
+        }
     }
 }

@@ -6,7 +6,9 @@ use core::ptr::{self, NonNull};
 use super::{Control, Hold, Owner, Padded, Reader, Shared, Slot, Writer};
 use crate::cursor::{Cursor, Limits, Mark};
 use crate::error::ConfigError;
-use crate::sync::{AtomicBool, AtomicU32, Ordering, UnsafeCell, order};
+#[cfg(target_has_atomic = "8")]
+use crate::sync::order;
+use crate::sync::{AtomicBool, AtomicU32, Ordering, UnsafeCell};
 use crate::wake::{NoWake, Wake};
 
 /// The highest capacity: the source's controller has no indices of five digits.

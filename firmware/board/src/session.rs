@@ -1,0 +1,42 @@
+//! The interrupt in which the session runs.
+
+use core::cell::Cell;
+use core::time::Duration;
+
+use critical_section::Mutex;
+
+use crate::{Uart, core_of};
+
+/// The loop of an end over the UART: reads `INPUT` bytes at once, and sends up to `OUT`.
+pub type Driver<const INPUT: usize, const OUT: usize> =
+    robot_session::embedded_io::Driver<Uart, fn() -> Duration, INPUT, OUT>;
+
+/// What is done in the interrupt of the session: most of it is `poll` of a [`Driver`].
+pub trait Link: Send {
+    /// Bytes have come or gone, the time has come, or somebody has called [`wake`]. Returns when it is to be called at the latest.
+    fn poll(&mut self) -> Option<Duration>;
+}
+
+static LINK: Mutex<Cell<Option<&'static mut dyn Link>>> = Mutex::new(Cell::new(None));
+
+/// Hands a session over to its interrupt.
+pub fn start(link: &'static mut dyn Link) {
+    critical_section::with(|cs| LINK.borrow(cs).set(Some(link)));
+    wake();
+}
+
+/// Has the session look at what it works with, as a queue whose jobs were completed: from anywhere.
+pub fn wake() {
+    core_of::trigger_session();
+}
+
+/// The interrupt: it never interrupts itself, so a session that is out of its place is on its way back.
+pub(crate) fn interrupt() {
+    #[cfg(feature = "embassy")]
+    crate::embassy::interrupt();
+    if let Some(link) = critical_section::with(|cs| LINK.borrow(cs).take()) {
+        let at = link.poll();
+        crate::alarm::set(|times| times.session = at);
+        critical_section::with(|cs| LINK.borrow(cs).set(Some(link)));
+    }
+}

@@ -1,0 +1,91 @@
+//! A Kawasaki robot behind the TCP bridge of a UART as two tasks of Embassy: one speaks, one draws, and the queue wakes both.
+#![no_std]
+#![no_main]
+
+use core::ops::ControlFlow;
+
+use board::{EmbassyClock, Uart};
+use embassy_executor::Spawner;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use embassy_time::Timer;
+use kawasaki_msg::{Job, Line, Robot, RobotConfig, RobotEvent};
+use robot_session::embedded_io_async::Driver;
+use robot_session::{Clock as _, Session as _};
+use robot_work_queue::{WorkQueue, Writer};
+use static_cell::ConstStaticCell;
+
+const QUEUE_LEN: usize = 64;
+static QUEUE: ConstStaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> =
+    ConstStaticCell::new(WorkQueue::numbered::<9999>());
+static QUEUED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+static COMPLETED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+/// The numbers of executed jobs, before they are completed: never more than there are jobs.
+static DONE: Channel<CriticalSectionRawMutex, u16, QUEUE_LEN> = Channel::new();
+
+/// What wakes an end of the queue: its hooks.
+type Hook = fn();
+type Session = Robot<'static, Line, 256, 16, Hook>;
+
+#[embassy_executor::task]
+async fn communicate(uart: Uart, writer: Writer<'static, Job<Line>, Hook>) {
+    let Ok(mut session) = Session::sized(RobotConfig::TCP, writer) else { panic!("it works") };
+    let mut driver = Driver::<_, _, 256, { Session::MAX_TRANSMIT }>::new(uart, EmbassyClock);
+    loop {
+        while let Ok(number) = DONE.try_receive() {
+            if let Err(error) = session.job_done(EmbassyClock.now(), number) {
+                defmt::warn!("{}", error);
+            }
+        }
+        let Ok(turn) = driver.turn(&mut session, COMPLETED.wait(), handle).await;
+        if turn.is_break() {
+            return;
+        }
+    }
+}
+
+fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
+    match event {
+        // The bridge has the connection: the line is always there.
+        RobotEvent::Connect => robot.handle_connected(EmbassyClock.now()),
+        RobotEvent::Disconnect => robot.handle_disconnected(EmbassyClock.now()),
+        RobotEvent::PeerStatus { .. } | RobotEvent::NoReply => defmt::debug!("{}", event),
+        event => defmt::info!("{}", event),
+    }
+    ControlFlow::Continue(())
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    let uart = board::init(115_200);
+    let hooks = ((|| QUEUED.signal(())) as Hook, (|| COMPLETED.signal(())) as Hook);
+    let (writer, mut motion) = QUEUE.take().split_with(hooks.0, hooks.1);
+    match communicate(uart, writer) {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => panic!("it is spawned once"),
+    }
+    board::enable_drives();
+    defmt::info!("kawasaki");
+    let mut executed = 0_u32;
+    loop {
+        board::is_alive();
+        let Some(job) = motion.take() else {
+            board::wait_or_second(QUEUED.wait()).await;
+            continue;
+        };
+        Timer::after_millis(10).await; // the motion
+        executed += 1;
+        let Job { order, number, work } = *job;
+        defmt::info!(
+            "executed {}: order {}, job {} to {} {}",
+            executed,
+            order,
+            number,
+            work.end.x,
+            work.end.y
+        );
+        DONE.send(number).await; // reported, then completed
+        job.complete();
+    }
+}

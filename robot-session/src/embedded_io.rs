@@ -1,0 +1,125 @@
+//! For interrupts: the loop over any `embedded-io` port, without a wait and without an allocator.
+
+use core::future::poll_fn;
+use core::ops::ControlFlow;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use core::time::Duration;
+
+use ::embedded_io::{Read, ReadReady, Write, WriteReady};
+
+use crate::turn::{Clock, Left, Turn};
+use crate::{Ended, Session};
+
+/// The loop over a port, which [`poll`](Self::poll) goes on with as far as it can without a wait.
+///
+/// `INPUT` bytes are read at once, up to the session's [`MAX_INPUT`](Session::MAX_INPUT); `OUT` is its
+/// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) or more: a shorter buffer does not compile.
+#[derive(Debug)]
+pub struct Driver<P, C, const INPUT: usize, const OUT: usize> {
+    port: Ready<P>,
+    now: Now<C>,
+    input: [u8; INPUT],
+    out: [u8; OUT],
+    left: Left,
+}
+
+impl<P, C, const INPUT: usize, const OUT: usize> Driver<P, C, INPUT, OUT>
+where
+    P: Read + ReadReady + Write + WriteReady,
+    C: Fn() -> Duration,
+{
+    /// A loop over `port`, with the time that `now` tells. The caller calls [`Session::handle_connected`] and
+    /// [`Session::handle_disconnected`].
+    pub const fn new(port: P, now: C) -> Self {
+        Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
+    }
+
+    /// The port.
+    pub fn port_mut(&mut self) -> &mut P {
+        &mut self.port.0
+    }
+
+    /// Reads what has come, writes what is to be sent and what the port has room for, and gives every event to `handler`. It returns when
+    /// it must be called again at the latest. It must also be called when bytes have come, when the port has room again, and when what
+    /// the session works with beside bytes and time has changed, as the queue that a robot fills: from the interrupts of all these, where
+    /// they have one priority, or from one that they trigger.
+    ///
+    /// The port sends what it was given by itself: it is not flushed. While the session does not
+    /// [want input](Session::wants_input), or the port has no room for all that is to be sent, bytes stay in the port.
+    ///
+    /// # Errors
+    /// The port's.
+    pub fn poll<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>, Option<Duration>>, P::Error> {
+        const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
+        // What has changed since the last call is looked at once, after the bytes.
+        let mut changed = true;
+        loop {
+            let Self { port, now, input, out, left } = self;
+            let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
+            let wake = ready_if(|| core::mem::take(&mut changed));
+            let turn = Turn { port, clock: now, input, out, left }.run(session, wake, &mut handler);
+            let polled = pin!(turn).poll(&mut Context::from_waker(Waker::noop()));
+            match polled {
+                Poll::Ready(Ok(ControlFlow::Continue(()))) => {}
+                Poll::Ready(Ok(ControlFlow::Break(ended))) => return Ok(ControlFlow::Break(ended)),
+                Poll::Ready(Err(error)) => return Err(error),
+                // Nothing becomes due before the port has room.
+                Poll::Pending if self.left.is_some() => return Ok(ControlFlow::Continue(None)),
+                Poll::Pending => return Ok(ControlFlow::Continue(session.poll_timeout())),
+            }
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Now<C>(C);
+
+impl<C: Fn() -> Duration> Clock for Now<C> {
+    fn now(&self) -> Duration {
+        (self.0)()
+    }
+
+    fn sleep_until(&self, at: Duration) -> impl Future<Output = ()> {
+        ready_if(move || self.now() >= at)
+    }
+}
+
+/// A port of which nobody waits for anything.
+#[derive(Debug)]
+struct Ready<P>(P);
+
+impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for Ready<P> {
+    type Error = P::Error;
+
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, P::Error> {
+        poll_fn(|_| match self.0.read_ready() {
+            Ok(false) => Poll::Pending,
+            Ok(true) => Poll::Ready(self.0.read(buffer)),
+            Err(error) => Poll::Ready(Err(error)),
+        })
+        .await
+    }
+
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, P::Error> {
+        poll_fn(|_| match self.0.write_ready() {
+            Ok(false) => Poll::Pending,
+            Ok(true) => Poll::Ready(self.0.write(bytes)),
+            Err(error) => Poll::Ready(Err(error)),
+        })
+        .await
+    }
+
+    async fn flush(&mut self) -> Result<(), P::Error> {
+        Ok(())
+    }
+}
+
+/// Done when it is so.
+fn ready_if(mut is_so: impl FnMut() -> bool) -> impl Future<Output = ()> {
+    poll_fn(move |_| if is_so() { Poll::Ready(()) } else { Poll::Pending })
+}

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use robot_session::is_due;
+
 use super::config::{ExceptionOutcome, HostConfig, Rule, UnknownReason};
 use super::due::Due;
 use super::input::{Action, Course, Draft, Judged, Outcome};
@@ -91,8 +93,13 @@ impl Active {
         let exception = self.to_send(config);
         let Some(request) = self.request.take() else { return Action::Nothing };
         self.sent = moving;
-        if request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted) {
-            // Nobody knows whether a controller keeps the words that come while its subroutine runs.
+        // Nobody knows whether a controller keeps the words that come while its subroutine runs. An exception that was not read may
+        // come late and have started it since the message.
+        let is_interrupted =
+            request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted);
+        let is_unread =
+            matches!(self.exception, Pending::Unread { .. }) && config.rules.keeps(Rule::WordsUnread);
+        if is_interrupted || is_unread {
             self.kept |= self.sent;
             self.sent = self.kept;
         }
@@ -136,14 +143,17 @@ impl Active {
         }
     }
 
-    pub(super) fn course(&self, config: &HostConfig) -> Course {
+    /// A target that is too old is not followed, also where a caller has not said what time it is before it asks for bytes.
+    pub(super) fn course(&self, now: Duration, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
             Stage::Running => match self.target {
-                Target::Fresh { .. } => Course::Target,
+                Target::Fresh { until } if !is_due(until, now) || !config.rules.keeps(Rule::FreshInUse) => {
+                    Course::Target
+                }
                 Target::Stale if !config.rules.keeps(Rule::Stale) => Course::Target,
-                Target::Unset | Target::Stale if is_offset => Course::Hold,
-                Target::Unset | Target::Stale => Course::Zero,
+                Target::Unset | Target::Fresh { .. } | Target::Stale if is_offset => Course::Hold,
+                Target::Unset | Target::Fresh { .. } | Target::Stale => Course::Zero,
             },
             Stage::Interrupted => Course::Rest,
             Stage::Accepted | Stage::Stopping { .. } => Course::Zero,

@@ -60,6 +60,8 @@ robot_session::rules! {
         WordsUntilRead,
         /// What a controller makes of words during an interruption is not known.
         WordsInterrupted,
+        /// Nor what it makes of them while an exception that was not read may come late.
+        WordsUnread,
         /// Words that may be other than zero are always sent.
         WordsKept,
         /// Where a reply may be late for its window, no message says what became of one.
@@ -78,6 +80,8 @@ robot_session::rules! {
         Silent,
         /// A target is not for ever.
         Stale,
+        /// What is too old is not followed, also before a late caller says what time it is.
+        FreshInUse,
         /// Another start message ends the ALTER before.
         Restart,
         /// A controller that sends nothing is lost.

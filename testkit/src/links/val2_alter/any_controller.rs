@@ -3,22 +3,19 @@
 use core::time::Duration;
 
 use robot_session::Machine as _;
-use val2_alter::host::machine::{
-    Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending, Target,
-};
+use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending};
 use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
 
 use super::any_robot::{CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window};
 use super::setup::{FRESH, TICK};
 use super::world::{
-    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, WORDS, ZEROS,
+    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, STALE, WORDS, ZEROS,
 };
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 const NOW: Duration = Duration::ZERO;
 pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
 pub(super) const INTERRUPTED: &str = "no exception is sent in an interruption";
-pub(super) const FOUND: &str = "the arm follows a target until it is found to be too old";
 pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
 
 pub(super) const RULES: Terms = Terms {
@@ -43,7 +40,7 @@ pub(super) const RULES: Terms = Terms {
 pub(super) const LATE: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-80 without its words, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply and takes one that is late, what is lost, or corrupt after the start",
-    properties: &[ONCE, DONE, NOT_DONE, OUTCOME, WORDS, FITS, ANSWERED, INTERRUPTED, EXPECTED],
+    properties: &[ONCE, DONE, NOT_DONE, OUTCOME, WORDS, ZEROS, FITS, SILENT, ANSWERED, INTERRUPTED, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
@@ -52,7 +49,7 @@ pub(super) const ANYTHING: Terms = Terms {
         OUTCOME,
         AGAIN,
         FITS,
-        FOUND,
+        STALE,
         SILENT,
         SILENCE,
         ANSWERED,
@@ -185,9 +182,7 @@ impl Peer for AnyController {
             return;
         };
         words.push(Word::Target);
-        if !self.takes_late {
-            words.push(Word::Stop);
-        }
+        words.push(Word::Stop);
         if end.name() == "running" && active.exception == Pending::None {
             words.push(Word::Ask);
         }
@@ -412,11 +407,8 @@ impl AnyController {
             known.wrong = known.wrong.or(Some(FITS));
         }
         let is_follower = matches!(answer, Answer::Reply { course: Course::Target, .. });
-        // A host that is not called when a target becomes too old sends one more reply to it.
-        let is_overdue =
-            matches!(&end.phase, HostPhase::Active(active) if active.target == Target::Fresh { until: NOW });
-        if is_follower && known.target >= FRESH && !is_overdue {
-            known.wrong = known.wrong.or(Some(FOUND));
+        if is_follower && known.target >= FRESH {
+            known.wrong = known.wrong.or(Some(STALE));
         }
         let moving = draft.moving & select;
         known.reply = Some((select, moving != 0));

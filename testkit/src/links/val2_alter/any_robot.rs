@@ -180,7 +180,7 @@ impl Known {
             }
             (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
                 self.window = Window::Good;
-                self.held = if has_word && (takes || takes_late) { moves } else { self.held };
+                self.held = if has_word && takes { moves } else { self.held };
             }
             (Reply::Accept | Reply::Values { .. }, _) => {}
         }

@@ -24,7 +24,8 @@ use robot_session::Rules;
 use val2_alter::{HostConfig, Mode, controller, host};
 
 use world::{
-    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, TRIES, UNASKED, WORDS, ZEROS,
+    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, STALE, TRIES, UNASKED, WORDS,
+    ZEROS,
 };
 
 /// The tables of the link's machines.
@@ -52,7 +53,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
         ]
     },
     must_fail: || {
-        use any_controller::{AGAIN, FOUND, INTERRUPTED};
+        use any_controller::{AGAIN, INTERRUPTED};
         use host::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
@@ -73,7 +74,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: an exception that was read is not sent again", AGAIN, false, Rule::SendOnce),
             without("host: no exception in an interruption", INTERRUPTED, false, Rule::NotInterrupted),
             without("host: after a stop nothing is answered", SILENT, false, Rule::Silent),
-            without("host: a target is not for ever", FOUND, false, Rule::Stale),
+            without("host: a target is not for ever", STALE, false, Rule::Stale),
             without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
             without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
             without("host: a reply that is too late is not sent", FITS, false, Rule::Late),

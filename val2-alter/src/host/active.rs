@@ -10,6 +10,7 @@ use super::input::{Action, Course, Draft, Judged, Outcome};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
+use crate::timing::CYCLE;
 
 impl Active {
     #[inline(always)] // see `HostMachine::on`
@@ -22,8 +23,12 @@ impl Active {
         config: &HostConfig,
     ) -> Action {
         let missed = self.request.is_some();
+        // A controller sends one message in a cycle. The time when it counts as lost tells when the last one came.
+        let lost_at = config.lost_from(now);
+        let delayed = self.stage != Stage::Accepted
+            && lost_at.saturating_add(config.max_delay) < self.lost_at.saturating_add(CYCLE);
         let rejected = (error != ErrorCode::None).then_some(error);
-        self.lost_at = config.lost_from(now);
+        self.lost_at = lost_at;
         if error == ErrorCode::None {
             self.kept = self.sent;
         } else {
@@ -32,7 +37,7 @@ impl Active {
         }
         self.sent = self.kept;
         let outcome = self.judge_exception(now, phase, error, config);
-        let judged = Judged { missed, rejected, outcome };
+        let judged = Judged { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
                 if error == ErrorCode::None && (self.kept == 0 || !config.rules.keeps(Rule::ZerosRead)) =>

@@ -17,7 +17,7 @@ const END: &str = "val2-alter host";
 
 /// What the host assumes about time.
 pub fn margins() -> Vec<Margin> {
-    let HostConfig { gap, silence_cycles, target_timeout, reserve, .. } = HostConfig::default();
+    let HostConfig { gap, silence_cycles, target_timeout, reserve, max_delay, .. } = HostConfig::default();
     let gap = gap.unwrap_or(Duration::MAX);
     let silence = timing::CYCLE * silence_cycles;
     let late = |ms: &[u64], ticks: u8| {
@@ -28,11 +28,11 @@ pub fn margins() -> Vec<Margin> {
         ms.iter().map(step).collect()
     };
     let times = |assumed: Duration, reals: &[Duration], check: fn(Duration) -> Option<&'static str>| {
-        reals
-            .iter()
-            .map(|real| (*real, check))
-            .map(|(real, check)| Step::new(assumed, real, move || check(real)))
-            .collect()
+        let step = |real: &Duration| {
+            let real = *real;
+            Step::new(assumed, real, move || check(real))
+        };
+        reals.iter().map(step).collect()
     };
     let cycles = |n: u32| timing::CYCLE * n;
     let lost = [cycles(1), cycles(2), cycles(3), silence - MS / 10, silence];
@@ -41,6 +41,11 @@ pub fn margins() -> Vec<Margin> {
         ("max_delay", "a message, or its reply, is so late", late(&[10, 8, 7, 6, 5], 1)),
         ("max_delay", "the same, by more than any reply can be in time", late(&[28, 14, 13, 12, 11], 2)),
         ("max_delay", "the same, by a cycle", late(&[28, 14, 13, 12, 11], 4)),
+        (
+            "max_delay",
+            "a message is so late, and the next is not",
+            times(max_delay, &around(max_delay), shows),
+        ),
         ("gap", "so long a pause within a message", times(gap, &around(gap), pauses)),
         (
             "gap",
@@ -128,6 +133,15 @@ fn motion() -> Vec<u8> {
         percent: 0,
         transform: Some(Transform([0; 12])),
     }))
+}
+
+fn shows(time: Duration) -> Option<&'static str> {
+    let mut cell = Cell::new(HostConfig::default());
+    for at in [timing::CYCLE, timing::CYCLE * 2 + time, timing::CYCLE * 3] {
+        cell.now = at;
+        let _ = cell.ask(&motion());
+    }
+    cell.reports(|event| *event == HostEvent::Delayed).then_some("no message is reported as delayed")
 }
 
 fn pauses(time: Duration) -> Option<&'static str> {

@@ -47,8 +47,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
     settings: |_| {
         vec![
             Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
-            Setting::new("keeps them, takes late replies, no stop", late_controller())
-                .on(any_controller::LATE),
+            Setting::new(TAKES_LATE, late_controller()).on(any_controller::LATE),
             Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
         ]
     },
@@ -75,18 +74,22 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: no exception in an interruption", INTERRUPTED, false, Rule::NotInterrupted),
             without("host: after a stop nothing is answered", SILENT, false, Rule::Silent),
             without("host: a target is not for ever", STALE, false, Rule::Stale),
+            without("host: an overdue target is not followed", STALE, false, Rule::FreshInUse),
             without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
             without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
             without("host: a reply that is too late is not sent", FITS, false, Rule::Late),
         ];
-        let mut late = late_controller();
-        late.peer.config.rules = Rules::without(Rule::Unread);
-        cases.push(MustFail::new(
-            "host: a reply that was not read may be late",
-            ONCE,
-            "keeps them, takes late replies, no stop",
-            late,
-        ));
+        let late = |name, property, rule| {
+            let mut system = late_controller();
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, TAKES_LATE, system)
+        };
+        let words = "host: words are uncertain while an exception may be late";
+        cases.extend([
+            late("host: a reply that was not read may be late", ONCE, Rule::Unread),
+            late(words, ZEROS, Rule::WordsUnread),
+            late(words, WORDS, Rule::WordsUnread),
+        ]);
         cases
     },
     diagrams: Vec::new,
@@ -123,8 +126,10 @@ pub const ANY_HOST: Pair = Pair {
     refined: Vec::new,
 };
 
+const TAKES_LATE: &str = "keeps them, takes late replies";
+
 fn any_controller(keeps_rules: bool) -> Against<AnyController> {
-    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(19)).host };
+    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(18)).host };
     // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
     let config = HostConfig { target_timeout, ..host };

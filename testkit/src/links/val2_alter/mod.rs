@@ -52,7 +52,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
         ]
     },
     must_fail: || {
-        use any_controller::{AGAIN, INTERRUPTED};
+        use any_controller::{AGAIN, DELAYED, INTERRUPTED};
         use host::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
@@ -90,6 +90,9 @@ pub const ANY_CONTROLLER: Pair = Pair {
             late(words, ZEROS, Rule::WordsUnread),
             late(words, WORDS, Rule::WordsUnread),
         ]);
+        let mut hasty = any_controller(true);
+        hasty.peer.config.max_delay = core::time::Duration::ZERO;
+        cases.push(MustFail::new("assumption: no delay above max_delay", DELAYED, at(true), hasty));
         cases
     },
     diagrams: Vec::new,

@@ -10,7 +10,7 @@ use super::input::{Action, Course, Draft, Judged, Outcome};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
-use crate::timing::CYCLE;
+use crate::timing::{CYCLE_NANOS, after};
 
 impl Active {
     #[inline(always)] // see `HostMachine::on`
@@ -23,10 +23,8 @@ impl Active {
         config: &HostConfig,
     ) -> Action {
         let missed = self.request.is_some();
-        // A controller sends one message in a cycle. The time when it counts as lost tells when the last one came.
         let lost_at = config.lost_from(now);
-        let delayed = self.stage != Stage::Accepted
-            && lost_at.saturating_add(config.max_delay) < self.lost_at.saturating_add(CYCLE);
+        let delayed = lost_at < after(self.lost_at, CYCLE_NANOS) && self.was_delayed(lost_at, config);
         let rejected = (error != ErrorCode::None).then_some(error);
         self.lost_at = lost_at;
         if error == ErrorCode::None {
@@ -56,6 +54,13 @@ impl Active {
             follows_until: config.follows_until(now),
         });
         Action::Asked(judged)
+    }
+
+    /// Whether the message before was late: a controller sends one in a cycle. The time when it counts as lost tells when it came.
+    #[cold]
+    fn was_delayed(&self, lost_at: Duration, config: &HostConfig) -> bool {
+        self.stage != Stage::Accepted
+            && lost_at.saturating_add(config.max_delay) < after(self.lost_at, CYCLE_NANOS)
     }
 
     /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it

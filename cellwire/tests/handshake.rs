@@ -50,6 +50,17 @@ impl Workstation {
         self.received.len() - before
     }
 
+    /// Asks until so many requests were sent and the last packet is whole.
+    fn ask(&mut self, least: usize) {
+        for count in 1.. {
+            self.port.write(ENQ);
+            self.listen(Duration::from_millis(200));
+            if self.received.ends_with(b"\n") && count >= least {
+                return;
+            }
+        }
+    }
+
     /// Takes what comes until it is so long; whole lines.
     fn wait(&mut self, enough: impl Fn(&[u8]) -> bool) {
         let end = Instant::now() + Duration::from_secs(30);
@@ -81,13 +92,7 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         let rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
         rig.controller.start(23);
         rig.arm();
-        for count in 1.. {
-            workstation.port.write(ENQ);
-            workstation.listen(Duration::from_millis(200));
-            if workstation.received.ends_with(b"\n") && count >= 3 {
-                break;
-            }
-        }
+        workstation.ask(3);
         // In the middle of a packet: a chip's worth follows at most, and one that is being written. On a busy machine the whole packet
         // may have left before the XOFF is seen: then the next one.
         let (mut before, mut whole) = (Vec::new(), 0);
@@ -109,9 +114,10 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         assert!((0..).zip(&before).all(|(count, seen)| count == *seen), "{before:?}");
         let part = workstation.received.len() - whole;
         rig.terminal.wait_for("viewer: XOFF");
-        assert_eq!(workstation.listen(LONG), 0, "it holds for ever");
+        assert_eq!(workstation.listen(LONG), 0, "it holds");
 
-        // It asks again and again meanwhile, and is given the rest and one packet.
+        // Another XOFF holds it for longer. It asks again and again meanwhile, and is given the rest and one packet.
+        workstation.port.write(XOFF);
         for _ in 0..100 {
             workstation.port.write(ENQ);
             workstation.listen(Duration::from_millis(5));
@@ -136,9 +142,32 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
     });
 }
 
+/// An XON that is lost silences the workstation for no longer than five seconds.
+#[test]
+fn an_xoff_without_an_xon_holds_for_five_seconds() {
+    in_real_time(|| {
+        let (port, path) = Pty::new();
+        let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
+        let rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
+        rig.controller.start(23);
+        rig.arm();
+        workstation.ask(1);
+        let (before, since) = (workstation.received.len(), Instant::now());
+        workstation.port.write(&[0x13, 0x05]);
+        rig.terminal.wait_for("viewer: XOFF");
+        workstation.wait(|bytes| bytes.len() > before && bytes.ends_with(b"\n"));
+        let held = since.elapsed();
+        assert!(held >= Duration::from_secs(5) && held < Duration::from_secs(10), "{held:?}");
+        assert_eq!(
+            workstation.counts().len(),
+            workstation.counts().last().map_or(0, |last| usize::from(*last) + 1)
+        );
+    });
+}
+
 /// A workstation that never lets go keeps nobody: the arm stops, and the program ends.
 #[test]
-fn a_workstation_that_holds_its_line_for_ever_delays_nothing() {
+fn a_workstation_that_holds_its_line_delays_nothing() {
     in_real_time(|| {
         let (port, path) = Pty::new();
         let mut workstation = Workstation { port: port.raw(), received: Vec::new() };

@@ -64,6 +64,7 @@ impl Adapter for Alter {
             HostEvent::Start(start) => end.event(&json!({"event": "start", "mode": start.mode})),
             HostEvent::End(over) => end.event(&json!({"event": "end", "error": u8::from(over.error)})),
             HostEvent::Lost(reason) => end.event(&json!({"event": "lost", "reason": format!("{reason:?}")})),
+            HostEvent::Delayed => end.event(&json!({"event": "delayed"})),
             HostEvent::Missed => end.event(&json!({"event": "missed"})),
             HostEvent::Rejected(error) => end.event(&json!({"event": "rejected", "error": u8::from(error)})),
             HostEvent::Corrupt(error) => end.event(&json!({"event": "corrupt", "error": error})),

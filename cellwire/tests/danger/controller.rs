@@ -122,8 +122,13 @@ impl Controller {
 /// The segment status of a path that is followed.
 const FOLLOWED: u8 = 2;
 
-/// A missing reply ends the source's ALTER; this controller forgives a busy machine a few.
+/// A missing reply ends the source's ALTER; this controller forgives a busy machine a few, and says so: the host begins from rest.
 const FORGIVEN: u32 = 30;
+
+/// The error code of a message behind so many cycles without a reply.
+fn error(missed: u32) -> u8 {
+    if missed > 0 { 6 } else { 0 }
+}
 
 fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
     // Real hardware does not wait for a processor.
@@ -148,7 +153,7 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
         let (mut missed, mut interrupted, mut position) = (0, 0, 0i16);
         let mut held = (FOLLOWED, 0);
         loop {
-            let mut error = 0;
+            let mut error = error(missed);
             match orders.try_recv() {
                 Ok(Order::Interrupt(cycles)) => interrupted = cycles,
                 Ok(Order::Reject(code)) => error = code,
@@ -210,7 +215,7 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
 fn again(port: &mut Pty, mode: u8, log: &Mutex<Vec<Cycle>>) {
     let mut missed = 0;
     while missed <= FORGIVEN {
-        let mut message = vec![0x80, 2, 1, 0, 0, 0x20];
+        let mut message = vec![0x80 | error(missed), 2, 1, 0, 0, 0x20];
         message.resize(if mode & 4 != 0 { 30 } else { 6 }, 0);
         let cycle = match exchange(port, &message).as_deref().and_then(values) {
             Some((values, length)) => {

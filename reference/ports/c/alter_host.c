@@ -41,6 +41,13 @@ static bool is_replying(const struct alter_host *host)
     return host->phase >= ALTER_HOST_RUNNING && host->phase <= ALTER_HOST_STOPPING;
 }
 
+static bool takes_targets(const struct alter_host *host)
+{
+    return host->phase == ALTER_HOST_ACCEPTED || is_replying(host);
+}
+
+static bool has_target(const struct alter_host *host) { return takes_targets(host) && host->is_fresh; }
+
 static struct alter_host_event *report(struct alter_host *host, enum alter_host_kind kind)
 {
     if (host->event_count == ALTER_HOST_EVENTS)
@@ -192,10 +199,13 @@ static void take_motion(struct alter_host *host, uint64_t now, const struct val2
 {
     if (host->phase < ALTER_HOST_ACCEPTED)
         return;
+    bool is_early = after(silence(host, now), host->config.max_delay) < after(host->lost_at, CYCLE);
     host->lost_at = silence(host, now);
     if (host->phase == ALTER_HOST_SILENT)
         return;
     miss(host);
+    if (is_early && is_replying(host))
+        report(host, ALTER_HOST_DELAYED); /* AL-93 */
     if (message->code > 0) {
         report(host, ALTER_HOST_REJECTED)->code = message->code;
         alter_limiter_rejected(&host->limiter);
@@ -216,6 +226,7 @@ static void take_motion(struct alter_host *host, uint64_t now, const struct val2
     for (int axis = 0; axis < VAL2_ALTER_AXES; axis++)
         shortest += host->kept >> axis & 1 ? 2 : 0;
     set_due(host, now, after(now, sooner(window(host), left)), shortest);
+    host->is_interrupted = message->kind == VAL2_ALTER_INTERRUPTED;
 }
 
 static void take_message(struct alter_host *host, uint64_t now, const struct val2_alter_item *item)
@@ -283,7 +294,7 @@ void alter_host_timeout(struct alter_host *host, uint64_t now)
         if (host->phase == ALTER_HOST_STARTING)
             host->phase = ALTER_HOST_IDLE;
     }
-    if (is_replying(host) && host->is_fresh && now >= host->fresh_until) {
+    if (has_target(host) && now >= host->fresh_until) {
         host->is_fresh = false;
         report(host, ALTER_HOST_STALE);
     }
@@ -297,7 +308,7 @@ void alter_host_timeout(struct alter_host *host, uint64_t now)
 
 void alter_host_set_target(struct alter_host *host, uint64_t now, const int16_t target[VAL2_ALTER_AXES])
 {
-    if (host->phase != ALTER_HOST_ACCEPTED && !is_replying(host))
+    if (!takes_targets(host))
         return;
     memcpy(host->target, target, sizeof host->target);
     host->is_fresh = true;
@@ -372,11 +383,11 @@ static size_t transmit_start_reply(struct alter_host *host, uint64_t now, uint8_
 }
 
 /* AL-86 */
-static void next_values(const struct alter_host *host, struct alter_limiter *limiter, int16_t *values)
+static void next_values(const struct alter_host *host, uint64_t now, struct alter_limiter *limiter, int16_t *values)
 {
     static const int16_t ZERO[VAL2_ALTER_AXES];
     const struct alter_limits *limits = &host->config.limits;
-    bool is_fresh = host->phase == ALTER_HOST_RUNNING && host->is_fresh;
+    bool is_fresh = host->phase == ALTER_HOST_RUNNING && host->is_fresh && now < host->fresh_until;
     if (host->phase == ALTER_HOST_INTERRUPTED) {
         alter_limiter_missed(limiter);
         for (int axis = 0; axis < VAL2_ALTER_AXES; axis++)
@@ -406,7 +417,7 @@ static size_t transmit_reply(struct alter_host *host, uint64_t now, uint8_t *out
     uint64_t reserve = host->config.reserve;
     bool has_exception = host->exception == ALTER_HOST_UNSENT && host->phase == ALTER_HOST_RUNNING;
     uint8_t select = ALL_AXES, moved = 0;
-    next_values(host, &limiter, reply.values);
+    next_values(host, now, &limiter, reply.values);
     reply.exception = has_exception ? host->exception_code : 0;
     size_t length = encode_reply(host, now, &reply, select, reserve, out, size);
     if (length == 0) {
@@ -430,9 +441,10 @@ static size_t transmit_reply(struct alter_host *host, uint64_t now, uint8_t *out
     for (int axis = 0; axis < VAL2_ALTER_AXES; axis++)
         if (reply.values[axis] != 0)
             moved = (uint8_t)(moved | (select & 1 << axis));
-    if (host->phase == ALTER_HOST_INTERRUPTED)
+    bool is_uncertain = host->is_interrupted || host->exception == ALTER_HOST_UNREAD;
+    if (is_uncertain)
         host->kept |= moved;
-    host->sent = host->phase == ALTER_HOST_INTERRUPTED ? host->kept : moved;
+    host->sent = is_uncertain ? host->kept : moved;
     if (has_exception) {
         host->exception = ALTER_HOST_SENT;
         host->follows_until = follows_from(host, host->arrival);
@@ -453,7 +465,6 @@ bool alter_host_deadline(const struct alter_host *host, uint64_t *deadline)
 {
     *deadline = NEVER;
     bool is_altering = host->phase >= ALTER_HOST_ACCEPTED, is_repeating = host->phase == ALTER_HOST_REPEATING;
-    bool has_target = is_replying(host) && host->is_fresh;
     if (host->has_gap)
         *deadline = sooner(*deadline, host->gap_at);
     if (host->is_due)
@@ -462,7 +473,7 @@ bool alter_host_deadline(const struct alter_host *host, uint64_t *deadline)
         *deadline = sooner(*deadline, host->forget_at);
     if (is_altering)
         *deadline = sooner(*deadline, host->lost_at);
-    if (has_target)
+    if (has_target(host))
         *deadline = sooner(*deadline, host->fresh_until);
     return host->has_gap || host->is_due || is_repeating || is_altering;
 }

@@ -50,6 +50,7 @@ enum alter_host_kind {
     ALTER_HOST_MISSED,
     ALTER_HOST_STALE,
     ALTER_HOST_REJECTED, /* code: the error */
+    ALTER_HOST_DELAYED,
 };
 
 struct alter_host_event {
@@ -71,6 +72,7 @@ struct alter_host {
     enum alter_host_phase phase;
     bool is_due;                        /* an answer is */
     uint64_t arrival, begin_by, end_by; /* of the answer that is due */
+    bool is_interrupted;                /* says the message that it answers */
     unsigned asked;
     uint64_t forget_at, lost_at;
     bool names_mode, zeros_sent;

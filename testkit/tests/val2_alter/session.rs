@@ -285,6 +285,23 @@ fn the_deadline_is_the_window_less_the_reply() {
     assert_eq!(host.poll_timeout(), None);
 }
 
+/// A controller sends one message in a cycle: what comes sooner after the one before shows that this was late.
+#[test]
+fn a_message_that_was_read_too_late_is_reported_with_the_next() {
+    let mut host = connected(HostConfig::default());
+    let (mut out, mut reported) = ([0; Frame::MAX_LEN], Vec::new());
+    host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    assert!(host.poll_transmit(MS, &mut out).is_some());
+    // By 10 ms, which is in time, and by 11 ms.
+    for at in [2, 30, 58 + 10, 86, 114 + 11, 142, 170] {
+        host.handle_input(MS * at, b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3");
+        assert!(host.poll_transmit(MS * at, &mut out).is_some());
+        let events = core::iter::from_fn(|| host.poll_event());
+        reported.extend(events.filter(|event| *event == HostEvent::Delayed).map(|_| at));
+    }
+    assert_eq!((reported, host.statistics().delayed), (vec![142], 1));
+}
+
 #[test]
 fn the_program_may_end_alter() {
     let (host, controller) = plain();

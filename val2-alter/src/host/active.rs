@@ -2,12 +2,15 @@
 
 use core::time::Duration;
 
+use robot_session::is_due;
+
 use super::config::{ExceptionOutcome, HostConfig, Rule, UnknownReason};
 use super::due::Due;
 use super::input::{Action, Course, Draft, Judged, Outcome};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
+use crate::timing::{CYCLE_NANOS, after};
 
 impl Active {
     #[inline(always)] // see `HostMachine::on`
@@ -20,8 +23,10 @@ impl Active {
         config: &HostConfig,
     ) -> Action {
         let missed = self.request.is_some();
+        let lost_at = config.lost_from(now);
+        let delayed = lost_at < after(self.lost_at, CYCLE_NANOS) && self.was_delayed(lost_at, config);
         let rejected = (error != ErrorCode::None).then_some(error);
-        self.lost_at = config.lost_from(now);
+        self.lost_at = lost_at;
         if error == ErrorCode::None {
             self.kept = self.sent;
         } else {
@@ -30,7 +35,7 @@ impl Active {
         }
         self.sent = self.kept;
         let outcome = self.judge_exception(now, phase, error, config);
-        let judged = Judged { missed, rejected, outcome };
+        let judged = Judged { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
                 if error == ErrorCode::None && (self.kept == 0 || !config.rules.keeps(Rule::ZerosRead)) =>
@@ -49,6 +54,13 @@ impl Active {
             follows_until: config.follows_until(now),
         });
         Action::Asked(judged)
+    }
+
+    /// Whether the message before was late: a controller sends one in a cycle. The time when it counts as lost tells when it came.
+    #[cold]
+    fn was_delayed(&self, lost_at: Duration, config: &HostConfig) -> bool {
+        self.stage != Stage::Accepted
+            && lost_at.saturating_add(config.max_delay) < after(self.lost_at, CYCLE_NANOS)
     }
 
     /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
@@ -91,8 +103,13 @@ impl Active {
         let exception = self.to_send(config);
         let Some(request) = self.request.take() else { return Action::Nothing };
         self.sent = moving;
-        if request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted) {
-            // Nobody knows whether a controller keeps the words that come while its subroutine runs.
+        // Nobody knows whether a controller keeps the words that come while its subroutine runs. An exception that was not read may
+        // come late and have started it since the message.
+        let is_interrupted =
+            request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted);
+        let is_unread =
+            matches!(self.exception, Pending::Unread { .. }) && config.rules.keeps(Rule::WordsUnread);
+        if is_interrupted || is_unread {
             self.kept |= self.sent;
             self.sent = self.kept;
         }
@@ -136,14 +153,17 @@ impl Active {
         }
     }
 
-    pub(super) fn course(&self, config: &HostConfig) -> Course {
+    /// A target that is too old is not followed, also where a caller has not said what time it is before it asks for bytes.
+    pub(super) fn course(&self, now: Duration, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
             Stage::Running => match self.target {
-                Target::Fresh { .. } => Course::Target,
+                Target::Fresh { until } if !is_due(until, now) || !config.rules.keeps(Rule::FreshInUse) => {
+                    Course::Target
+                }
                 Target::Stale if !config.rules.keeps(Rule::Stale) => Course::Target,
-                Target::Unset | Target::Stale if is_offset => Course::Hold,
-                Target::Unset | Target::Stale => Course::Zero,
+                Target::Unset | Target::Fresh { .. } | Target::Stale if is_offset => Course::Hold,
+                Target::Unset | Target::Fresh { .. } | Target::Stale => Course::Zero,
             },
             Stage::Interrupted => Course::Rest,
             Stage::Accepted | Stage::Stopping { .. } => Course::Zero,

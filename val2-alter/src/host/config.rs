@@ -44,7 +44,8 @@ pub struct HostConfig {
     /// line: an assumption. A reply has no number, and one that is later than this may be taken for the reply to the next
     /// message; an exception that it carries could then be executed twice. From what the window leaves of a cycle on (13 ms
     /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
-    /// again, and its outcome is unknown; a late reply may bring back a word that was left out because it was zero. Default: 10 ms.
+    /// again, and its outcome is unknown; a late reply may bring back a word that was left out because it was zero. [`HostEvent::Delayed`] shows that it is wrong for messages,
+    /// [`HostEvent::Rejected`] with a timeout that it may be for replies. Default: 10 ms.
     pub max_delay: Duration,
     /// The rules that its machine keeps.
     #[doc(hidden)]
@@ -60,6 +61,8 @@ robot_session::rules! {
         WordsUntilRead,
         /// What a controller makes of words during an interruption is not known.
         WordsInterrupted,
+        /// Nor what it makes of them while an exception that was not read may come late.
+        WordsUnread,
         /// Words that may be other than zero are always sent.
         WordsKept,
         /// Where a reply may be late for its window, no message says what became of one.
@@ -78,6 +81,8 @@ robot_session::rules! {
         Silent,
         /// A target is not for ever.
         Stale,
+        /// What is too old is not followed, also before a late caller says what time it is.
+        FreshInUse,
         /// Another start message ends the ALTER before.
         Restart,
         /// A controller that sends nothing is lost.
@@ -193,6 +198,9 @@ pub enum HostEvent {
     Corrupt(DecodeError),
     /// The deadline passed before `poll_transmit` was called: no reply was sent, and the controller will end ALTER.
     Missed,
+    /// The standard message before was read later than [`HostConfig::max_delay`] assumes: the next one came sooner after it than a
+    /// controller sends them. Exceptions may be executed twice on such a line; its adapter, or this setting, is to be changed.
+    Delayed,
     /// The controller could not read the last reply, and why.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
@@ -260,6 +268,8 @@ pub struct HostStatistics {
     pub replies: u64,
     /// Replies in which an axis had to wait at rest because its word did not fit the window.
     pub held: u64,
+    /// Standard messages that were read later than is assumed.
+    pub delayed: u64,
     /// Cycles whose deadline passed without a reply.
     pub missed: u64,
     /// Replies that the controller could not read.

@@ -152,6 +152,8 @@ pub enum Action {
 pub struct Judged {
     /// It was not answered in time.
     pub missed: bool,
+    /// It was read later than the host assumes that anything is.
+    pub delayed: bool,
     /// The controller could not read the reply: the arm did not move by it.
     pub rejected: Option<ErrorCode>,
     /// The exception's.

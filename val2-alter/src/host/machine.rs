@@ -113,7 +113,7 @@ impl Machine for HostMachine {
     }
 
     #[inline]
-    fn transmit(&self, _now: Duration, config: &HostConfig) -> Option<Answer> {
+    fn transmit(&self, now: Duration, config: &HostConfig) -> Option<Answer> {
         match &self.phase {
             HostPhase::Starting { is_expected, .. } => match self.policy {
                 Policy::Accept if *is_expected => Some(Answer::Start(StartCode::Accept)),
@@ -127,7 +127,7 @@ impl Machine for HostMachine {
             },
             HostPhase::Active(active) => {
                 active.request?;
-                Some(Answer::Reply { course: active.course(config), exception: active.to_send(config) })
+                Some(Answer::Reply { course: active.course(now, config), exception: active.to_send(config) })
             }
             HostPhase::Disconnected
             | HostPhase::Idle

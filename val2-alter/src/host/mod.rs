@@ -192,14 +192,23 @@ impl Host {
     }
 
     #[cold]
+    fn delayed(&mut self) {
+        self.core.statistics.delayed += 1;
+        self.core.events.push_notice(HostEvent::Delayed);
+    }
+
+    #[cold]
     fn ended(&mut self, exception: Exception, outcome: ExceptionOutcome) {
         self.push_outcome(HostEvent::Exception { exception, outcome });
     }
 
     #[inline(always)] // nearly always there is nothing
-    fn judged(&mut self, Judged { missed, rejected, outcome }: Judged) {
+    fn judged(&mut self, Judged { missed, delayed, rejected, outcome }: Judged) {
         if missed {
             self.missed();
+        }
+        if delayed {
+            self.delayed();
         }
         if let Some(error) = rejected {
             self.limiter.rejected();

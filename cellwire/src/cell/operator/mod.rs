@@ -57,6 +57,9 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let has_ended = model.has_ended();
     drop(screen);
     terminal::leave();
+    if let Some(what) = model.unfinished() {
+        remark(&format!("warning: {what}"));
+    }
     let traces = end(teleop);
     traces.iter().for_each(|line| remark(line));
     shown?;

@@ -45,6 +45,8 @@ pub(super) struct Counts {
     /// Replies in which an axis had to wait.
     pub(super) held: u64,
     pub(super) corrupt: u64,
+    /// Messages that were read later than is assumed.
+    pub(super) delayed: u64,
     pub(super) packets: u64,
     pub(super) ball_missed: u64,
     pub(super) ball_corrupt: u64,
@@ -206,6 +208,10 @@ impl Model {
                 self.values = [0; AXES];
                 self.show(format!("the robot ended ALTER: {}", error_text(end.error)));
             }
+            Notification::Delayed => {
+                self.counts.delayed += 1;
+                self.say_damage("robot: a message came later than max_delay".into());
+            }
             Notification::Missed => {
                 self.values = [0; AXES];
                 self.counts.missed += 1;
@@ -284,6 +290,17 @@ impl Model {
     /// Whether the host has ended.
     pub(super) fn has_ended(&self) -> bool {
         self.has_ended
+    }
+
+    /// What the host has not waited for when it ended: the latch's `end_within` or `farewell` was over before.
+    pub(super) fn unfinished(&self) -> Option<&'static str> {
+        match self.state {
+            HostState::Running | HostState::Interrupted | HostState::Stopping => {
+                Some("ended before the values were zero: the robot ends ALTER for want of a reply")
+            }
+            HostState::Silent => Some("ended before the robot has reported the end of ALTER"),
+            HostState::Disconnected | HostState::Idle | HostState::Starting => None,
+        }
     }
 
     /// How old the position is that is shown, if it is older than a cycle and a half: the next message is missing.

@@ -38,6 +38,13 @@ fn a_answers_v_refuses_and_q_ends() {
     assert!(!model.has_ended());
     model.take(2 * MS, Notification::Ended);
     assert!(model.has_ended());
+    let mut unfinished = |state| {
+        model.take(2 * MS, Notification::State(state));
+        model.unfinished().unwrap_or_default()
+    };
+    assert_eq!(unfinished(HostState::Idle), "");
+    assert!(unfinished(HostState::Silent).contains("before the robot has reported"));
+    assert!(unfinished(HostState::Stopping).contains("before the values were zero"));
 }
 
 /// The order itself is given by the thread that reads the keys.
@@ -164,6 +171,8 @@ fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {
         model.take(2000 * MS, Notification::Corrupt(error));
     }
     assert!(head(&model).contains("missed 0  corrupt 29  held 0"), "{}", head(&model));
+    model.take(2050 * MS, Notification::Delayed);
+    assert!(head(&model).contains("missed 0  corrupt 29  delayed 1  held 0"), "{}", head(&model));
     model.take(2100 * MS, Notification::Motion(status(SegmentStatus::StoppedForFault)));
     model.take(2100 * MS, Notification::Latch(Latch::Halted));
     assert!(head(&model).contains(" ROBOT STOPPED  segment status 10, stop: fault"), "{}", head(&model));

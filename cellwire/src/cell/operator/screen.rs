@@ -88,7 +88,8 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
         .collect();
     let colon = if reasons.is_empty() { "" } else { ": " };
     // There is room for it when it is needed.
-    let corrupt = if counts.corrupt > 0 { format!("corrupt {}  ", counts.corrupt) } else { String::new() };
+    let seen = |name, count: u64| if count > 0 { format!("{name} {count}  ") } else { String::new() };
+    let damage = seen("corrupt", counts.corrupt) + &seen("delayed", counts.delayed);
     let limit = match model.axes {
         val2_alter::AXES => String::new(),
         axes => format!("{axes} of {} axes fit, ", val2_alter::AXES),
@@ -102,7 +103,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
             Span::raw(format!(" {why}")),
         ]),
         Line::from(format!(
-            "cycles {}  missed {}  {corrupt}{limit}held {}  rejected {}{colon}{}  p99 {:.2} ms",
+            "cycles {}  missed {}  {damage}{limit}held {}  rejected {}{colon}{}  p99 {:.2} ms",
             counts.cycles,
             counts.missed,
             counts.held,

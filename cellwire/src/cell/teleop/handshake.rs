@@ -1,4 +1,5 @@
-//! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it go on.
+//! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it go on. So does time, as in
+//! [`HostConfig::max_hold`](val2_viewer::HostConfig): an XON may be lost, and an XOFF may be another byte that was corrupt.
 //!
 //! A packet leaves in pieces at the line's own pace, so that little follows an XOFF. Nothing is lost and nothing piles up: the rest
 //! of one packet waits, and the session makes no other before it has left. Requests that come meanwhile are given to the session
@@ -25,7 +26,9 @@ const REQUESTS: usize = 64;
 pub(super) struct Handshake {
     port: Port,
     baud: u32,
-    held: bool,
+    max_hold: Duration,
+    /// Until when XOFF holds the line, if it does.
+    held_until: Option<Duration>,
     /// The rest of a packet.
     waiting: VecDeque<u8>,
     /// When the next piece of it may be written.
@@ -35,11 +38,12 @@ pub(super) struct Handshake {
 }
 
 impl Handshake {
-    pub(super) fn new(port: Port, baud: u32) -> Self {
+    pub(super) fn new(port: Port, baud: u32, max_hold: Duration) -> Self {
         Self {
             port,
             baud,
-            held: false,
+            max_hold,
+            held_until: None,
             waiting: VecDeque::new(),
             next_at: Duration::ZERO,
             requests: Vec::new(),
@@ -52,17 +56,17 @@ impl Handshake {
 
     /// Whether the session may send.
     pub(super) fn is_free(&self) -> bool {
-        !self.held && self.waiting.is_empty()
+        self.held_until.is_none() && self.waiting.is_empty()
     }
 
     /// Whether the workstation holds the line.
     pub(super) fn is_held(&self) -> bool {
-        self.held
+        self.held_until.is_some()
     }
 
     /// The port is another one.
     pub(super) fn clear(&mut self) {
-        (self.held, self.next_at) = (false, Duration::ZERO);
+        (self.held_until, self.next_at) = (None, Duration::ZERO);
         self.waiting.clear();
         self.requests.clear();
     }
@@ -78,13 +82,15 @@ impl Handshake {
     /// Sends what may be sent, and takes what comes: without XON and XOFF.
     fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
         let now = self.port.now();
+        self.held_until = self.held_until.filter(|until| now < *until);
         self.write_piece(now);
-        let next = (!self.held && !self.waiting.is_empty()).then(|| self.next_at.saturating_sub(now));
+        let next = (!self.is_held() && !self.waiting.is_empty()).then(|| self.next_at.saturating_sub(now));
         let length = self.port.read(next.map_or(wait, |next| wait.min(next)), buffer);
         let (mut kept, received) = (0, buffer.get(..length).unwrap_or_default().to_vec());
         for byte in received {
             match byte {
-                XON | XOFF => self.held = byte == XOFF,
+                XON => self.held_until = None,
+                XOFF => self.held_until = Some(self.port.now().saturating_add(self.max_hold)),
                 _ => {
                     if let Some(place) = buffer.get_mut(kept) {
                         (*place, kept) = (byte, kept + 1);
@@ -96,7 +102,7 @@ impl Handshake {
     }
 
     fn write_piece(&mut self, now: Duration) {
-        if self.held || self.waiting.is_empty() || now < self.next_at {
+        if self.is_held() || self.waiting.is_empty() || now < self.next_at {
             return;
         }
         let piece: Vec<u8> = self.waiting.drain(..self.waiting.len().min(PIECE)).collect();

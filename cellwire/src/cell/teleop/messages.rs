@@ -68,6 +68,8 @@ pub enum Notification {
     },
     /// ALTER is over.
     End(End),
+    /// A message was read later than the host assumes.
+    Delayed,
     /// The reply came too late to be sent.
     Missed,
     /// The controller could not read a reply.

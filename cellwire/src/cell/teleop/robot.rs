@@ -199,6 +199,7 @@ impl Robot {
                     Notification::End(end)
                 }
                 HostEvent::Corrupt(error) => Notification::Corrupt(error),
+                HostEvent::Delayed => Notification::Delayed,
                 HostEvent::Missed => Notification::Missed,
                 HostEvent::Rejected(code) => Notification::Rejected(code),
                 HostEvent::Stopped => {

@@ -329,7 +329,8 @@ static bool alter_call(uint64_t now, const char *name, const struct json *argume
 static bool alter_event(bool is_first)
 {
     static const char *const NAMES[] = {"",        "corrupt", "lost",         "exception",
-                                        "stopped", "missed",  "target_stale", "rejected"};
+                                        "stopped", "missed",  "target_stale", "rejected",
+                                        "delayed"};
     struct alter_host_event event;
     if (!alter_host_event(&alter, &event))
         return false;

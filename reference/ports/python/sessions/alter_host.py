@@ -31,7 +31,8 @@ class Phase(Enum):
 
 
 REPLYING = (Phase.RUNNING, Phase.INTERRUPTED, Phase.STOPPING)
-ALTERING = (Phase.ACCEPTED, *REPLYING, Phase.SILENT)
+TARGETED = (Phase.ACCEPTED, *REPLYING)
+ALTERING = (*TARGETED, Phase.SILENT)
 
 
 class Sent(Enum):
@@ -74,11 +75,12 @@ class Config:
 
 @dataclass
 class Due:
-    """An answer that is due: when the message came, by when the answer must have begun, and by when it must end."""
+    """An answer that is due: when the message came, by when the answer must have begun and ended, and what the message says."""
 
     arrival: int
     begin_by: int
     end_by: int
+    is_interrupted: bool = False
 
 
 class Host(Session):
@@ -230,11 +232,15 @@ class Host(Session):
         """Section 7.4"""
         if self.phase not in ALTERING:
             return
-        self.lost_at = after(now, CYCLE * self.config.silence_cycles)
+        lost_at = after(now, CYCLE * self.config.silence_cycles)
+        is_early = after(lost_at, self.config.max_delay) < after(self.lost_at, CYCLE)
+        self.lost_at = lost_at
         if self.phase is Phase.SILENT:
             return
         if self.due is not None:
             self.miss()
+        if is_early and self.phase in REPLYING:
+            self.report("delayed")  # AL-93
         code = message["error"]
         if code > 0:
             self.report("rejected", error=code)
@@ -252,7 +258,8 @@ class Host(Session):
             self.phase = Phase.RUNNING if message["phase"] == "running" else Phase.INTERRUPTED
         end_by = after(now, min(self.config.window, max(CYCLE - self.config.span(length), 0)))  # AL-61
         shortest = self.config.span(self.framing.leading_dle + 6 + 2 * len(self.kept))
-        self.due = Due(now, max(end_by - shortest, now + 1), end_by)
+        is_interrupted = message["phase"] == "interrupted"
+        self.due = Due(now, max(end_by - shortest, now + 1), end_by, is_interrupted)
 
     def miss(self) -> None:
         """An answer was not sent in time."""
@@ -270,7 +277,7 @@ class Host(Session):
             self.miss()
             if self.phase is Phase.STARTING:
                 self.phase = Phase.IDLE
-        if self.phase in REPLYING and self.fresh_until is not None and now >= self.fresh_until:
+        if self.phase in TARGETED and self.fresh_until is not None and now >= self.fresh_until:
             self.fresh_until = None
             self.report("target_stale")
         if self.phase is Phase.REPEATING and now >= self.forget_at:
@@ -280,7 +287,7 @@ class Host(Session):
 
     def call(self, now: int, name: str, argument: Any) -> None:
         if name == "set_target":
-            if self.phase in (Phase.ACCEPTED, *REPLYING):
+            if self.phase in TARGETED:
                 self.target = argument
                 self.fresh_until = after(now, self.config.target_timeout)
         elif name == "clear_target":
@@ -353,7 +360,7 @@ class Host(Session):
     def transmit_reply(self, now: int, due: Due) -> bytes | None:
         """AL-63 to AL-65"""
         limiter = self.limiter.copy()
-        values = self.next_values(limiter)  # those of `limiter` change only if the reply is sent
+        values = self.next_values(now, limiter)  # those of `limiter` change only if the reply is sent
         code = 0
         if self.exception is not None and self.exception[1] is Sent.UNSENT and self.phase is Phase.RUNNING:
             code = self.exception[0]
@@ -379,7 +386,8 @@ class Host(Session):
                     limiter.hold(axis)
         self.limiter = limiter
         moved = {axis for axis in axes if values[axis] != 0}
-        if self.phase is Phase.INTERRUPTED:
+        is_unread = self.exception is not None and self.exception[1] is Sent.UNREAD
+        if due.is_interrupted or is_unread:
             self.kept |= moved
             moved = self.kept
         self.sent = set(moved)
@@ -390,12 +398,12 @@ class Host(Session):
         self.zeros_sent = not any(values[axis] for axis in axes) and limiter.is_at_rest()
         return frame(axes)
 
-    def next_values(self, limiter: Limiter) -> list[int]:
+    def next_values(self, now: int, limiter: Limiter) -> list[int]:
         """AL-86"""
         if self.phase is Phase.INTERRUPTED:
             limiter.missed()
             return [0] * AXES if self.config.is_cumulative else limiter.position[:]
-        is_fresh = self.phase is Phase.RUNNING and self.fresh_until is not None
+        is_fresh = self.phase is Phase.RUNNING and self.fresh_until is not None and now < self.fresh_until
         if self.config.is_cumulative:
             return limiter.speeds(self.target if is_fresh else [0] * AXES)
         if self.phase is Phase.STOPPING:
@@ -410,6 +418,6 @@ class Host(Session):
             times.append(self.forget_at)
         if self.phase in ALTERING:
             times.append(self.lost_at)
-        if self.phase in REPLYING:
+        if self.phase in TARGETED:
             times.append(self.fresh_until)
         return min((time for time in times if time is not None), default=None)

@@ -1,24 +1,31 @@
 //! A host against controllers that are not ours.
+//!
+//! One axis stands for all six. What a host knows of words is a bit for each axis, and each is changed by its own bit alone. Axes meet
+//! where a word is chosen, where the last one that is not zero keeps a stop from being done, and in how long a reply is. So other axes
+//! decide when a word is left out that need not be there, whether a reply is at rest, and by when it has to begin. Here all three are
+//! open: any reply may have a word that moves, or a zero, or [be on the way](Word::Brake), and replies are lost, or late.
+//!
+//! One mode stands for all, too. A machine asks it whether a start message names it, how long the window is (15 or 17 ms are the same
+//! ticks here), and where values go without a target, which is open. A transformation makes the message longer, and the window
+//! shorter at most.
 
 use core::time::Duration;
 
 use robot_session::Machine as _;
-use val2_alter::host::machine::{
-    Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending, Target,
-};
+use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending};
 use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
 
 use super::any_robot::{CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window};
 use super::setup::{FRESH, TICK};
 use super::world::{
-    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, WORDS, ZEROS,
+    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, STALE, WORDS, ZEROS,
 };
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 const NOW: Duration = Duration::ZERO;
 pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
 pub(super) const INTERRUPTED: &str = "no exception is sent in an interruption";
-pub(super) const FOUND: &str = "the arm follows a target until it is found to be too old";
+pub(super) const DELAYED: &str = "a message is not reported as delayed when it is not";
 pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
 
 pub(super) const RULES: Terms = Terms {
@@ -37,13 +44,28 @@ pub(super) const RULES: Terms = Terms {
         SILENCE,
         ANSWERED,
         INTERRUPTED,
+        DELAYED,
         EXPECTED,
     ],
 };
 pub(super) const LATE: Terms = Terms {
-    keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-80 without its words, delays no longer than max_delay",
-    free: "which errors it finds, whether it goes on without a reply and takes one that is late, what is lost, or corrupt after the start",
-    properties: &[ONCE, DONE, NOT_DONE, OUTCOME, WORDS, FITS, ANSWERED, INTERRUPTED, EXPECTED],
+    keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
+    free: "which errors it finds, whether it goes on without a reply and takes one that is late, what it makes of words that come in an \
+           interruption, what is lost, or corrupt after the start, when it interrupts, ends and restarts",
+    properties: &[
+        ONCE,
+        DONE,
+        NOT_DONE,
+        OUTCOME,
+        WORDS,
+        ZEROS,
+        FITS,
+        SILENT,
+        ANSWERED,
+        INTERRUPTED,
+        DELAYED,
+        EXPECTED,
+    ],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
@@ -52,7 +74,7 @@ pub(super) const ANYTHING: Terms = Terms {
         OUTCOME,
         AGAIN,
         FITS,
-        FOUND,
+        STALE,
         SILENT,
         SILENCE,
         ANSWERED,
@@ -70,7 +92,7 @@ pub struct AnyController {
     /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
     /// faults is open.
     pub keeps_rules: bool,
-    /// It may take a reply that is too late; then it keeps the words that come in an interruption, no end is restarted, and the caller does not stop.
+    /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
     pub takes_late: bool,
 }
 
@@ -105,6 +127,8 @@ pub enum Word {
     Noise,
     /// The host answers with a word that is not zero.
     Move,
+    /// It answers with a zero, or without the word, and another axis moves.
+    Brake,
     /// The caller has a target.
     Target,
     /// The caller has an exception.
@@ -164,7 +188,7 @@ impl Peer for AnyController {
 
     fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
         if self.keeps_rules {
-            known.robot_words(self.takes_late, words);
+            known.robot_words(words);
             if end.phase != HostPhase::Disconnected && known.down.is_some() && !known.sending {
                 words.push(Word::Read { corrupt: false });
                 if !(self.takes_late && matches!(known.down, Some(Frame::Start { .. }))) {
@@ -175,8 +199,8 @@ impl Peer for AnyController {
             words.extend(FRAMES.map(Word::Come));
             words.push(Word::Noise);
         }
-        if let Some(Answer::Reply { course: Course::Target, .. }) = end.transmit(NOW, &self.config) {
-            words.push(Word::Move);
+        if let Some(Answer::Reply { .. }) = end.transmit(NOW, &self.config) {
+            words.extend([Word::Move, Word::Brake]);
         }
         let HostPhase::Active(active) = &end.phase else {
             if end.policy != Policy::Accept {
@@ -184,10 +208,11 @@ impl Peer for AnyController {
             }
             return;
         };
-        words.push(Word::Target);
-        if !self.takes_late {
-            words.push(Word::Stop);
+        // Where it makes no difference what moves the arm, there is no target.
+        if !self.keeps_rules {
+            words.push(Word::Target);
         }
+        words.push(Word::Stop);
         if end.name() == "running" && active.exception == Pending::None {
             words.push(Word::Ask);
         }
@@ -196,7 +221,7 @@ impl Peer for AnyController {
     fn by(&self, word: Word) -> By {
         match word {
             Word::Read { .. } | Word::Come(_) | Word::Noise => By::Line,
-            Word::Move | Word::Target | Word::Ask | Word::Stop | Word::Accept => By::User,
+            Word::Move | Word::Brake | Word::Target | Word::Ask | Word::Stop | Word::Accept => By::User,
             Word::Say(_) | Word::Lose | Word::Arrive { .. } => By::Others,
             Word::Interrupt | Word::Return | Word::Restart => By::Others,
         }
@@ -214,7 +239,8 @@ impl Peer for AnyController {
                 known.lose_sequence();
                 return Some(Input::Noise);
             }
-            Word::Move => return Some(self.reply(end, known, true)),
+            Word::Move => return Some(self.reply(end, known, true, false)),
+            Word::Brake => return Some(self.reply(end, known, false, false)),
             Word::Target => {
                 known.target = 0;
                 return Some(Input::Target);
@@ -249,7 +275,7 @@ impl Peer for AnyController {
     fn answer(&self, end: &HostMachine, known: &mut Known, what: &Answer) -> InputOf<Self> {
         match what {
             Answer::Nothing => Input::Ignored,
-            Answer::Start(_) | Answer::Reply { .. } => self.reply(end, known, false),
+            Answer::Start(_) | Answer::Reply { .. } => self.reply(end, known, false, true),
         }
     }
 
@@ -290,7 +316,10 @@ impl Peer for AnyController {
                 must(!self.keeps_rules || !known.held, ZEROS);
                 known.end_job(self, judged.outcome, &mut must);
             }
-            Action::Asked(judged) => known.end_job(self, judged.outcome, &mut must),
+            Action::Asked(judged) => {
+                must(!(self.keeps_rules && judged.delayed), DELAYED);
+                known.end_job(self, judged.outcome, &mut must);
+            }
             Action::Missed if cause == Cause::Due => (known.asked, known.started) = (None, None),
             Action::Exception(exception, outcome) => {
                 known.end_job(self, Some((exception, outcome)), &mut must)
@@ -324,6 +353,9 @@ impl Peer for AnyController {
             known.since_read = 0;
         }
         known.up = known.up.and_then(|(reply, ticks)| Some((reply, ticks.checked_sub(1)?)));
+        if known.up.is_none() && known.asked.is_none() && known.started.is_none() {
+            known.late = 0;
+        }
     }
 
     fn restarted(&self, known: &mut Known) {
@@ -396,7 +428,7 @@ impl AnyController {
     }
 
     /// What the host does with the answer that is due.
-    fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool) -> Input {
+    fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool, at_rest: bool) -> Input {
         let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
         let (bare, end_by) = match &end.phase {
             HostPhase::Active(active) => (8, active.request.map(|request| request.due.end_by)),
@@ -412,14 +444,11 @@ impl AnyController {
             known.wrong = known.wrong.or(Some(FITS));
         }
         let is_follower = matches!(answer, Answer::Reply { course: Course::Target, .. });
-        // A host that is not called when a target becomes too old sends one more reply to it.
-        let is_overdue =
-            matches!(&end.phase, HostPhase::Active(active) if active.target == Target::Fresh { until: NOW });
-        if is_follower && known.target >= FRESH && !is_overdue {
-            known.wrong = known.wrong.or(Some(FOUND));
+        if is_follower && known.target >= FRESH {
+            known.wrong = known.wrong.or(Some(STALE));
         }
         let moving = draft.moving & select;
         known.reply = Some((select, moving != 0));
-        Input::Sent { moving, at_rest: !moves }
+        Input::Sent { moving, at_rest }
     }
 }

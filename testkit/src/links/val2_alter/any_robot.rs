@@ -100,7 +100,7 @@ pub struct Job {
 
 impl Known {
     /// What a controller that keeps the rules may do.
-    pub(super) fn robot_words(&self, takes_late: bool, words: &mut Vec<Word>) {
+    pub(super) fn robot_words(&self, words: &mut Vec<Word>) {
         if self.down.is_some() {
             words.push(Word::Lose);
         }
@@ -108,12 +108,12 @@ impl Known {
             let each = [(false, false), (false, true), (true, false)];
             words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
         }
-        if self.robot != Robot::Off && !takes_late {
+        if self.robot != Robot::Off {
             words.push(Word::Restart);
         }
         let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
         match self.robot {
-            Robot::Running if is_its_turn && !takes_late => words.push(Word::Interrupt),
+            Robot::Running if is_its_turn => words.push(Word::Interrupt),
             Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
             _ => {}
         }
@@ -178,9 +178,11 @@ impl Known {
                     self.execute();
                 }
             }
-            (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
-                self.window = Window::Good;
-                self.held = if has_word && (takes || takes_late) { moves } else { self.held };
+            (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. })
+                if in_window || takes && takes_late =>
+            {
+                self.window = if in_window { Window::Good } else { self.window };
+                self.held = if has_word && takes { moves } else { self.held };
             }
             (Reply::Accept | Reply::Values { .. }, _) => {}
         }

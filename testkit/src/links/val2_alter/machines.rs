@@ -9,7 +9,7 @@ use crate::model::Drawn;
 impl Drawn for HostMachine {
     fn action_name(action: &Self::Action) -> String {
         use host::{Action, Judged};
-        let judged = |Judged { missed, rejected, outcome }| {
+        let judged = |Judged { missed, rejected, outcome, .. }| {
             let outcome = match outcome {
                 None => "",
                 Some((_, ExceptionOutcome::Done)) => "exception done",

@@ -5,6 +5,7 @@ mod any_controller;
 mod any_host;
 mod any_robot;
 mod machines;
+mod margins;
 mod pair;
 pub mod rows;
 mod rules;
@@ -13,6 +14,7 @@ mod world;
 
 pub use any_controller::AnyController;
 pub use any_host::AnyHost;
+pub use margins::margins;
 pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};
 pub use world::{Message, Reply, World};
@@ -22,7 +24,8 @@ use robot_session::Rules;
 use val2_alter::{HostConfig, Mode, controller, host};
 
 use world::{
-    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, TRIES, UNASKED, WORDS, ZEROS,
+    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, STALE, TRIES, UNASKED, WORDS,
+    ZEROS,
 };
 
 /// The tables of the link's machines.
@@ -44,13 +47,12 @@ pub const ANY_CONTROLLER: Pair = Pair {
     settings: |_| {
         vec![
             Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
-            Setting::new("keeps them, takes late replies, no stop", late_controller())
-                .on(any_controller::LATE),
+            Setting::new(TAKES_LATE, late_controller()).on(any_controller::LATE),
             Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
         ]
     },
     must_fail: || {
-        use any_controller::{AGAIN, FOUND, INTERRUPTED};
+        use any_controller::{AGAIN, DELAYED, INTERRUPTED};
         use host::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
@@ -71,19 +73,26 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: an exception that was read is not sent again", AGAIN, false, Rule::SendOnce),
             without("host: no exception in an interruption", INTERRUPTED, false, Rule::NotInterrupted),
             without("host: after a stop nothing is answered", SILENT, false, Rule::Silent),
-            without("host: a target is not for ever", FOUND, false, Rule::Stale),
+            without("host: a target is not for ever", STALE, false, Rule::Stale),
+            without("host: an overdue target is not followed", STALE, false, Rule::FreshInUse),
             without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
             without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
             without("host: a reply that is too late is not sent", FITS, false, Rule::Late),
         ];
-        let mut late = late_controller();
-        late.peer.config.rules = Rules::without(Rule::Unread);
-        cases.push(MustFail::new(
-            "host: a reply that was not read may be late",
-            ONCE,
-            "keeps them, takes late replies, no stop",
-            late,
-        ));
+        let late = |name, property, rule| {
+            let mut system = late_controller();
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, TAKES_LATE, system)
+        };
+        let words = "host: words are uncertain while an exception may be late";
+        cases.extend([
+            late("host: a reply that was not read may be late", ONCE, Rule::Unread),
+            late(words, ZEROS, Rule::WordsUnread),
+            late(words, WORDS, Rule::WordsUnread),
+        ]);
+        let mut hasty = any_controller(true);
+        hasty.peer.config.max_delay = core::time::Duration::ZERO;
+        cases.push(MustFail::new("assumption: no delay above max_delay", DELAYED, at(true), hasty));
         cases
     },
     diagrams: Vec::new,
@@ -120,8 +129,10 @@ pub const ANY_HOST: Pair = Pair {
     refined: Vec::new,
 };
 
+const TAKES_LATE: &str = "keeps them, takes late replies";
+
 fn any_controller(keeps_rules: bool) -> Against<AnyController> {
-    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(19)).host };
+    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(18)).host };
     // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
     let config = HostConfig { target_timeout, ..host };

@@ -78,7 +78,15 @@ impl Rows for Host {
             zeros,
             silent,
         ];
-        states.into_iter().flat_map(|state| [vec![state.clone()], overdue(&state)].concat()).collect()
+        // The last message came a cycle ago.
+        let later = |mut state: HostMachine| {
+            if let HostPhase::Active(active) = &mut state.phase {
+                active.lost_at -= CYCLE;
+            }
+            state
+        };
+        let each = |state: HostMachine| [vec![state.clone()], overdue(&state)].concat();
+        states.into_iter().map(later).flat_map(each).collect()
     }
 
     fn inputs() -> Vec<host::Input> {

@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 use clap::{Args, Parser, Subcommand};
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressStyle};
-use testkit::links::PAIRS;
-use testkit::model::{Broken, Depth, Explored, MustFail, Options, Pair, Setting, check_or_write};
+use testkit::links::{MARGINS, PAIRS};
+use testkit::model::{
+    Broken, Depth, Explored, Margin, Measured, MustFail, Options, Pair, Setting, check_or_write,
+};
 
 /// Explores every pair of ends exhaustively: both machines, the line between them with every fault that it can commit, and
 /// what their users may do.
@@ -58,6 +60,11 @@ enum Command {
     },
     /// Prints, as Markdown, what is known of the peers that have no machine, and what holds all the same.
     Peers,
+    /// Makes what each end assumes about time less and less true, until a property breaks.
+    ///
+    /// Prints the last step in which everything holds, and the first in which something breaks. Exit 1 if something breaks where
+    /// the assumption is true.
+    Margins,
     /// Draws the state diagram of every end and writes it to `<crate>/diagrams/<end>.md`.
     Diagrams {
         /// Writes nothing; exit 1 if a file is not what would be written.
@@ -86,6 +93,7 @@ fn main() -> ExitCode {
         None => explore(&pairs, depth, &common),
         Some(Command::MustFail { traces }) => must_fail(&pairs, traces, &common),
         Some(Command::Peers) => peers(&pairs, depth, &common),
+        Some(Command::Margins) => margins(&common),
         Some(Command::Diagrams { check }) => diagrams(&pairs, !check),
     };
     ExitCode::from(u8::from(!good))
@@ -204,6 +212,41 @@ fn peers(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
         );
     }
     rows.iter().all(Explored::holds) && !rows.is_empty()
+}
+
+fn margins(common: &Common) -> bool {
+    let is_selected =
+        |end: &str| common.links.is_empty() || common.links.iter().any(|name| end.contains(name));
+    let margins: Vec<Margin> =
+        MARGINS.iter().flat_map(|each| each()).filter(|margin| is_selected(margin.end)).collect();
+    let rows = run(&margins, common, |margin, options| margin.measure(options));
+    let header = [
+        "end",
+        "setting",
+        "real",
+        "holds\n(assumed, real)",
+        "margin\n(ms)",
+        "breaks\n(assumed, real)",
+        "what",
+    ];
+    let mut table = table(&header, 3..6);
+    for (margin, row) in margins.iter().zip(&rows) {
+        let Measured { holds, breaks } = row;
+        let pair = |assumed: &Duration, real: &Duration| format!("{assumed:?}, {real:?}");
+        table.add_row([
+            margin.end.into(),
+            margin.setting.into(),
+            margin.real.into(),
+            holds.map(|(assumed, real)| pair(&assumed, &real)).unwrap_or_default(),
+            row.margin().map(|ms| format!("{ms:+.1}")).unwrap_or_default(),
+            breaks.as_ref().map(|(assumed, real, _)| pair(assumed, real)).unwrap_or_default(),
+            breaks.as_ref().map_or("nothing", |(.., property)| property).into(),
+        ]);
+    }
+    println!("{table}\n");
+    let good = rows.iter().all(Measured::is_kept) && !rows.is_empty();
+    println!("{}", if good { "what is assumed is enough" } else { "FAILED" });
+    good
 }
 
 fn diagrams(pairs: &[Pair], write: bool) -> bool {

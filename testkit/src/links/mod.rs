@@ -10,7 +10,7 @@ pub mod val2_alter;
 pub mod val2_viewer;
 pub mod work_queue;
 
-use crate::model::{Pair, Table};
+use crate::model::{Margin, Pair, Table};
 
 /// Every pair of ends, each in a line.
 pub const PAIRS: &[Pair] = &[
@@ -53,3 +53,6 @@ pub const TABLES: &[&[Table]] = &[
     val2_alter::TABLES,
     val2_viewer::TABLES,
 ];
+
+/// What the ends of each link assume about time.
+pub const MARGINS: &[fn() -> Vec<Margin>] = &[latch::margins, isra_ball::margins, val2_alter::margins];

@@ -2,6 +2,7 @@
 
 mod any_ball;
 mod any_host;
+mod margins;
 mod pair;
 mod refine;
 pub mod rows;
@@ -9,6 +10,7 @@ mod world;
 
 pub use any_ball::AnyBall;
 pub use any_host::AnyHost;
+pub use margins::margins;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};

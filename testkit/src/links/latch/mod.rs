@@ -1,8 +1,10 @@
 //! The operator's latch: an operator, an input and a robot that do anything at any time, and a program that is called late.
 
+mod margins;
 pub mod rows;
 mod world;
 
+pub use margins::margins;
 pub use world::{Act, Operated, State, TICK};
 
 use cellwire_motion::latch::{LatchConfig, Rule};

@@ -5,6 +5,7 @@ mod any_controller;
 mod any_host;
 mod any_robot;
 mod machines;
+mod margins;
 mod pair;
 pub mod rows;
 mod rules;
@@ -13,6 +14,7 @@ mod world;
 
 pub use any_controller::AnyController;
 pub use any_host::AnyHost;
+pub use margins::margins;
 pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};
 pub use world::{Message, Reply, World};

@@ -1,0 +1,201 @@
+//! By how much the host may be wrong about the controller, its line and its caller: the model where any fault may meet any other, and
+//! the session on a virtual clock.
+
+use core::time::Duration;
+
+use robot_session::Session as _;
+use val2_alter::{
+    ErrorCode, Frame, Framing, Host, HostConfig, HostEvent, Limits, List, Message as _, Mode, Motion,
+    MotionPhase, RobotMessage, SegmentStatus, Start, Transform, timing,
+};
+
+use super::setup::{Alter, TICK};
+use crate::model::{Margin, Setting, Step};
+
+const MS: Duration = Duration::from_millis(1);
+const END: &str = "val2-alter host";
+
+/// What the host assumes about time.
+pub fn margins() -> Vec<Margin> {
+    let HostConfig { gap, silence_cycles, target_timeout, reserve, .. } = HostConfig::default();
+    let gap = gap.unwrap_or(Duration::MAX);
+    let silence = timing::CYCLE * silence_cycles;
+    let late = |ms: &[u64], ticks: u8| {
+        let step = |ms: &u64| {
+            let assumed = Duration::from_millis(*ms);
+            Step::model(assumed, TICK * u32::from(ticks), Setting::new("late", delayed(assumed, ticks)))
+        };
+        ms.iter().map(step).collect()
+    };
+    let times = |assumed: Duration, reals: &[Duration], check: fn(Duration) -> Option<&'static str>| {
+        reals
+            .iter()
+            .map(|real| (*real, check))
+            .map(|(real, check)| Step::new(assumed, real, move || check(real)))
+            .collect()
+    };
+    let cycles = |n: u32| timing::CYCLE * n;
+    let lost = [cycles(1), cycles(2), cycles(3), silence - MS / 10, silence];
+    let doubled: Vec<_> = (0..=16).map(|bytes| timing::transmission_time(bytes, SLOW)).collect();
+    [
+        ("max_delay", "a message, or its reply, is so late", late(&[10, 8, 7, 6, 5], 1)),
+        ("max_delay", "the same, by more than any reply can be in time", late(&[28, 14, 13, 12, 11], 2)),
+        ("max_delay", "the same, by a cycle", late(&[28, 14, 13, 12, 11], 4)),
+        ("gap", "so long a pause within a message", times(gap, &around(gap), pauses)),
+        (
+            "gap",
+            "so long from the half of a message to a whole one",
+            times(Duration::from_secs(1), &[MS, gap, 24 * MS, 999 * MS], follows_half),
+        ),
+        (
+            "silence_cycles",
+            "no message for so long, a cycle for each that is lost",
+            times(silence, &lost, is_silent),
+        ),
+        (
+            "target_timeout",
+            "from one target to the next",
+            times(target_timeout, &around(target_timeout), steers),
+        ),
+        (
+            "reserve",
+            "19200 baud: bytes that are doubled when axes move already",
+            times(reserve, &doubled, doubles),
+        ),
+    ]
+    .map(|(setting, real, steps)| Margin { end: END, setting, real, steps })
+    .into()
+}
+
+/// A line on which one message or reply at a time is late, and what the host assumes of it.
+fn delayed(assumed: Duration, ticks: u8) -> Alter {
+    let system = Alter { faults: 3, jobs: 1, late: ticks, late_once: true, ..Alter::new(Mode(19)) };
+    Alter { host: HostConfig { max_delay: assumed, ..system.host }, ..system }
+}
+
+fn around(assumed: Duration) -> [Duration; 4] {
+    [assumed / 2, assumed - MS / 10, assumed, assumed + MS]
+}
+
+const SLOW: u32 = 19_200;
+
+/// A host in an ALTER, and the time.
+struct Cell {
+    host: Host,
+    now: Duration,
+}
+
+impl Cell {
+    fn new(config: HostConfig) -> Self {
+        let mut host = Host::new(config).expect("it can work");
+        host.handle_connected(Duration::ZERO);
+        let mut cell = Self { host, now: Duration::ZERO };
+        let start = RobotMessage::Start(Start::new(config.mode, List::EMPTY));
+        assert!(cell.ask(&bytes(&start)), "it is accepted");
+        cell
+    }
+
+    /// A message comes; whether it is answered at once.
+    fn ask(&mut self, bytes: &[u8]) -> bool {
+        self.host.handle_input(self.now, bytes);
+        self.answers()
+    }
+
+    fn answers(&mut self) -> bool {
+        self.host.handle_timeout(self.now);
+        let mut out = [0; Host::MAX_TRANSMIT];
+        self.host.poll_transmit(self.now, &mut out).is_some()
+    }
+
+    /// Whether it has reported something.
+    fn reports(&mut self, is_it: fn(&HostEvent) -> bool) -> bool {
+        core::iter::from_fn(|| self.host.poll_event()).any(|event| is_it(&event))
+    }
+}
+
+fn bytes(message: &RobotMessage) -> Vec<u8> {
+    let mut out = [0; Frame::MAX_LEN];
+    let len = message.encode(Framing::DEFAULT, &mut out).expect("it is a message");
+    out[..len].to_vec()
+}
+
+fn motion() -> Vec<u8> {
+    bytes(&RobotMessage::Motion(Motion {
+        phase: MotionPhase::Running,
+        error: ErrorCode::None,
+        segment_status: SegmentStatus::from(2),
+        segment: 1,
+        percent: 0,
+        transform: Some(Transform([0; 12])),
+    }))
+}
+
+fn pauses(time: Duration) -> Option<&'static str> {
+    let message = motion();
+    for cut in 1..message.len() {
+        let mut cell = Cell::new(HostConfig::default());
+        let (head, rest) = message.split_at(cut);
+        let _ = cell.ask(head);
+        cell.now += time;
+        if !cell.ask(rest) {
+            return Some("a message in two pieces is answered");
+        }
+    }
+    None
+}
+
+fn follows_half(time: Duration) -> Option<&'static str> {
+    let message = motion();
+    for cut in 1..message.len() {
+        let mut cell = Cell::new(HostConfig {
+            gap: Some(Duration::from_secs(1)),
+            silence_cycles: 100,
+            ..HostConfig::default()
+        });
+        let _ = cell.ask(&message[..cut]);
+        cell.now += time;
+        if !cell.ask(&message) {
+            return Some("a message behind the half of another is answered");
+        }
+    }
+    None
+}
+
+fn is_silent(time: Duration) -> Option<&'static str> {
+    let mut cell = Cell::new(HostConfig::default());
+    let _ = cell.ask(&motion());
+    cell.now += time;
+    (!cell.ask(&motion())).then_some("an ALTER that goes on is answered")
+}
+
+fn steers(time: Duration) -> Option<&'static str> {
+    let mut cell = Cell::new(HostConfig::default());
+    cell.host.set_target(cell.now, [50; 6]);
+    cell.now += time;
+    cell.host.handle_timeout(cell.now);
+    let is_stale = cell.reports(|event| *event == HostEvent::TargetStale);
+    is_stale.then_some("a target holds until the next")
+}
+
+/// As many axes move as fit; in the next cycle so many bytes more are to be sent.
+fn doubles(time: Duration) -> Option<&'static str> {
+    let config = HostConfig { baud: SLOW, limits: Limits::NONE, ..HostConfig::default() };
+    let mut cell = Cell::new(config);
+    let mut left =
+        u32::try_from(time.as_nanos() / timing::transmission_time(1, SLOW).as_nanos()).unwrap_or(u32::MAX);
+    for target in [
+        [1; 6],
+        core::array::from_fn(|_| {
+            let bytes = left.min(2);
+            left -= bytes;
+            [1, 0x0110, 0x1010][bytes as usize]
+        }),
+    ] {
+        cell.now += timing::CYCLE;
+        cell.host.set_target(cell.now, target);
+        if !cell.ask(&motion()) {
+            return Some("axes that move have room for their words");
+        }
+    }
+    None
+}

@@ -193,7 +193,8 @@ pub enum HostEvent {
     Corrupt(DecodeError),
     /// The deadline passed before `poll_transmit` was called: no reply was sent, and the controller will end ALTER.
     Missed,
-    /// The controller could not read the last reply, and why.
+    /// The controller could not read the last reply, and why. Behind a message that was lost or corrupt, and so not answered, it may be
+    /// about that one.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].

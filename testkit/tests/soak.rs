@@ -19,15 +19,29 @@ fn nothing_is_lost_or_repeated_without_a_report() {
         // The sessions were bad ones, and every way in which a job may end occurs.
         let faults = tally.faults;
         assert_eq!(tally.sessions, 60);
-        if name == "laser-eb90/serial, any host" {
+        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.forged, tally.jobs, "{name}");
+        if name == "laser-eb90/serial, any host" || name == "laser-eb90/serial, hostile host" {
             // The article's host gives up nothing.
             assert_eq!(tally.once, tally.jobs, "{name}: {tally:?}");
             assert!(faults.stalls > 1000 && faults.flips > 100, "{name}: {faults:?}");
             continue;
         }
+        if name.contains("hostile ") {
+            // What it reports proves nothing, and some have no jobs.
+            let moved = faults.splits + faults.stalls + faults.merges;
+            assert!(moved > 100 || name == "val2-alter/serial, hostile ends", "{name}: {faults:?}");
+            continue;
+        }
+        if name.contains("any ") {
+            // A workstation that is not ours has no jobs.
+            let has_jobs = name != "val2-viewer/serial, any workstation";
+            assert!(tally.once * 4 > tally.jobs || !has_jobs, "{name}: {tally:?}");
+            assert_eq!(tally.jobs > 500, has_jobs, "{name}: {tally:?}");
+            assert!(faults.splits > 100, "{name}: {faults:?}");
+            continue;
+        }
         assert!(tally.once > tally.jobs / 3 && tally.not_done > 10, "{name}: {tally:?}");
         assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
-        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.forged, tally.jobs, "{name}");
         if name == "kawasaki-msg/udp" {
             assert!(faults.losses > 100 && faults.repeats > 100 && faults.delays > 100, "{name}: {faults:?}");
         } else if row.one_in.is_some() {

@@ -76,7 +76,7 @@ fn main() -> ExitCode {
     let blind: Vec<_> = blind.map(|(row, _)| row.name()).collect();
     for (name, seed) in failures.values().flatten().take(10) {
         println!(
-            "broken promise, see it with: cargo run --release -p testkit --bin soak -- --link {name} --seed {seed} --trace"
+            "broken promise, see it with: cargo run --release -p testkit --bin soak -- --link '{name}' --seed {seed} --trace"
         );
     }
     for name in &blind {

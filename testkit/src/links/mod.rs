@@ -55,4 +55,13 @@ pub const TABLES: &[&[Table]] = &[
 ];
 
 /// What the ends of each link assume about time.
-pub const MARGINS: &[fn() -> Vec<Margin>] = &[latch::margins, isra_ball::margins, val2_alter::margins];
+pub const MARGINS: &[fn() -> Vec<Margin>] = &[
+    latch::margins,
+    fanuc_hmi_modbus::margins,
+    isra_ball::margins,
+    kawasaki_msg::margins,
+    laser_eb90::margins,
+    mmacell_proto::margins,
+    val2_alter::margins,
+    val2_viewer::margins,
+];

@@ -68,6 +68,18 @@ impl fmt::Debug for Step {
 }
 
 impl Margin {
+    /// What is assumed is measured from half of it to twice.
+    pub fn around(
+        [end, setting, real]: [&'static str; 3],
+        assumed: Duration,
+        check: fn(Duration) -> Option<&'static str>,
+    ) -> Self {
+        const MS: Duration = Duration::from_millis(1);
+        let reals = [assumed / 2, assumed - MS / 10, assumed, assumed + MS / 10, assumed + MS, assumed * 2];
+        let step = |real| Step::new(assumed, real, move || check(real));
+        Self { end, setting, real, steps: reals.map(step).into() }
+    }
+
     /// Goes from step to step until something breaks.
     pub fn measure(&self, options: &Options<'_>) -> Measured {
         let mut measured = Measured { holds: None, breaks: None };

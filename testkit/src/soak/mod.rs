@@ -1,4 +1,5 @@
-//! The soak: both ends of every session over the faults that its transport can commit, from a seed.
+//! The soak: both ends of every session over the faults that its transport can commit, from a seed. Each end meets ours, *any* end that keeps
+//! the source's rules, and a *hostile* one that sends anything.
 //!
 //! A seed makes one short bad session of each [`Row`]: what is sent, what its users do, and what the line does follow from it.
 //! Every job of it ends in one column of its [`Tally`]. What was reported to its sender is compared with what was executed; an
@@ -8,7 +9,6 @@ mod cell;
 mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
-mod laser_any_host;
 mod laser_eb90;
 mod log;
 mod mmacell_proto;
@@ -19,11 +19,24 @@ mod wire;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::link::End;
+
 pub use fanuc_hmi_modbus::SABOTAGED;
-pub use laser_any_host::{Article, Fault, frame};
+pub use laser_eb90::{Article, Fault, frame};
 pub use log::{Log, Mark};
 pub use tally::{Job, Ledger, Reported, Tally};
 pub use wire::{Check, Unseen, Wire};
+
+/// Who is at the two ends of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Peer {
+    /// Both are ours.
+    Ours,
+    /// This end is not ours: it chooses among what the source permits.
+    Any(End),
+    /// This end is not ours: it sends anything.
+    Hostile(End),
+}
 
 /// One link over one transport: a row of the table.
 #[derive(Debug, Clone, Copy)]
@@ -39,20 +52,46 @@ pub struct Row {
     session: fn(u64, Log) -> Tally,
 }
 
-/// Every session of the workspace.
-pub const ROWS: [Row; 13] = [
+/// Every session of the workspace: of each link first both of our ends, then each against one that is not ours.
+pub const ROWS: [Row; 39] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
+    kawasaki_msg::ANY_ROBOT,
+    kawasaki_msg::ANY_PC,
+    kawasaki_msg::HOSTILE_ROBOT,
+    kawasaki_msg::HOSTILE_PC,
     val2_alter::SERIAL,
+    val2_alter::ANY_CONTROLLER,
+    val2_alter::ANY_HOST,
+    val2_alter::HOSTILE,
     val2_viewer::SERIAL,
+    val2_viewer::ANY_WORKSTATION,
+    val2_viewer::ANY_HOST,
+    val2_viewer::HOSTILE_WORKSTATION,
+    val2_viewer::HOSTILE_HOST,
     isra_ball::SERIAL,
+    isra_ball::ANY_BALL,
+    isra_ball::ANY_HOST,
+    isra_ball::HOSTILE_BALL,
+    isra_ball::HOSTILE_HOST,
     fanuc_hmi_modbus::TCP,
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,
+    fanuc_hmi_modbus::ANY_SERVER,
+    fanuc_hmi_modbus::ANY_CLIENT,
+    fanuc_hmi_modbus::HOSTILE_SERVER,
+    fanuc_hmi_modbus::HOSTILE_CLIENT,
     laser_eb90::SERIAL,
-    laser_any_host::ANY_HOST,
+    laser_eb90::ANY_CONTROLLER,
+    laser_eb90::ANY_HOST,
+    laser_eb90::HOSTILE_CONTROLLER,
+    laser_eb90::HOSTILE_HOST,
     mmacell_proto::TCP,
+    mmacell_proto::ANY_CENTRAL,
+    mmacell_proto::ANY_DEVICE,
+    mmacell_proto::HOSTILE_CENTRAL,
+    mmacell_proto::HOSTILE_DEVICE,
     cell::TASK,
 ];
 

@@ -201,7 +201,8 @@ pub enum HostEvent {
     /// The standard message before was read later than [`HostConfig::max_delay`] assumes: the next one came sooner after it than a
     /// controller sends them. Exceptions may be executed twice on such a line; its adapter, or this setting, is to be changed.
     Delayed,
-    /// The controller could not read the last reply, and why.
+    /// The controller could not read the last reply, and why. Behind a message that was lost or corrupt, and so not answered, it may be
+    /// about that one.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].

@@ -2,6 +2,7 @@
 
 mod any_client;
 mod any_server;
+mod margins;
 mod pair;
 mod refine;
 pub mod rows;
@@ -10,6 +11,7 @@ mod world;
 use fanuc_hmi_modbus::client::Rule as Client;
 use fanuc_hmi_modbus::server::Rule as Server;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
+pub use margins::margins;
 use robot_session::Rules;
 
 pub use self::any_client::AnyClient;

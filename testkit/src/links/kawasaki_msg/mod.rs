@@ -3,6 +3,7 @@
 mod any_pc;
 mod any_robot;
 mod machines;
+mod margins;
 mod pair;
 mod refine;
 pub mod rows;
@@ -11,6 +12,7 @@ mod world;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
+pub use margins::margins;
 
 use kawasaki_msg::pc::Rule as PcRule;
 use kawasaki_msg::robot::Rule as RobotRule;

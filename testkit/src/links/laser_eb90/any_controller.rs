@@ -36,6 +36,23 @@ pub struct AnyController {
     pub keeps_rules: bool,
     /// It drops what it holds of a frame when it answers an error code.
     pub drops: bool,
+    /// How long it and the line really take.
+    pub real: Times,
+}
+
+/// How long a controller and its line take, in ticks: a frame's pauses, its execution, an answer, and an error code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Times {
+    pub(super) pause: u8,
+    pub(super) execution: u8,
+    pub(super) settle: u8,
+    pub(super) reply: u8,
+}
+
+impl Times {
+    /// What the host assumes.
+    pub(super) const ASSUMED: Self =
+        Self { pause: PAUSE, execution: EXECUTION, settle: SETTLE, reply: REPLY };
 }
 
 /// What is known of the controller, of the line and of the frames.
@@ -145,7 +162,7 @@ impl AnyController {
             resends: 1,
             ..HostConfig::default()
         };
-        Self { config, keeps_rules, drops }
+        Self { config, keeps_rules, drops, real: Times::ASSUMED }
     }
 
     fn hear(&self, known: &mut Known, answer: Answer) -> Input {
@@ -252,24 +269,24 @@ impl Peer for AnyController {
                 known.execute(frame);
                 if frame.class == Class::Interpreted {
                     known.frames.remove(at);
-                    known.answers.push((Answer::Echo(frame.class), SETTLE));
+                    known.answers.push((Answer::Echo(frame.class), self.real.settle));
                 } else {
-                    known.frames[at] = Frame { stage: Stage::Executing, left: EXECUTION, ..frame };
+                    known.frames[at] = Frame { stage: Stage::Executing, left: self.real.execution, ..frame };
                 }
             }
             Word::Finish(at, good) => {
                 let frame = known.frames.remove(at);
                 let failed = Answer::Error(Refusal::BadParameters);
-                known.answers.push((if good { Answer::Echo(frame.class) } else { failed }, SETTLE));
+                known.answers.push((if good { Answer::Echo(frame.class) } else { failed }, self.real.settle));
             }
             Word::Refuse(at, refusal) => {
                 let frame = known.frames.remove(at);
-                let left = if frame.stage == Stage::Rest { SETTLE } else { REPLY };
+                let left = if frame.stage == Stage::Rest { self.real.settle } else { self.real.reply };
                 known.answers.push((Answer::Error(refusal), left));
             }
             Word::Half(at) => {
                 known.frames[at].stage = if self.drops { Stage::Rest } else { Stage::Half };
-                known.answers.push((Answer::Error(Refusal::BadFrame), REPLY));
+                known.answers.push((Answer::Error(Refusal::BadFrame), self.real.reply));
             }
         }
         None
@@ -286,7 +303,12 @@ impl Peer for AnyController {
             }
             if self.keeps_rules {
                 let class = sent.batch.class;
-                known.frames.push(Frame { class, is_old: false, stage: Stage::Coming, left: LINE + PAUSE });
+                known.frames.push(Frame {
+                    class,
+                    is_old: false,
+                    stage: Stage::Coming,
+                    left: LINE + self.real.pause,
+                });
             }
         }
         if let Action::Report(batch, outcome) = action {

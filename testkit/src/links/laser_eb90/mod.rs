@@ -3,12 +3,14 @@
 mod any_controller;
 mod any_host;
 mod machines;
+mod margins;
 mod pair;
 pub mod rows;
 mod step;
 pub mod world;
 
 use core::time::Duration;
+pub use margins::margins;
 
 use laser_eb90::controller::Rule as ControllerRule;
 use laser_eb90::host::Rule as HostRule;

@@ -2,12 +2,14 @@
 
 mod any_central;
 mod any_device;
+mod margins;
 mod pair;
 mod refine;
 pub mod rows;
 mod world;
 
 use core::time::Duration;
+pub use margins::margins;
 
 use mmacell_proto::central::Rule as CentralRule;
 use mmacell_proto::device::Rule as DeviceRule;

@@ -3,12 +3,14 @@
 mod any_host;
 mod any_workstation;
 mod hold;
+mod margins;
 mod pair;
 mod refine;
 pub mod rows;
 mod world;
 
 use core::time::Duration;
+pub use margins::margins;
 
 pub use world::{Act, Exchange, Fate, Packet, State, TICK};
 

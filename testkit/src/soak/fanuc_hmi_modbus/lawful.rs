@@ -5,7 +5,8 @@ use core::time::Duration;
 use fanuc_hmi_modbus::{Exception, Frame, Reply, Request, Side};
 use robot_session::Encode as _;
 
-use super::{Bank, Cell, MS, UNIT, Way};
+use super::bank::Bank;
+use super::{Cell, MS, UNIT, Way};
 use crate::link::{Delivery, End};
 use crate::rng::Rng;
 

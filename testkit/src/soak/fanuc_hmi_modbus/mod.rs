@@ -1,18 +1,22 @@
 //! A client and a server over TCP, on a serial line, and over RTU through TCP. A job is a request.
 
+mod any_client;
+mod bank;
 mod hostile;
 mod lawful;
 
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Frame, Registers,
-    Reply, Request, Server, ServerConfig, Side, Ticket, Words, WordsMut,
+    Client, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Reply, Request, Server, ServerConfig,
+    Side, Ticket, Words,
 };
 use robot_session::Session as _;
 
+use self::any_client::AnyClient;
+use self::bank::{Asked, Bank, REFUSALS, Write, is_held};
 use self::lawful::{Lawful, PLANTED, planted};
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
@@ -22,26 +26,55 @@ pub(super) const TCP: Row = Row {
     transport: "tcp",
     job: "requests",
     one_in: None,
-    session: |seed, log| session(seed, Way::Tcp, Sabotage::None, log),
+    session: |seed, log| session(seed, Way::Tcp, Sabotage::None, Peer::Ours, log),
 };
 
 pub(super) const RTU: Row = Row {
     transport: "rtu",
     one_in: Some(65_536),
-    session: |seed, log| session(seed, Way::Rtu, Sabotage::None, log),
+    session: |seed, log| session(seed, Way::Rtu, Sabotage::None, Peer::Ours, log),
     ..TCP
 };
 
 pub(super) const RTU_OVER_TCP: Row = Row {
     transport: "rtu-over-tcp",
-    session: |seed, log| session(seed, Way::RtuOverTcp, Sabotage::None, log),
+    session: |seed, log| session(seed, Way::RtuOverTcp, Sabotage::None, Peer::Ours, log),
     ..TCP
 };
 
+// The three ways take turns.
+pub(super) const ANY_SERVER: Row = Row {
+    transport: "any server",
+    session: |seed, log| session(seed, way(seed), Sabotage::None, Peer::Any(End::B), log),
+    ..RTU
+};
+
+pub(super) const ANY_CLIENT: Row = Row {
+    transport: "any client",
+    session: |seed, log| session(seed, way(seed), Sabotage::None, Peer::Any(End::A), log),
+    ..RTU
+};
+
+pub(super) const HOSTILE_SERVER: Row = Row {
+    transport: "hostile server",
+    session: |seed, log| session(seed, way(seed), Sabotage::None, Peer::Hostile(End::B), log),
+    ..RTU
+};
+
+pub(super) const HOSTILE_CLIENT: Row = Row {
+    transport: "hostile client",
+    session: |seed, log| session(seed, way(seed), Sabotage::None, Peer::Hostile(End::A), log),
+    ..RTU
+};
+
+fn way(seed: u64) -> Way {
+    [Way::Tcp, Way::Rtu, Way::RtuOverTcp][(seed % 3) as usize]
+}
+
 /// Rows whose server forgets what it has acknowledged, and whose network repeats what was sent: the soak must see both.
 pub const SABOTAGED: [Row; 2] = [
-    Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Forget, log), ..TCP },
-    Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Repeat, log), ..TCP },
+    Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Forget, Peer::Ours, log), ..TCP },
+    Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Repeat, Peer::Ours, log), ..TCP },
 ];
 
 const MS: Duration = Duration::from_millis(1);
@@ -60,54 +93,6 @@ enum Sabotage {
     None,
     Forget,
     Repeat,
-}
-
-/// What a request writes: to which address, and what. Coils are 0 and 1.
-type Write = (u16, Vec<u16>);
-
-/// Every register holds what [`held`] gives; what is written is kept as a list.
-#[derive(Debug, Default)]
-struct Bank {
-    writes: Vec<Write>,
-}
-
-/// From here on registers look like the refusal of function 23.
-const REFUSALS: u16 = 60_000;
-
-fn held(address: u16, index: usize) -> u16 {
-    if address >= REFUSALS {
-        return [0x0197, 0x02CF, 0xF107][index % 3];
-    }
-    ((address as usize + index) as u16).wrapping_mul(7).wrapping_add(3)
-}
-
-impl Registers for Bank {
-    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        out.fill_with(|i| held(address, i) & 4 != 0);
-        Ok(())
-    }
-    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        out.fill_with(|i| held(address, i));
-        Ok(())
-    }
-    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
-        self.writes.push((address, values.iter().map(u16::from).collect()));
-        Ok(())
-    }
-    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
-        self.writes.push((address, values.iter().collect()));
-        Ok(())
-    }
-}
-
-/// What a request asks for.
-#[derive(Debug, Clone)]
-enum Asked {
-    Write(Write),
-    Coils(u16, usize),
-    Registers(u16, usize),
-    /// What this server does not have.
-    Refusal,
 }
 
 /// No reply comes later after its request: request and reply pause for 10 s each, after a broadcast that did, and both ends are
@@ -131,6 +116,8 @@ struct Cell {
     hostile: bool,
     /// In place of our server, and of what it answers: another one.
     lawful: Option<Lawful>,
+    /// In place of our client: another one.
+    other: Option<AnyClient>,
     /// There are other units on the line.
     has_neighbours: bool,
     /// Nothing is refused and nothing is late any more.
@@ -147,7 +134,7 @@ struct Cell {
     stuck: bool,
 }
 
-fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
+fn session(seed: u64, way: Way, sabotage: Sabotage, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = rng.unit();
     let baud = [9600, 19_200, 115_200][rng.below(3)];
@@ -184,7 +171,9 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
         Sabotage::Repeat => Faults { datagrams: true, repeat: 0.2, split: 0.0, merge: 0.0, ..faults },
         Sabotage::Forget | Sabotage::None => faults,
     };
-    let hostile = sabotage == Sabotage::None && rng.chance(0.1);
+    let hostile = peer == Peer::Hostile(End::B);
+    let silence = server.framing.silence().unwrap_or_default();
+    let other = (peer == Peer::Any(End::A)).then(|| AnyClient::new(way, silence, MS, &mut rng));
     let mut cell = Cell {
         now: MS,
         log,
@@ -198,7 +187,8 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
         client: Client::new(client).expect("a configuration that works"),
         server: Server::new(server, Bank::default()).expect("a configuration that works"),
         hostile,
-        lawful: (sabotage == Sabotage::None && !hostile && rng.chance(0.3)).then(Lawful::default),
+        lawful: (peer == Peer::Any(End::B)).then(Lawful::default),
+        other,
         has_neighbours,
         is_calm: false,
         harassed: hostile,
@@ -211,11 +201,11 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
     cell.wire.poll_late(0.02 * bad);
     cell.client.handle_connected(cell.now);
     cell.server.handle_connected(cell.now);
-    if sabotage == Sabotage::None && cell.lawful.is_none() && rng.chance(0.1) {
+    if peer == Peer::Hostile(End::A) {
         cell.pester(&mut rng);
     }
     let jobs = 5 + rng.below(36);
-    while cell.now < LIMIT && (cell.asked.len() < jobs || !cell.open.is_empty()) {
+    while cell.now < LIMIT && (cell.asked.len() < jobs || cell.open() > 0) {
         while cell.asked.len() < jobs && cell.ask(&mut rng) {}
         cell.restart(&mut rng, 0.002 * bad);
         cell.step(&mut rng);
@@ -263,13 +253,24 @@ impl Cell {
             _ => (Request::ReadInputRegisters { address: n, quantity: 1 }, Asked::Refusal),
         };
         let announces = self.way != Way::Tcp && !request.reads() && rng.chance(0.05);
-        let Ok(ticket) = self.client.request(if announces { 0 } else { UNIT }, &request) else {
+        let unit = if announces { 0 } else { UNIT };
+        if self.other.is_some() {
+            if !self.send(unit, &request, rng) {
+                return false;
+            }
+        } else if let Ok(ticket) = self.client.request(unit, &request) {
+            self.open.push((ticket, self.ledger.send(self.wire.mark())));
+        } else {
             return false;
-        };
+        }
         self.log.line(self.now, format_args!("job {n}: {request:?}"));
-        self.open.push((ticket, self.ledger.send(self.wire.mark())));
         self.asked.push(asked);
         true
+    }
+
+    /// How many requests have no outcome.
+    fn open(&self) -> usize {
+        self.open.len() + self.other.as_ref().map_or(0, |other| other.open.len())
     }
 
     /// Either end begins again and has lost its memory.
@@ -281,6 +282,10 @@ impl Cell {
             for (_, job) in core::mem::take(&mut self.open) {
                 self.ledger.report(job, Reported::Unknown, self.wire.mark());
             }
+            self.forget();
+            let quiet_until = if self.way == Way::Rtu { self.now + SETTLE } else { self.now };
+            let silence = self.server.config().framing.silence().unwrap_or_default();
+            self.other = self.other.take().map(|_| AnyClient::new(self.way, silence, quiet_until, rng));
             self.begin_again(0);
         }
         if rng.chance(chance) {
@@ -311,7 +316,8 @@ impl Cell {
         let timeouts = [self.client.poll_timeout(), self.server.poll_timeout()];
         let half_open = Some(self.half_open_until).filter(|until| *until > self.now);
         let answers = self.lawful.as_ref().and_then(|lawful| lawful.next(self));
-        self.now = self.wire.next(self.now, timeouts.into_iter().chain([half_open, answers]));
+        let other = self.other.as_ref().and_then(AnyClient::next);
+        self.now = self.wire.next(self.now, timeouts.into_iter().chain([half_open, answers, other]));
         if self.has_neighbours && !self.is_calm && rng.chance(0.02) {
             self.neighbour(rng);
         }
@@ -343,6 +349,12 @@ impl Cell {
             let mut out = [0; Frame::MAX_LEN];
             while self.client.poll_transmit(self.now, &mut out).is_some() {}
         }
+        if !self.lost[0]
+            && let Some(mut other) = self.other.take()
+        {
+            self.listen(&mut other);
+            self.other = Some(other);
+        }
         let mut events = Vec::new();
         if !self.lost[0] && (self.now >= self.half_open_until || self.wire.is_connected()) {
             let (asked, open) = (&self.asked, &self.open);
@@ -360,6 +372,7 @@ impl Cell {
         }
         if self.lost == [true; 2] {
             self.wire.reconnect(self.now);
+            self.forget();
             self.client.handle_disconnected(self.now);
             self.client.handle_connected(self.now);
             self.server.handle_disconnected(self.now);
@@ -426,13 +439,13 @@ impl Cell {
         }
         self.wait(self.client.config().timeout + SETTLE + Duration::from_secs(10), rng);
         let (first, end) = (self.asked.len(), self.now + Duration::from_secs(60));
-        let open = self.open.len();
+        let open = self.open();
         self.healed = true;
-        while self.now < end && (self.asked.len() < first + 4 || !self.open.is_empty()) {
+        while self.now < end && (self.asked.len() < first + 4 || self.open() > 0) {
             while self.asked.len() < first + 4 && self.ask(rng) {}
             self.step(rng);
         }
-        self.stuck |= open > 0 || self.asked.len() < first + 4 || !self.open.is_empty();
+        self.stuck |= open > 0 || self.asked.len() < first + 4 || self.open() > 0;
         // What is still on its way may be written by now.
         self.wait(2 * Duration::from_secs(1), rng);
     }
@@ -483,18 +496,5 @@ impl Cell {
             unseen.iter().any(|unseen| unseen.is_between(job.from, job.to))
         });
         tally
-    }
-}
-
-fn is_held(asked: &Asked, reply: &Reply<'_>) -> bool {
-    match (asked, reply) {
-        (Asked::Coils(address, count), Reply::Coils(bits)) => {
-            bits.len() == *count
-                && bits.iter().enumerate().all(|(i, bit)| bit == (held(*address, i) & 4 != 0))
-        }
-        (Asked::Registers(address, count), Reply::HoldingRegisters(words)) => {
-            words.len() == *count && words.iter().enumerate().all(|(i, word)| word == held(*address, i))
-        }
-        _ => false,
     }
 }

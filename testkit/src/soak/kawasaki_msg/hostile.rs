@@ -2,6 +2,11 @@
 
 use core::fmt::Write as _;
 
+use kawasaki_msg::robot_session::Session as _;
+
+use super::picture::Picture;
+use super::{Cell, LIMIT, MS, Mishap};
+use crate::controller::Controller;
 use crate::link::End;
 use crate::rng::Rng;
 
@@ -60,5 +65,61 @@ impl Hostile {
             packet.truncate(rng.below(packet.len()));
         }
         Some(packet.into_bytes())
+    }
+}
+
+impl<C: Controller> Cell<C> {
+    /// Some seconds in which one end does anything; then it is replaced by ours.
+    pub(super) fn is_harassed(&mut self, end: End, seed: u64, rng: &mut Rng) {
+        self.log.line(self.now, format_args!("{end:?} is hostile"));
+        self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number, self.config.0.datagrams));
+        let until = self.now + rng.log_uniform(100 * MS, 8000 * MS);
+        while self.now < until {
+            if end == End::A && self.pc.order().is_none() {
+                let picture = Picture { first: 0, jobs: 5, later: 0.1, rng: Rng::new(seed) };
+                self.pc.start(1 + rng.below(3) as u16, picture).unwrap();
+            }
+            self.step();
+        }
+        self.hostile = None;
+        self.meet(if end == End::A { Mishap::RobotRestarts } else { Mishap::PcRestarts });
+        if end == End::A {
+            // What the robot has reported of its orders was not true.
+            self.meet(Mishap::PcRestarts);
+        } else {
+            // What is queued are jobs that nobody keeps account of.
+            _ = self.robot.reset_order();
+            let end = self.now + LIMIT;
+            while self.robot.order().is_some() && self.now < end {
+                self.step();
+            }
+        }
+    }
+
+    /// A hostile end drops what it receives, and sends what it likes.
+    pub(super) fn harass(&mut self, end: End) -> bool {
+        let Some(hostile) = self.hostile.as_mut().filter(|hostile| hostile.end == end) else { return false };
+        while self.wire.receive(end, self.now).is_some() {}
+        if let Some(packet) = hostile.send() {
+            self.wire.send(end, self.now, &packet);
+        }
+        if end == End::A && !self.pc.machine().is_connected() {
+            if !self.config.0.datagrams {
+                self.wire.reconnect(self.now);
+            }
+            self.pc.handle_connected(self.now);
+        }
+        true
+    }
+
+    /// Also a hostile PC's jobs are executed one after the other, none twice.
+    pub(super) fn check_hostile(&mut self, number: u16) {
+        let Some(hostile) = &mut self.hostile else { return };
+        if !self.overtakes && number != hostile.next {
+            self.log
+                .line(self.now, format_args!("!!! job {number} is executed in place of {}", hostile.next));
+            self.invented += 1;
+        }
+        hostile.next = number % self.config.0.max_number + 1;
     }
 }

@@ -2,10 +2,13 @@
 //!
 //! The robot is the session in Rust, or a controller with the AS program in it.
 //!
-//! In one session of ten one end is hostile until the healed minute: it sends any messages at any time.
+//! An end that is hostile is so for some seconds at the beginning: it sends any messages at any time.
 
+mod any_pc;
+mod any_robot;
 mod hostile;
 mod picture;
+mod text;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
@@ -13,9 +16,11 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, LargePc, PcConfig, PcEvent, RobotConfig, RobotEvent, Takeover};
 
+use self::any_pc::AnyPc;
+use self::any_robot::AnyRobot;
 use self::hostile::{FAR, Hostile};
 use self::picture::{Picture, line};
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::controller::{AsRobot, Controller, Native};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
@@ -25,15 +30,41 @@ pub(super) const TCP: Row = Row {
     transport: "tcp",
     job: "lines",
     one_in: None,
-    session: |seed, log| session::<Native>(seed, false, log),
+    session: |seed, log| session::<Native>(seed, false, Peer::Ours, log),
 };
 
 pub(super) const UDP: Row =
-    Row { transport: "udp", session: |seed, log| session::<Native>(seed, true, log), ..TCP };
+    Row { transport: "udp", session: |seed, log| session::<Native>(seed, true, Peer::Ours, log), ..TCP };
 
 /// Over TCP; the robot is the AS program.
 pub(super) const AS: Row =
-    Row { transport: "as", session: |seed, log| session::<AsRobot>(seed, false, log), ..TCP };
+    Row { transport: "as", session: |seed, log| session::<AsRobot>(seed, false, Peer::Ours, log), ..TCP };
+
+pub(super) const ANY_ROBOT: Row = Row {
+    transport: "tcp, any robot",
+    session: |seed, log| session::<AnyRobot>(seed, false, Peer::Any(End::A), log),
+    ..TCP
+};
+
+pub(super) const ANY_PC: Row = Row {
+    transport: "tcp, any pc",
+    session: |seed, log| session::<Native>(seed, false, Peer::Any(End::B), log),
+    ..TCP
+};
+
+/// Over UDP in half of the sessions.
+pub(super) const HOSTILE_ROBOT: Row = Row {
+    transport: "hostile robot",
+    session: |seed, log| session::<Native>(seed, seed % 2 == 1, Peer::Hostile(End::A), log),
+    ..TCP
+};
+
+/// Over UDP in half of the sessions.
+pub(super) const HOSTILE_PC: Row = Row {
+    transport: "hostile pc",
+    session: |seed, log| session::<Native>(seed, seed % 2 == 1, Peer::Hostile(End::B), log),
+    ..TCP
+};
 
 const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then stands still.
@@ -73,6 +104,10 @@ struct Cell<C> {
     /// The connection is gone, and neither end notices it.
     half_open: bool,
     hostile: Option<Hostile>,
+    /// In place of our PC, and what it chooses by.
+    other: Option<(AnyPc, Rng)>,
+    /// Nothing goes wrong any more.
+    is_calm: bool,
 }
 
 /// The order that the PC's user waits for.
@@ -82,11 +117,11 @@ struct Order {
     ahead: Vec<u32>,
 }
 
-fn session<C: Controller>(seed: u64, datagrams: bool, log: Log) -> Tally {
+fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
-    let mut cell = Cell::<C>::new(seed, datagrams, &mut rng, log);
-    if rng.chance(0.1) {
-        cell.is_harassed(seed, &mut rng);
+    let mut cell = Cell::<C>::new(seed, datagrams, peer, &mut rng, log);
+    if let Peer::Hostile(end) = peer {
+        cell.is_harassed(end, seed, &mut rng);
     }
     for order in 1..=1 + rng.below(3) as u16 {
         // Over UDP, "give every order a new number"; over TCP one may be used again at once.
@@ -133,7 +168,7 @@ fn session<C: Controller>(seed: u64, datagrams: bool, log: Log) -> Tally {
 }
 
 impl<C: Controller> Cell<C> {
-    fn new(seed: u64, datagrams: bool, rng: &mut Rng, log: Log) -> Self {
+    fn new(seed: u64, datagrams: bool, peer: Peer, rng: &mut Rng, log: Log) -> Self {
         let (robot, pc) = match datagrams {
             false => (RobotConfig::TCP, PcConfig::TCP),
             true => (RobotConfig::UDP, PcConfig::UDP),
@@ -141,7 +176,8 @@ impl<C: Controller> Cell<C> {
         let (capacity, max_number) = [(1, 2), (3, 5), (10, 17), (32, 200), (32, 9999)][rng.below(5)];
         // Over datagrams a number must not come again while an old datagram may still name it.
         let max_number = if datagrams { max_number.max(1000) } else { max_number };
-        let overtakes = rng.chance(0.3) && C::WHOLE;
+        let is_other = peer == Peer::Any(End::B);
+        let overtakes = rng.chance(0.3) && C::WHOLE && !is_other;
         let every = [1, 1, 2, 5, 100][rng.below(5)];
         let acks = match overtakes {
             true => Acks::Individual,
@@ -196,6 +232,8 @@ impl<C: Controller> Cell<C> {
             order: None,
             half_open: false,
             hostile: None,
+            other: is_other.then(|| (AnyPc::new(max_number, rng), Rng::new(seed ^ 0x616E_7970))),
+            is_calm: false,
         }
     }
 
@@ -207,6 +245,9 @@ impl<C: Controller> Cell<C> {
             self.ledger.send(self.wire.mark());
         }
         self.order = Some(Order { picture: picture.clone(), ahead: Vec::new() });
+        if let Some((other, _)) = &mut self.other {
+            return other.start(order);
+        }
         self.pc.start(order, picture).unwrap();
     }
 
@@ -214,6 +255,19 @@ impl<C: Controller> Cell<C> {
         self.log.line(self.now, format_args!("{mishap:?}"));
         let (robot, pc) = self.config;
         // What is not possible now is no mishap.
+        if let Some((other, rng)) = &mut self.other {
+            other.is_short |= matches!(mishap, Mishap::RobotResets | Mishap::RobotRestarts);
+            match mishap {
+                Mishap::PcInterrupts => return other.leave(true),
+                Mishap::PcEnds => return other.leave(false),
+                Mishap::PcRestarts => {
+                    *other = AnyPc::new(robot.max_number, rng);
+                    self.lose_connection();
+                    return self.over(0, u32::MAX);
+                }
+                _ => {}
+            }
+        }
         match mishap {
             Mishap::PcInterrupts => _ = self.pc.interrupt(),
             Mishap::PcEnds => _ = self.pc.end(),
@@ -238,50 +292,6 @@ impl<C: Controller> Cell<C> {
         }
     }
 
-    /// Some seconds in which one end does anything; then it is replaced by ours.
-    fn is_harassed(&mut self, seed: u64, rng: &mut Rng) {
-        let end = if rng.chance(0.5) { End::A } else { End::B };
-        self.log.line(self.now, format_args!("{end:?} is hostile"));
-        self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number, self.config.0.datagrams));
-        let until = self.now + rng.log_uniform(100 * MS, 40_000 * MS);
-        while self.now < until {
-            if end == End::A && self.pc.order().is_none() {
-                let picture = Picture { first: 0, jobs: 5, later: 0.1, rng: Rng::new(seed) };
-                self.pc.start(1 + rng.below(3) as u16, picture).unwrap();
-            }
-            self.step();
-        }
-        self.hostile = None;
-        self.meet(if end == End::A { Mishap::RobotRestarts } else { Mishap::PcRestarts });
-        if end == End::A {
-            // What the robot has reported of its orders was not true.
-            self.meet(Mishap::PcRestarts);
-        } else {
-            // What is queued are jobs that nobody keeps account of.
-            _ = self.robot.reset_order();
-            let end = self.now + LIMIT;
-            while self.robot.order().is_some() && self.now < end {
-                self.step();
-            }
-        }
-    }
-
-    /// A hostile end drops what it receives, and sends what it likes.
-    fn harass(&mut self, end: End) -> bool {
-        let Some(hostile) = self.hostile.as_mut().filter(|hostile| hostile.end == end) else { return false };
-        while self.wire.receive(end, self.now).is_some() {}
-        if let Some(packet) = hostile.send() {
-            self.wire.send(end, self.now, &packet);
-        }
-        if end == End::A && !self.pc.machine().is_connected() {
-            if !self.config.0.datagrams {
-                self.wire.reconnect(self.now);
-            }
-            self.pc.handle_connected(self.now);
-        }
-        true
-    }
-
     /// The next delivery to an end that can have one.
     fn receive(&mut self, end: End) -> Option<Delivery> {
         let delivery = self.wire.receive(end, self.now)?;
@@ -297,7 +307,7 @@ impl<C: Controller> Cell<C> {
     /// A minute without faults, in which an order is asked for and has to be executed.
     fn works_when_healed(&mut self) -> bool {
         self.wire.heal(self.now);
-        self.unreachable = 0;
+        (self.unreachable, self.is_calm) = (0, true);
         let end = self.now + MS * 60_000;
         // An order that nobody knows and nobody may take over is for the motion program to end.
         if self.config.1.takeover == Takeover::Never {
@@ -342,8 +352,9 @@ impl<C: Controller> Cell<C> {
         let motion = self.robot.has_jobs().then_some(self.motion_at);
         // A cleared queue is seen in the next pass.
         let pass = Some(self.now + 20 * MS);
-        self.now =
-            self.wire.next(self.now, [self.robot.poll_timeout(), self.pc.poll_timeout(), motion, pass]);
+        let other = self.other.as_ref().and_then(|(other, _)| other.next());
+        let times = [self.robot.poll_timeout(), self.pc.poll_timeout(), motion, pass, other];
+        self.now = self.wire.next(self.now, times);
     }
 
     fn motion_task(&mut self) {
@@ -369,17 +380,6 @@ impl<C: Controller> Cell<C> {
             }
             self.motion_at += self.pace;
         }
-    }
-
-    /// Also a hostile PC's jobs are executed one after the other, none twice.
-    fn check_hostile(&mut self, number: u16) {
-        let Some(hostile) = &mut self.hostile else { return };
-        if !self.overtakes && number != hostile.next {
-            self.log
-                .line(self.now, format_args!("!!! job {number} is executed in place of {}", hostile.next));
-            self.invented += 1;
-        }
-        hostile.next = number % self.config.0.max_number + 1;
     }
 
     fn robot_pass(&mut self) {
@@ -411,6 +411,7 @@ impl<C: Controller> Cell<C> {
                         self.pc.handle_disconnected(self.now);
                     }
                     self.pc.handle_connected(self.now);
+                    self.other.iter_mut().for_each(|(other, _)| other.connect());
                     self.robot.handle_connected(self.now);
                 }
                 RobotEvent::Disconnect => {
@@ -433,6 +434,11 @@ impl<C: Controller> Cell<C> {
 
     fn pc_pass(&mut self) {
         if self.harass(End::B) {
+            return;
+        }
+        if let Some((mut other, mut rng)) = self.other.take() {
+            self.other_pc_pass(&mut other, &mut rng);
+            self.other = Some((other, rng));
             return;
         }
         while let Some(delivery) = self.receive(End::B) {

@@ -1,23 +1,52 @@
 //! A central controller and a robot over TCP. A job is a motion or an override.
 
-mod pipeline;
+mod any_central;
+mod any_device;
+mod hostile;
+mod robot;
 
 use core::time::Duration;
 
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
-    Mode, Order, Progress, Rejection, RobotPose, Unfinished,
+    Central, CentralConfig, CentralEvent, Closing, Command, DeviceEvent, ErrorCode, Mode, Order, Progress,
+    Rejection, RobotPose, Unfinished,
 };
 
-use self::pipeline::Pipeline;
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use self::any_central::AnyCentral;
+use self::any_device::AnyDevice;
+use self::hostile::{Pipeline, any_command, any_reply};
+use self::robot::{Line, Robot};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::{Carrier, turn};
 
-pub(super) const TCP: Row =
-    Row { link: "mmacell-proto", transport: "tcp", job: "commands", one_in: None, session };
+pub(super) const TCP: Row = Row {
+    link: "mmacell-proto",
+    transport: "tcp",
+    job: "commands",
+    one_in: None,
+    session: |seed, log| session(seed, Peer::Ours, log),
+};
+
+pub(super) const ANY_CENTRAL: Row =
+    Row { transport: "tcp, any central", session: |seed, log| session(seed, Peer::Any(End::A), log), ..TCP };
+
+pub(super) const ANY_DEVICE: Row =
+    Row { transport: "tcp, any device", session: |seed, log| session(seed, Peer::Any(End::B), log), ..TCP };
+
+pub(super) const HOSTILE_CENTRAL: Row = Row {
+    transport: "tcp, hostile central",
+    session: |seed, log| session(seed, Peer::Hostile(End::A), log),
+    ..TCP
+};
+
+pub(super) const HOSTILE_DEVICE: Row = Row {
+    transport: "tcp, hostile device",
+    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    ..TCP
+};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -52,25 +81,12 @@ struct Cell {
     hostile: Option<End>,
     /// A central controller that does not wait for answers, which are then checked.
     pipeline: Option<Pipeline>,
+    /// In place of ours.
+    other_central: Option<AnyCentral>,
+    other_robot: Option<AnyDevice>,
 }
 
-/// The robot's owner.
-struct Robot {
-    device: Device<RobotPose>,
-    pose: RobotPose,
-    /// When the axes come to rest, and where.
-    arrival: Option<(Duration, RobotPose)>,
-    /// An order, and when it is accepted.
-    asked: Option<(Duration, Order<RobotPose>)>,
-}
-
-/// The wire, as long as it is not cut.
-struct Line<'a> {
-    wire: &'a mut Wire,
-    cut: bool,
-}
-
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = rng.unit();
     // Some delays outlast the central controller's patience.
@@ -97,7 +113,9 @@ fn session(seed: u64, log: Log) -> Tally {
         sent: Vec::new(),
         bad,
         pipeline: None,
-        hostile: [None, None, None, None, None, None, Some(End::A), Some(End::B)][rng.below(8)],
+        hostile: if let Peer::Hostile(end) = peer { Some(end) } else { None },
+        other_central: (peer == Peer::Any(End::A)).then(AnyCentral::default),
+        other_robot: (peer == Peer::Any(End::B)).then(AnyDevice::default),
         rng,
     };
     cell.wire.poll_late(0.02 * bad);
@@ -126,19 +144,20 @@ impl Cell {
     /// Nothing goes wrong any more: the robot has to arrive where it is sent.
     fn last_minute(&mut self, tally: &mut Tally) {
         self.wire.heal(self.now);
-        if self.hostile.is_some() {
-            // The end that keeps no rules goes, and its connection with it.
+        if self.hostile.is_some() || self.other_central.take().is_some() {
+            // The end that is not ours goes, and its connection with it.
             self.central.handle_disconnected(self.now);
             self.turn_central();
             self.connects_at = Some(self.now);
+        }
+        if let Some(job) = self.under_way.take() {
+            self.ledger.report(job, Reported::Unknown, self.wire.mark());
         }
         (self.bad, self.cut, self.hostile) = (0.0, false, None);
         let end = self.now + 60 * S;
         while !self.is_done && self.now < end {
             if self.central.is_idle() {
-                let status = self.robot.device.status();
-                let works = status.is_some_and(|status| status.servo && status.error == ErrorCode::None);
-                let moves = status.is_some_and(|status| status.moving);
+                let (works, moves) = self.status();
                 let command = match (works, self.target == Some(LAST)) {
                     (false, _) => Command::Reset,
                     (true, false) if !moves => Command::Move { mode: Mode::Absolute, pose: LAST },
@@ -156,10 +175,10 @@ impl Cell {
 
     /// Requests the next command, when the last one is finished.
     fn command(&mut self) {
-        if !self.central.is_idle() || self.hostile == Some(End::A) {
+        if !self.central.is_idle() || self.hostile == Some(End::A) || self.other_central.is_some() {
             return;
         }
-        let status = self.robot.device.status().unwrap();
+        let (works, moves) = self.status();
         let number = self.sent.len() as i32 + 1;
         let target = RobotPose::from_units([number, -number, 3 * number, 7]);
         let (command, order) = match self.rng.below(10) {
@@ -172,12 +191,32 @@ impl Cell {
             // The robot has neither.
             3 if self.rng.chance(0.2) => (Command::Acquire { camera: 1 }, None),
             4 if self.rng.chance(0.2) => (Command::Close, None),
-            _ if !status.servo || status.error != ErrorCode::None => (Command::Reset, None),
+            _ if !works => (Command::Reset, None),
             // Most motions wait for the one before; the others are refused.
-            _ if status.moving && self.rng.chance(0.9) => (Command::Status, None),
+            _ if moves && self.rng.chance(0.9) => (Command::Status, None),
             _ => (Command::Move { mode: Mode::Absolute, pose: target }, Some(Order::Move { target })),
         };
         self.request(command, order);
+    }
+
+    /// Whether the robot can be moved, and whether it moves.
+    fn status(&self) -> (bool, bool) {
+        if let Some(other) = &self.other_robot {
+            return (other.servo, other.is_moving());
+        }
+        let status = self.robot.device.status();
+        let works = status.is_some_and(|status| status.servo && status.error == ErrorCode::None);
+        (works, status.is_some_and(|status| status.moving))
+    }
+
+    /// The robot carries out an order of the central controller. Overrides come again after 101 jobs: the last one that is the same is
+    /// meant.
+    fn execute(&mut self, order: Order<RobotPose>) {
+        let job = self.sent.iter().rposition(|sent| *sent == order);
+        if self.hostile != Some(End::A) && !job.is_some_and(|job| self.ledger.execute(job)) {
+            self.log.line(self.now, format_args!("!!! nobody sent {order:?}"));
+            self.invented += 1;
+        }
     }
 
     fn request(&mut self, command: Command<RobotPose>, order: Option<Order<RobotPose>>) {
@@ -192,14 +231,30 @@ impl Cell {
         let robot = [self.robot.arrival.map(|(at, _)| at), self.robot.asked.map(|(at, _)| at)];
         let central = [self.central.poll_timeout(), self.connects_at];
         let idle = self.hostile.map(|_| self.now + 20 * MS);
-        let times = robot.into_iter().chain(central).chain([idle]);
+        let others = [
+            self.other_central.as_ref().and_then(AnyCentral::next),
+            self.other_robot.as_ref().and_then(AnyDevice::next),
+        ];
+        let times = robot.into_iter().chain(central).chain([idle]).chain(others);
         // The line is silent where it is cut: time passes there, too.
         let silent = self.cut.then_some(self.now + 100 * MS);
         self.now = self.wire.next(self.now, times.chain([silent]));
         self.fail();
         self.connect();
-        self.turn_robot();
-        self.turn_central();
+        match self.other_robot.take() {
+            None => self.turn_robot(),
+            Some(mut other) => {
+                self.turn_other_robot(&mut other);
+                self.other_robot = Some(other);
+            }
+        }
+        match self.other_central.take() {
+            None => self.turn_central(),
+            Some(mut other) => {
+                self.turn_other_central(&mut other);
+                self.other_central = Some(other);
+            }
+        }
     }
 
     /// What goes wrong beside the transport.
@@ -213,6 +268,7 @@ impl Cell {
         if self.rng.chance(0.004 * bad) {
             log.line(now, format_args!("  the robot restarts"));
             self.robot = Robot::new(self.robot.pose);
+            self.other_robot = self.other_robot.take().map(|_| AnyDevice::default());
             // Half of the time the central controller is not notified: its commands are not answered.
             if self.rng.chance(0.5) {
                 self.wire.disconnect(now);
@@ -222,6 +278,7 @@ impl Cell {
         if self.rng.chance(0.004 * bad) {
             log.line(now, format_args!("  the central controller restarts"));
             self.central = Central::new(CentralConfig::DEFAULT).unwrap();
+            self.other_central = self.other_central.take().map(|_| AnyCentral::default());
             if let Some(job) = self.under_way.take() {
                 // Nobody is left who knows.
                 self.ledger.report(job, Reported::Unknown, self.wire.mark());
@@ -260,12 +317,14 @@ impl Cell {
         self.pipeline = self.pipeline.is_some().then(Pipeline::default);
         self.wire.reconnect(self.now);
         self.robot.device.handle_connected(self.now);
+        self.other_robot.iter_mut().for_each(AnyDevice::reconnect);
         self.central.handle_connected(self.now);
     }
 
     fn turn_robot(&mut self) {
-        let Self { robot, wire, cut, now, rng, log, sent, ledger, invented, bad, hostile, .. } = self;
+        let Self { robot, wire, cut, now, rng, log, invented, bad, hostile, .. } = self;
         let (now, log, bad) = (*now, *log, *bad);
+        let mut executed = Vec::new();
         if let Some((_, pose)) = robot.arrival.take_if(|(at, _)| *at <= now) {
             robot.pose = pose;
             robot.device.set_pose(pose);
@@ -291,12 +350,7 @@ impl Cell {
                     if matches!(order, Order::Move { target } if target != LAST)
                         || matches!(order, Order::Override { .. })
                     {
-                        // Overrides come again after 101 jobs: the last one that is the same is meant.
-                        let job = sent.iter().rposition(|sent| *sent == order);
-                        if *hostile != Some(End::A) && !job.is_some_and(|job| ledger.execute(job)) {
-                            log.line(now, format_args!("!!! nobody sent {order:?}"));
-                            *invented += 1;
-                        }
+                        executed.push(order);
                     }
                 }
             }
@@ -314,7 +368,7 @@ impl Cell {
                 _ => {}
             });
             match pending {
-                None => return,
+                None => break,
                 // Some owners take their time: the central controller may have given up until then.
                 Some(order) if rng.chance(0.05 * bad) => {
                     robot.asked = Some((now + rng.log_uniform(MS, 3 * S), order));
@@ -322,6 +376,7 @@ impl Cell {
                 order => asked = order,
             }
         }
+        executed.into_iter().for_each(|order| self.execute(order));
     }
 
     fn turn_central(&mut self) {
@@ -415,71 +470,4 @@ impl Cell {
         }
         self.is_done = self.bad == 0.0 && pose == LAST && self.robot.pose == LAST;
     }
-}
-
-impl Robot {
-    fn new(pose: RobotPose) -> Self {
-        let mut device = Device::new(DeviceConfig::DEFAULT).unwrap();
-        device.set_pose(pose);
-        Self { device, pose, arrival: None, asked: None }
-    }
-
-    fn carry_out(&mut self, now: Duration, order: Order<RobotPose>, rng: &mut Rng, bad: f64) {
-        match order {
-            Order::Move { target } => {
-                let time = Duration::from_millis(rng.below(300) as u64);
-                // Something is in its way, and it does not notice.
-                let end =
-                    if rng.chance(0.1 * bad) { RobotPose::from_units([5_000, 0, 0, 0]) } else { target };
-                self.arrival = Some((now + time, end));
-            }
-            Order::Home => self.arrival = Some((now + 50 * MS, HOME)),
-            Order::Stop => {
-                self.arrival = None;
-                self.device.arrived();
-            }
-            _ => {}
-        }
-    }
-}
-
-impl Carrier for Line<'_> {
-    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
-        if !self.cut {
-            self.wire.send(from, now, bytes);
-        }
-    }
-
-    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
-        let delivery = self.wire.receive_part(at, now, most)?;
-        // What was on its way is lost; that the connection is gone is not.
-        if self.cut && delivery != Delivery::Closed { self.receive(at, now, most) } else { Some(delivery) }
-    }
-}
-
-fn any_command(rng: &mut Rng) -> &'static [u8] {
-    const ALL: [&[u8]; 9] = [
-        b"STA\r\n",
-        b"SRVON\r\nSTA\r\n",
-        b"MOVA+010.000-002.000+005.999-01.2322\r\n",
-        b"MOVR+900.000",
-        b"RST\r\nCLO\r\nSTP\r\n",
-        b"ACQ+00001\r\n\r\n",
-        b"OVR+00101\r\n",
-        b"\r",
-        b"OK\r\n",
-    ];
-    ALL[rng.below(ALL.len())]
-}
-
-fn any_reply(rng: &mut Rng) -> &'static [u8] {
-    const ALL: [&[u8]; 6] = [
-        b"OK\r\n",
-        b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n",
-        b"OKT+010.000-002.000+005.999-01.2322F+00080+00002\r\n",
-        b"ER+00077\r\n",
-        b"ER+00000\r\n",
-        b"O",
-    ];
-    ALL[rng.below(ALL.len())]
 }

@@ -1,5 +1,7 @@
 //! A controller and a host on a serial line. A job is a reply that moves the arm, or an exception for the gripper.
 
+mod any_controller;
+mod any_host;
 mod hostile;
 
 use core::time::Duration;
@@ -11,13 +13,41 @@ use val2_alter::{
     Message, Mode, Reply, RobotMessage, Unselected, timing,
 };
 
-use super::{Check, Ledger, Log, Mark, Reported, Row, Tally, Wire};
+use self::any_controller::AnyController;
+use self::any_host::AnyHost;
+use super::{Check, Ledger, Log, Mark, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::{Carrier, turn};
 
-pub(super) const SERIAL: Row =
-    Row { link: "val2-alter", transport: "serial", job: "replies", one_in: Some(256), session };
+pub(super) const SERIAL: Row = Row {
+    link: "val2-alter",
+    transport: "serial",
+    job: "replies",
+    one_in: Some(256),
+    session: |seed, log| session(seed, Peer::Ours, log),
+};
+
+pub(super) const ANY_CONTROLLER: Row = Row {
+    transport: "serial, any controller",
+    session: |seed, log| session(seed, Peer::Any(End::A), log),
+    ..SERIAL
+};
+
+pub(super) const ANY_HOST: Row = Row {
+    transport: "serial, any host",
+    session: |seed, log| session(seed, Peer::Any(End::B), log),
+    ..SERIAL
+};
+
+/// Each end against one that sends anything.
+pub(super) const HOSTILE: Row = Row {
+    transport: "serial, hostile ends",
+    job: "exceptions and starts",
+    one_in: None,
+    session: |seed, log| hostile::session(seed, log),
+    ..SERIAL
+};
 
 const MS: Duration = Duration::from_millis(1);
 const LIMIT: Duration = Duration::from_secs(300);
@@ -43,6 +73,9 @@ struct Cell {
     aliens: Vec<HostMessage>,
     controller: Controller,
     host: Host,
+    /// In place of ours.
+    other_controller: Option<AnyController>,
+    other_host: Option<AnyHost>,
     /// Whether values are offsets from the path, which ones hold, and whether those are an alien's.
     holds: bool,
     applied: Values,
@@ -60,16 +93,15 @@ struct Cell {
     /// The reply, and the exception, whose fate is not known yet.
     reply: Option<usize>,
     exception: Option<usize>,
+    /// When the last reply was sent, if nothing corrupt has come since.
+    replied_at: Option<Duration>,
     /// The jobs that are exceptions: each has a code of its own.
     exceptions: Vec<usize>,
     done: usize,
 }
 
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
-    if rng.chance(0.1) {
-        return hostile::session(&mut rng);
-    }
     let bad = [0.1, 0.5, 2.0][rng.below(3)];
     // A pause of more than 4 ms ends a frame. All delays of a cycle together stay below 10 ms: a reply that comes when the
     // next message has left would pass for the reply to that, since it has no number. Or they do not, and the host knows it.
@@ -86,7 +118,8 @@ fn session(seed: u64, log: Log) -> Tally {
         stall: if in_time { 0.0 } else { 0.01 * bad },
         ..Faults::SERIAL
     };
-    let baud = [38_400, 19_200][rng.below(2)];
+    // At the lower rate not all words of a reply fit its window, and only ours knows which do.
+    let baud = [38_400, 19_200][rng.below(if peer == Peer::Any(End::B) { 1 } else { 2 })];
     let config = ControllerConfig {
         baud,
         mode: [Mode::CUMULATIVE_23, Mode::NON_CUMULATIVE_22, Mode(19), Mode(18)][rng.below(4)],
@@ -111,6 +144,8 @@ fn session(seed: u64, log: Log) -> Tally {
         aliens: Vec::new(),
         controller: Controller::new(config).expect("it can work"),
         host: Host::new(host).expect("it can work"),
+        other_controller: (peer == Peer::Any(End::A)).then(|| AnyController::new(config, Duration::ZERO)),
+        other_host: (peer == Peer::Any(End::B)).then(AnyHost::new),
         holds: config.mode.accumulation() == Accumulation::NonCumulative,
         applied: [0; 6],
         astray: false,
@@ -121,6 +156,7 @@ fn session(seed: u64, log: Log) -> Tally {
         in_time,
         reply: None,
         exception: None,
+        replied_at: None,
         exceptions: Vec::new(),
         done: 0,
     };
@@ -132,21 +168,21 @@ fn session(seed: u64, log: Log) -> Tally {
     let jobs = 5 + rng.below(60);
     while cell.ledger.len() < jobs && cell.now < LIMIT {
         cell.users(&mut rng, true);
-        cell.step();
+        cell.step(false, &mut rng);
     }
     // A minute without faults, in which work is asked for.
     cell.wire.heal(cell.now);
     let (end, enough) = (cell.now + Duration::from_secs(60), cell.done + AT_THE_END);
     while cell.now < end && cell.done < enough {
         cell.users(&mut rng, false);
-        cell.step();
+        cell.step(true, &mut rng);
     }
     let stuck = cell.done < enough;
     log.line(cell.now, format_args!("the host stops"));
     cell.host.stop(cell.now);
     let end = cell.now + Duration::from_secs(1);
     while cell.now < end && (cell.host.state() != HostState::Idle || cell.open()) {
-        cell.step();
+        cell.step(true, &mut rng);
     }
     let unexpected = cell.host.statistics().unexpected + cell.controller.statistics().unexpected;
     assert_eq!(unexpected, 0, "the contract is kept");
@@ -162,7 +198,7 @@ impl Cell {
 
     /// What the robot's program and the operator do, and what goes wrong with their machines.
     fn users(&mut self, rng: &mut Rng, faults: bool) {
-        if self.controller.state() == ControllerState::Off {
+        if self.controller.state() == ControllerState::Off && self.other_controller.is_none() {
             let again_at = *self.again_at.get_or_insert_with(|| self.now + MS * rng.below(100) as u32);
             if again_at <= self.now {
                 self.log.line(self.now, format_args!("the robot's program executes ALTER"));
@@ -196,7 +232,7 @@ impl Cell {
             self.log.line(self.now, format_args!("what {end:?} sends is lost until {until:?}"));
             self.dead = Some((end, until));
         }
-        if self.exception.is_none() && rng.chance(0.03) {
+        if self.exception.is_none() && self.other_host.is_none() && rng.chance(0.03) {
             let exception = exception(self.ledger.len());
             if self.host.exception(self.now, exception).is_ok() {
                 let job = self.send([0; 6]);
@@ -222,6 +258,7 @@ impl Cell {
         }
         self.host = Host::new(*self.host.config()).expect("it worked before");
         self.host.handle_connected(self.now);
+        self.other_host = self.other_host.take().map(|_| AnyHost::new());
     }
 
     fn send(&mut self, values: Values) -> usize {
@@ -229,12 +266,31 @@ impl Cell {
         self.ledger.send(self.cause)
     }
 
-    fn step(&mut self) {
+    fn step(&mut self, is_calm: bool, rng: &mut Rng) {
         let (now, mut reported) = (self.now, Vec::new());
         let dead = self.dead.filter(|(_, until)| now < *until).map(|(end, _)| end);
         let mut line = HalfOpen { wire: &mut self.wire, dead };
-        turn(&mut line, End::A, &mut self.controller, now, |_, event| reported.push(event));
+        match &mut self.other_controller {
+            Some(other) => reported = other.turn(&mut line, now, is_calm, rng),
+            None => turn(&mut line, End::A, &mut self.controller, now, |_, event| reported.push(event)),
+        }
         self.obey(reported);
+        if let Some(mut other) = self.other_host.take() {
+            self.answer(&mut other, dead, is_calm, rng);
+            self.other_host = Some(other);
+        } else {
+            self.step_host(dead);
+        }
+        let others = [
+            self.other_controller.as_ref().map(AnyController::next),
+            self.other_host.as_ref().and_then(AnyHost::next),
+        ];
+        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), self.again_at];
+        self.now = self.wire.next(self.now, times.into_iter().chain(others));
+    }
+
+    fn step_host(&mut self, dead: Option<End>) {
+        let now = self.now;
         self.host.set_target(now, values_of(&self.ledger));
         let before = self.host.statistics().replies;
         let mark = self.wire.mark();
@@ -250,10 +306,8 @@ impl Cell {
                 self.log.line(now, format_args!("job {job}: {values:?}"));
                 self.reply = Some(job);
             }
-            self.cause = mark;
+            (self.cause, self.replied_at) = (mark, Some(now));
         }
-        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), self.again_at];
-        self.now = self.wire.next(self.now, times);
     }
 
     fn obey(&mut self, events: Vec<ControllerEvent>) {
@@ -296,6 +350,13 @@ impl Cell {
         }
     }
 
+    /// Whether an error code is about the last reply. A controller that is not ours goes on without one, and then it may be about a message
+    /// that was lost.
+    fn follows(&self) -> bool {
+        let until = self.replied_at.map(|at| at + timing::CYCLE * 3 / 2);
+        self.other_controller.is_none() || until.is_some_and(|until| self.now < until)
+    }
+
     fn hear(&mut self) {
         let events: Vec<_> = core::iter::from_fn(|| self.host.poll_event()).collect();
         let mark = self.wire.mark();
@@ -322,8 +383,12 @@ impl Cell {
                     self.done += usize::from(!self.in_time && self.reply.is_some());
                     Some(if self.in_time { Reported::Done } else { Reported::Unknown })
                 }
-                HostEvent::Rejected(_) if self.in_time => Some(Reported::NotDone),
+                HostEvent::Rejected(_) if self.in_time && self.follows() => Some(Reported::NotDone),
                 HostEvent::Rejected(_) => Some(Reported::Unknown),
+                HostEvent::Corrupt(_) => {
+                    self.replied_at = None;
+                    None
+                }
                 HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost(_) => {
                     self.cause = mark;
                     Some(Reported::Unknown)

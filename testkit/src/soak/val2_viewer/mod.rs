@@ -3,7 +3,7 @@
 //!
 //! ALTER ends and begins, and some hosts do not read their port meanwhile. The operator pauses a display that is stale. Every pose is
 //! followed from the arm to the line: none is sent that is older than the host's greatest age, and no two packets within its interval.
-//! In some sessions one end is not ours: it chooses among what the source permits, or sends anything.
+//! An end that is not ours chooses among what the source permits, or sends anything.
 
 mod peers;
 
@@ -17,13 +17,42 @@ use val2_viewer::{
 
 use self::peers::{Seen, Stranger, Watched};
 use super::wire::Cable;
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
 
-pub(super) const SERIAL: Row =
-    Row { link: "val2-viewer", transport: "serial", job: "requests", one_in: Some(256), session };
+pub(super) const SERIAL: Row = Row {
+    link: "val2-viewer",
+    transport: "serial",
+    job: "requests",
+    one_in: Some(256),
+    session: |seed, log| session(seed, Peer::Ours, log),
+};
+
+pub(super) const ANY_WORKSTATION: Row = Row {
+    transport: "serial, any workstation",
+    session: |seed, log| session(seed, Peer::Any(End::A), log),
+    ..SERIAL
+};
+
+pub(super) const ANY_HOST: Row = Row {
+    transport: "serial, any host",
+    session: |seed, log| session(seed, Peer::Any(End::B), log),
+    ..SERIAL
+};
+
+pub(super) const HOSTILE_WORKSTATION: Row = Row {
+    transport: "serial, hostile workstation",
+    session: |seed, log| session(seed, Peer::Hostile(End::A), log),
+    ..SERIAL
+};
+
+pub(super) const HOSTILE_HOST: Row = Row {
+    transport: "serial, hostile host",
+    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    ..SERIAL
+};
 
 const MS: Duration = Duration::from_millis(1);
 /// ALTER's cycle, and the display's.
@@ -43,7 +72,7 @@ struct Made {
     received: bool,
 }
 
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = [0.2, 1.0, 3.0][rng.below(3)];
     let faults = Faults {
@@ -55,9 +84,11 @@ fn session(seed: u64, log: Log) -> Tally {
         stall: 0.03,
         ..Faults::SERIAL
     };
-    let end = [End::A, End::B][rng.below(2)];
-    let mut stranger =
-        [None, None, Some(true), Some(false)][rng.below(4)].map(|kept| Stranger::new(end, kept));
+    let mut stranger = match peer {
+        Peer::Ours => None,
+        Peer::Any(end) => Some(Stranger::new(end, true)),
+        Peer::Hostile(end) => Some(Stranger::new(end, false)),
+    };
     let is_strange = |stranger: &Option<Stranger>, end| stranger.as_ref().is_some_and(|it| it.end == end);
     let mut wire = Wire::new(seed, faults.at_baud(19_200), ["workstation", "host"], true, log);
     wire.poll_late(0.01);

@@ -1,25 +1,48 @@
 //! A host and a controller on a serial line. A job is an instruction: a cut, which is queued, or one that is executed at once.
 //!
-//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. In some sessions one
-//! end is hostile: it answers or sends anything at any time. What is executed then proves nothing; each job has one outcome all the same.
+//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. With a hostile end,
+//! which answers or sends anything at any time, what is executed proves nothing; each job has one outcome all the same.
+
+mod any_controller;
+mod any_host;
 
 use core::time::Duration;
 
 use laser_eb90::{
     Class, Controller, ControllerConfig, ControllerEvent, DecodeError, EncodeError, Frame, Host, HostConfig,
-    HostEvent, Instruction, Instructions, Item, Items, Payload, Profile, SessionError,
+    HostEvent, Instruction, Instructions, Item, Items, Payload, Profile, SessionError, timing,
 };
 use robot_session::{Encode as _, Session as _};
 use robot_work_queue::Reader;
 
+use self::any_controller::AnyController;
+pub(super) use self::any_host::{ANY_HOST, HOSTILE_HOST};
+pub use self::any_host::{Article, Fault, frame};
 use super::wire::Cable;
-use super::{Check, Ledger, Log, Reported, Row, Tally, Unseen, Wire};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Unseen, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
 
-pub(super) const SERIAL: Row =
-    Row { link: "laser-eb90", transport: "serial", job: "instructions", one_in: Some(256), session };
+pub(super) const SERIAL: Row = Row {
+    link: "laser-eb90",
+    transport: "serial",
+    job: "instructions",
+    one_in: Some(256),
+    session: |seed, log| session(seed, Peer::Ours, log),
+};
+
+pub(super) const ANY_CONTROLLER: Row = Row {
+    transport: "serial, any controller",
+    session: |seed, log| session(seed, Peer::Any(End::B), log),
+    ..SERIAL
+};
+
+pub(super) const HOSTILE_CONTROLLER: Row = Row {
+    transport: "serial, hostile controller",
+    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    ..SERIAL
+};
 
 const MS: Duration = Duration::from_millis(1);
 const LIMIT: Duration = Duration::from_secs(3600);
@@ -30,6 +53,8 @@ const WORK: usize = 10;
 const CUT: u16 = 0x0101;
 const SWITCH: u16 = 0x0201;
 const ASK: u16 = 0x0301;
+/// The longest answer in bytes.
+const ANSWER: usize = 24;
 
 /// What an instruction carries: which job it is, twice.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,14 +96,6 @@ impl TryFrom<Instruction<'_>> for Marked {
     }
 }
 
-/// Who does not keep the source's rules.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Hostile {
-    Nobody,
-    Host,
-    Controller,
-}
-
 struct Cell {
     now: Duration,
     log: Log,
@@ -86,7 +103,9 @@ struct Cell {
     wire: Wire,
     /// Nothing arrives before.
     plug_at: Duration,
-    hostile: Hostile,
+    peer: Peer,
+    /// In place of our controller.
+    other: Option<AnyController>,
     healed: bool,
     ledger: Ledger,
     /// Executed, and nobody sent it.
@@ -103,7 +122,7 @@ struct Cell {
     unexpected: u64,
 }
 
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = [0.2, 1.0, 4.0][rng.below(3)];
     let baud = [9600, 115_200][rng.below(2)];
@@ -116,11 +135,6 @@ fn session(seed: u64, log: Log) -> Tally {
         pause: [2 * MS, 45 * MS][rng.below(2)],
         stall: if is_slow { 0.05 } else { 0.0 },
         ..Faults::SERIAL
-    };
-    let hostile = match rng.below(10) {
-        0 => Hostile::Host,
-        1 => Hostile::Controller,
-        _ => Hostile::Nobody,
     };
     let defaults = HostConfig {
         baud,
@@ -139,6 +153,8 @@ fn session(seed: u64, log: Log) -> Tally {
         ..defaults
     };
     let config = if is_slow { config } else { defaults };
+    let other = (peer == Peer::Any(End::B)).then(|| AnyController::new(rng.chance(0.5), &mut rng));
+    let config = other.as_ref().map_or(config, |other| assuming(other, config));
     let mut wire = Wire::new(seed, faults.at_baud(baud), ["host", "controller"], false, log);
     wire.poll_late(if is_slow { 0.005 } else { 0.0 });
     let (controller, reader) = new_controller();
@@ -147,7 +163,8 @@ fn session(seed: u64, log: Log) -> Tally {
         log,
         wire,
         plug_at: Duration::ZERO,
-        hostile,
+        peer,
+        other,
         healed: false,
         ledger: Ledger::default(),
         aliens: Vec::new(),
@@ -176,6 +193,21 @@ fn session(seed: u64, log: Log) -> Tally {
         cell.step();
     }
     cell.settle(stuck)
+}
+
+/// What the other controller keeps.
+fn assuming(other: &AnyController, config: HostConfig) -> HostConfig {
+    // An answer, pauses and delays on the line.
+    let line = timing::transmission_time(2 * ANSWER, config.baud) + 70 * MS;
+    let reply_time = config.reply_time.max(any_controller::DELAY + line);
+    let settle = config.settle.max(any_controller::SILENCE + reply_time);
+    HostConfig {
+        controller_drops_partial: other.drops,
+        reply_time,
+        settle,
+        earlier_execution: config.earlier_execution.max(any_controller::EXECUTION),
+        ..config
+    }
 }
 
 fn new_host(config: HostConfig, now: Duration) -> Host {
@@ -240,12 +272,13 @@ impl Cell {
             }
             (self.controller, self.reader) = new_controller();
             self.controller.handle_connected(self.now);
+            self.other = self.other.take().map(|other| AnyController::new(other.drops, &mut self.rng));
         }
     }
 
     /// Whether what is executed follows from what was reported: no hostile end, and no caller who wants a frame several times.
     fn is_certain(&self) -> bool {
-        self.hostile == Hostile::Nobody && !self.config.resend_on_silence
+        !matches!(self.peer, Peer::Hostile(_)) && !self.config.resend_on_silence
     }
 
     /// A minute without faults, in which work is asked for. Whether it was done.
@@ -275,6 +308,10 @@ impl Cell {
         });
         events.into_iter().for_each(|event| self.report(event));
         let (log, mut executed, mut unexpected) = (self.log, Vec::new(), 0);
+        if let Some(other) = &mut self.other {
+            let mut line = Cable { wire: &mut self.wire, is_cut };
+            executed = other.turn(&mut line, now, self.healed, &mut self.rng);
+        }
         turn(
             &mut Cable { wire: &mut self.wire, is_cut },
             End::B,
@@ -303,14 +340,16 @@ impl Cell {
         self.provoke();
         let motion = (!self.reader.is_empty()).then_some(self.motion_at);
         let plug = is_cut.then_some(self.plug_at);
-        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), motion, plug];
+        let other = self.other.as_ref().and_then(AnyController::next);
+        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), motion, plug, other];
         // The next submission may be all that is left to happen.
         self.now = self.wire.next(self.now, times);
     }
 
     /// A random walk over the messages of one end.
     fn provoke(&mut self) {
-        if self.healed || self.hostile == Hostile::Nobody || !self.rng.chance(0.05) {
+        let Peer::Hostile(from) = self.peer else { return };
+        if self.healed || !self.rng.chance(0.05) {
             return;
         }
         let (profile, mut buffer, mut out) = (Profile::default(), [0; 64], [0; Frame::MAX_LEN]);
@@ -322,7 +361,6 @@ impl Cell {
         }
         let n = payload.frame().unwrap().encode(&mut out).unwrap();
         let n = if self.rng.chance(0.7) { n } else { self.rng.below(n) };
-        let from = if self.hostile == Hostile::Host { End::A } else { End::B };
         self.wire.send(from, self.now, &out[..n]);
     }
 
@@ -344,7 +382,8 @@ impl Cell {
             }
             _ => return,
         };
-        let reported = if self.hostile == Hostile::Nobody { reported } else { Reported::AnyTimes(0) };
+        let is_hostile = matches!(self.peer, Peer::Hostile(_));
+        let reported = if is_hostile { Reported::AnyTimes(0) } else { reported };
         for ticket in first..first + u64::from(count) {
             self.ledger.report(self.base + ticket as usize, reported, self.wire.mark());
         }
@@ -370,7 +409,7 @@ impl Cell {
             }
         });
         for alien in &self.aliens {
-            if self.hostile == Hostile::Nobody && !unseen.iter().any(|unseen| holds(unseen, alien)) {
+            if !matches!(self.peer, Peer::Hostile(_)) && !unseen.iter().any(|unseen| holds(unseen, alien)) {
                 self.log.line(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }

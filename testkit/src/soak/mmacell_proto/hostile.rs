@@ -1,4 +1,4 @@
-//! A central controller that does not wait for answers.
+//! Ends that keep no rule: a central controller that does not wait for answers, and one of either kind that sends anything.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -45,4 +45,31 @@ impl Pipeline {
         }
         true
     }
+}
+
+pub(super) fn any_command(rng: &mut Rng) -> &'static [u8] {
+    const ALL: [&[u8]; 9] = [
+        b"STA\r\n",
+        b"SRVON\r\nSTA\r\n",
+        b"MOVA+010.000-002.000+005.999-01.2322\r\n",
+        b"MOVR+900.000",
+        b"RST\r\nCLO\r\nSTP\r\n",
+        b"ACQ+00001\r\n\r\n",
+        b"OVR+00101\r\n",
+        b"\r",
+        b"OK\r\n",
+    ];
+    ALL[rng.below(ALL.len())]
+}
+
+pub(super) fn any_reply(rng: &mut Rng) -> &'static [u8] {
+    const ALL: [&[u8]; 6] = [
+        b"OK\r\n",
+        b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n",
+        b"OKT+010.000-002.000+005.999-01.2322F+00080+00002\r\n",
+        b"ER+00077\r\n",
+        b"ER+00000\r\n",
+        b"O",
+    ];
+    ALL[rng.below(ALL.len())]
 }

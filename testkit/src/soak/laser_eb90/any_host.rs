@@ -10,12 +10,22 @@ use laser_eb90::{Controller, ControllerConfig, Instruction, Item, timing};
 use robot_session::Session as _;
 use robot_work_queue::Reader;
 
-use super::{Ledger, Log, Mark, Reported, Row, Tally};
+use super::super::{Ledger, Log, Mark, Reported, Row, Tally};
 use crate::link::FaultCounts;
 use crate::rng::Rng;
 
-pub(super) const ANY_HOST: Row =
-    Row { link: "laser-eb90", transport: "serial, any host", job: "instructions", one_in: None, session };
+/// The article's host.
+pub(crate) const ANY_HOST: Row = Row {
+    link: "laser-eb90",
+    transport: "serial, any host",
+    job: "instructions",
+    one_in: None,
+    session: |seed, log| session(seed, false, log),
+};
+
+/// Before it comes one that sends anything.
+pub(crate) const HOSTILE_HOST: Row =
+    Row { transport: "serial, hostile host", session: |seed, log| session(seed, true, log), ..ANY_HOST };
 
 const MS: Duration = Duration::from_millis(1);
 /// No frame takes longer.
@@ -245,11 +255,11 @@ fn anything(rng: &mut Rng, next: u32) -> Vec<u8> {
     bytes
 }
 
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, is_hostile: bool, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let mut article = Article::new([9600, 115_200][rng.below(2)], MS * rng.below(300) as u32);
     let (mut ledger, mut tally, mut base) = (Ledger::default(), Tally::default(), 0);
-    if rng.chance(0.3) {
+    if is_hostile {
         // Its frames are not counted: it has asked for them as often as they were executed.
         for index in 0..20 + rng.below(60) as u32 {
             let bytes = anything(&mut rng, index * BATCH);

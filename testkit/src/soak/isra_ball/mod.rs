@@ -2,8 +2,12 @@
 //!
 //! Values are followed from the sensor to their use: none is used that is older than the host's greatest age. The line of one half
 //! of the sessions keeps the host's assumption about delays, that of the other half does not; then values may be older by the
-//! longest delay that there was. The ball of some sessions is hostile: it sends anything at any time, and only the polls' outcomes are checked.
-//! That of others is late, by the same time at each poll, and keeps every other rule: then nothing else goes wrong, and no value is too old.
+//! longest delay that there was. With a hostile ball, which sends anything at any time, only the polls' outcomes are checked.
+//! Some balls that are not ours are late, by the same time at each poll, and keep every other rule: then nothing else goes wrong, and no
+//! value is too old.
+
+mod any_ball;
+mod any_host;
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -13,13 +17,32 @@ use isra_ball::{
     Ball, BallConfig, BallEvent, DecodeError, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status,
 };
 
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use self::any_ball::AnyBall;
+pub(super) use self::any_host::{ANY_HOST, HOSTILE_HOST};
+use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::turn;
 
-pub(super) const SERIAL: Row =
-    Row { link: "isra-ball", transport: "serial", job: "polls", one_in: Some(256), session };
+pub(super) const SERIAL: Row = Row {
+    link: "isra-ball",
+    transport: "serial",
+    job: "polls",
+    one_in: Some(256),
+    session: |seed, log| session(seed, Peer::Ours, log),
+};
+
+pub(super) const ANY_BALL: Row = Row {
+    transport: "serial, any ball",
+    session: |seed, log| session(seed, Peer::Any(End::B), log),
+    ..SERIAL
+};
+
+pub(super) const HOSTILE_BALL: Row = Row {
+    transport: "serial, hostile ball",
+    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    ..SERIAL
+};
 
 const MS: Duration = Duration::from_millis(1);
 /// The fault-free time at the end, and the replies with new values that must come in it.
@@ -35,9 +58,9 @@ struct Made {
     received: bool,
 }
 
-fn session(seed: u64, log: Log) -> Tally {
+fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
-    if rng.chance(0.15) {
+    if peer == Peer::Any(End::B) && rng.chance(0.3) {
         return late(seed, log, &mut rng);
     }
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
@@ -55,7 +78,9 @@ fn session(seed: u64, log: Log) -> Tally {
     };
     // The greatest age. A poll that noise has made is answered too, and its packet may be taken for a reply.
     let mut most = config.max_age + config.max_delay;
-    let is_hostile = rng.chance(0.15);
+    let is_hostile = peer == Peer::Hostile(End::B);
+    let mut other = (peer == Peer::Any(End::B)).then(|| AnyBall::new(&mut rng));
+    let longest = if is_kept { 3 * MS } else { 100 * MS };
     let mut wire = Wire::new(seed, faults.at_baud(9600), ["host", "ball"], false, log);
     wire.poll_late(0.01);
     let mut hand = Hand::new(rng.chance(0.5));
@@ -70,7 +95,14 @@ fn session(seed: u64, log: Log) -> Tally {
     loop {
         hand.measure(now, &mut ball, &mut rng);
         if healed.is_none() {
-            misfortune(now, log, &mut rng, &mut host, &mut ball, &mut hand);
+            if misfortune_of_ball(now, log, &mut rng, &mut ball, &mut hand) {
+                other = other.map(|_| AnyBall::new(&mut rng));
+            }
+            if rng.chance(0.002) {
+                log.line(now, format_args!("the port is closed and opened again"));
+                host.handle_disconnected(now);
+                host.handle_connected(now);
+            }
             if rng.chance(0.002) {
                 log.line(now, format_args!("the host is restarted"));
                 host = Host::new(config).unwrap();
@@ -160,6 +192,9 @@ fn session(seed: u64, log: Log) -> Tally {
             open = Some(ledger.send(wire.mark()));
         }
         let mut events = Vec::new();
+        if let Some(other) = &mut other {
+            made.extend(other.turn(&mut wire, now, &hand, longest, healed.is_some(), &mut rng));
+        }
         turn(&mut wire, End::B, &mut ball, now, |_, event| events.push(event));
         for event in events {
             log.line(now, format_args!("  ball: {event:?}"));
@@ -180,7 +215,8 @@ fn session(seed: u64, log: Log) -> Tally {
         if healed.is_some_and(|until| now >= until || work >= WORK) {
             break;
         }
-        now = wire.next(now, [host.poll_timeout(), Some(now + 10 * MS)]);
+        let answer = other.as_ref().and_then(AnyBall::next);
+        now = wire.next(now, [host.poll_timeout(), Some(now + 10 * MS), answer]);
     }
     let mut tally = Tally { invented, stuck: u64::from(work < WORK), ..Tally::default() };
     let unseen = wire.settle(now, &mut tally, Frame::MAX_LEN, |from, bytes| match from {
@@ -291,13 +327,18 @@ impl Hand {
         Self { count: 0, may_be_stuck, is_stuck_until: Duration::ZERO, measured: None }
     }
 
+    fn values(&self) -> ([i8; 3], [i8; 3], u8) {
+        let [low, high, ..] = self.count.to_le_bytes().map(u8::cast_signed);
+        ([low, high, !low], [low ^ 0x55, high ^ 0x11, 3], low.cast_unsigned())
+    }
+
     fn measure(&mut self, now: Duration, ball: &mut Ball, rng: &mut Rng) {
         if now < self.is_stuck_until {
             return;
         }
         self.count += 1;
-        let [low, high, ..] = self.count.to_le_bytes().map(u8::cast_signed);
-        ball.measure([low, high, !low], [low ^ 0x55, high ^ 0x11, 3], Keys(low.cast_unsigned()));
+        let (force, moment, keys) = self.values();
+        ball.measure(force, moment, Keys(keys));
         self.measured = Some(now);
         if self.may_be_stuck && rng.chance(0.01) {
             self.is_stuck_until = now + rng.log_uniform(10 * MS, 3000 * MS);
@@ -305,19 +346,16 @@ impl Hand {
     }
 }
 
-/// What befalls the line's ends: another ball, a port that is closed and opened again.
-fn misfortune(now: Duration, log: Log, rng: &mut Rng, host: &mut Host, ball: &mut Ball, hand: &mut Hand) {
-    if rng.chance(0.002) {
+/// Whether the ball is restarted.
+fn misfortune_of_ball(now: Duration, log: Log, rng: &mut Rng, ball: &mut Ball, hand: &mut Hand) -> bool {
+    let is_restarted = rng.chance(0.002);
+    if is_restarted {
         log.line(now, format_args!("the ball is restarted"));
         *ball = new_ball();
         ball.handle_connected(now);
         hand.measured = None;
     }
-    if rng.chance(0.002) {
-        log.line(now, format_args!("the port is closed and opened again"));
-        host.handle_disconnected(now);
-        host.handle_connected(now);
-    }
+    is_restarted
 }
 
 fn new_ball() -> Ball {

@@ -1,0 +1,132 @@
+//! How long the ends may be wrong about each other: their sessions on a virtual clock, with the default settings.
+
+use core::time::Duration;
+
+use kawasaki_msg::{JobSource, LargePc, Line, PcConfig, PcEvent, RobotConfig, RobotEvent, Supply, timing};
+use robot_session::Session as _;
+
+use crate::controller::{Controller as _, Native};
+use crate::model::Margin;
+
+const PC: &str = "kawasaki-msg pc";
+const ROBOT: &str = "kawasaki-msg robot";
+
+/// What the ends assume about time.
+pub fn margins() -> Vec<Margin> {
+    let (robot, pc) = (RobotConfig::TCP, PcConfig::TCP);
+    vec![
+        Margin::around([PC, "silence", "the robot says nothing for so long"], pc.silence, speaks),
+        Margin::around(
+            [PC, "reply_delay", "two messages of a packet are so far apart"],
+            pc.reply_delay,
+            is_read,
+        ),
+        Margin::around([ROBOT, "reply_timeout", "an answer takes so long"], robot.reply_timeout, is_answered),
+        Margin::around([ROBOT, "patience", "no job comes for so long"], robot.patience, waits),
+        Margin::around(
+            [ROBOT, "timing::LATEST_DATAGRAM", "the start of an earlier run is so late"],
+            timing::LATEST_DATAGRAM,
+            is_ignored,
+        ),
+    ]
+}
+
+/// No jobs.
+struct Nothing;
+
+impl JobSource for Nothing {
+    type Work = Line;
+
+    fn job(&mut self, _: u32) -> Supply<Line> {
+        Supply::Later
+    }
+}
+
+fn pc() -> LargePc<'static, Nothing> {
+    let mut pc = LargePc::sized(PcConfig::TCP).expect("the default can work");
+    pc.handle_connected(Duration::ZERO);
+    pc
+}
+
+fn speaks(silent: Duration) -> Option<&'static str> {
+    let mut pc = pc();
+    pc.handle_timeout(silent);
+    pc.poll_event().filter(|event| *event == PcEvent::Disconnect).map(|_| "a connection that works is kept")
+}
+
+fn is_read(apart: Duration) -> Option<&'static str> {
+    let mut pc = pc();
+    pc.handle_input(Duration::ZERO, b"<Huuhaa$0##>");
+    pc.handle_timeout(apart);
+    pc.poll_transmit(apart, &mut [0; 4096]).map(|_| "a packet is read before it is answered")
+}
+
+/// A robot that was asked to begin an order, and has sent its request for jobs; and when it did.
+fn asking() -> (Native, Duration) {
+    let mut robot = Native::begin(RobotConfig::TCP, 4, 0);
+    robot.handle_timeout(Duration::ZERO);
+    robot.handle_connected(Duration::ZERO);
+    let begun = send(&mut robot, Duration::ZERO);
+    robot.handle_input(begun, b"<TilausAlkaa$3#1$1#>");
+    let asked = send(&mut robot, begun);
+    while robot.poll_event().is_some() {}
+    (robot, asked)
+}
+
+/// When the next packet is sent.
+fn send(robot: &mut Native, from: Duration) -> Duration {
+    let mut now = from;
+    loop {
+        robot.handle_timeout(now);
+        if robot.poll_transmit(now, &mut [0; 4096]).is_some() {
+            return now;
+        }
+        now = robot.poll_timeout().expect("a packet is due").max(now);
+    }
+}
+
+fn is_answered(after: Duration) -> Option<&'static str> {
+    let (mut robot, asked) = asking();
+    robot.handle_timeout(asked + after);
+    core::iter::from_fn(|| robot.poll_event())
+        .any(|event| event == RobotEvent::NoReply)
+        .then_some("no packet is given up that will be answered")
+}
+
+fn waits(without: Duration) -> Option<&'static str> {
+    let (mut robot, asked) = asking();
+    // The PC answers at once, and has no job yet.
+    let mut now = asked;
+    while now <= asked + without {
+        robot.handle_input(now, b"<Huuhaa$0##>");
+        robot.handle_timeout(now.min(asked + without));
+        if core::iter::from_fn(|| robot.poll_event())
+            .any(|event| matches!(event, RobotEvent::Recovery { .. }))
+        {
+            return Some("the recovery does not begin while the PC will send jobs");
+        }
+        robot.poll_transmit(now, &mut [0; 4096]);
+        now += Duration::from_micros(100);
+    }
+    None
+}
+
+/// A robot that was just started, over datagrams, and whose program reads them at once.
+fn is_ignored(late: Duration) -> Option<&'static str> {
+    let mut robot = Native::begin(RobotConfig::UDP, 4, 0);
+    robot.handle_timeout(Duration::ZERO);
+    robot.handle_connected(Duration::ZERO);
+    let mut now = Duration::ZERO;
+    // Another start has come before it, and opened the time in which starts that waited are not looked at.
+    for at in [late - late / 10, late] {
+        while now < at {
+            robot.handle_timeout(now);
+            robot.poll_transmit(now, &mut [0; 1472]);
+            now += Duration::from_millis(1);
+        }
+        robot.handle_input(at, b"<TilausAlkaa$3#1$1#>");
+    }
+    core::iter::from_fn(|| robot.poll_event())
+        .any(|event| matches!(event, RobotEvent::OrderStarted { .. }))
+        .then_some("no order of an earlier run begins")
+}

@@ -31,6 +31,8 @@ pub struct Link {
     pub codec: MakeCodec,
     /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in one way.
     pub tolerates: fn(&Accepted<'_>) -> bool,
+    /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
+    pub clauses: &'static [(&'static str, &'static str)],
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }
@@ -76,6 +78,11 @@ impl Link {
     pub fn end(&self, name: &str) -> Result<&'static EndRow> {
         let end = self.ends.iter().find(|end| end.name == name);
         end.with_context(|| format!("{} has no end `{name}`", self.name))
+    }
+
+    /// The clause of the specification that is broken by bytes with this kind of error.
+    pub fn clause(&self, kind: &str) -> Option<&'static str> {
+        self.clauses.iter().find(|(known, _)| *known == kind).map(|(_, clause)| *clause)
     }
 
     /// Whether a message that was accepted is written by its codec as it was read, or may have been read so nevertheless.

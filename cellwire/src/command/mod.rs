@@ -14,5 +14,6 @@ pub mod mma;
 pub mod modbus;
 pub mod settings;
 pub mod simulate;
+pub mod tap;
 pub mod vectors;
 mod work;

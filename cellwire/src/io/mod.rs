@@ -20,6 +20,7 @@ pub mod serial;
 pub mod serve;
 pub mod sheet;
 pub mod stream;
+pub mod tap;
 pub mod tcp;
 pub mod trace;
 pub mod udp;

@@ -27,5 +27,6 @@ pub const LINK: Link = Link {
         Some(written) => it.message["status"] == "reserved" && it.bytes.len() == written.len(),
         None => it.message.get("data").is_some(),
     },
+    clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
     ends: ends::ENDS,
 };

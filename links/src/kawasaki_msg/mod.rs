@@ -32,5 +32,16 @@ pub const LINK: Link = Link {
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
     tolerates: codec::tolerates,
+    clauses: &[
+        ("length", "KM-11"),
+        ("no_length", "KM-12"),
+        ("no_name", "KM-31"),
+        ("no_end_mark", "KM-34"),
+        ("mark", "KM-13"),
+        ("incomplete", "KM-32"),
+        ("not_ascii", "KM-16"),
+        ("garbage", "KM-31"),
+        ("too_long", "KM-14"),
+    ],
     ends: ends::ENDS,
 };

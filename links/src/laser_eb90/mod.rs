@@ -35,5 +35,15 @@ pub const LINK: Link = Link {
         Some(_) => it.settings.get("tail").is_some_and(|tail| tail == "either"),
         None => it.message["items"] == json!([]) || it.message.to_string().contains("null"),
     },
+    clauses: &[
+        ("checksum", "LE-13"),
+        ("flag", "LE-8"),
+        ("tag", "LE-12"),
+        ("item", "LE-15"),
+        ("stuffing", "LE-9"),
+        ("no_head", "LE-32"),
+        ("incomplete", "LE-33"),
+        ("too_long", "LE-14"),
+    ],
     ends: ends::ENDS,
 };

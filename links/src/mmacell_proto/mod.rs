@@ -37,5 +37,17 @@ pub const LINK: Link = Link {
             |written: &[u8]| written.len() == it.bytes.len() && it.bytes.iter().zip(written).all(is_plus);
         it.written.is_some_and(|written| !it.settings.is_empty() || same(written))
     },
+    clauses: &[
+        ("unknown_command", "MM-13"),
+        ("unexpected", "MM-25"),
+        ("short", "MM-25"),
+        ("trailing", "MM-25"),
+        ("integer_range", "MM-12"),
+        ("percent", "MM-13"),
+        ("too_long", "MM-7"),
+        ("incomplete", "MM-24"),
+        ("error_zero", "MM-20"),
+        ("unknown_reply", "MM-3"),
+    ],
     ends: ends::ENDS,
 };

@@ -26,5 +26,17 @@ pub const LINK: Link = Link {
     settings: || settings::list(Framing::DEFAULT),
     codec: codec::either,
     tolerates: codec::tolerates,
+    clauses: &[
+        ("reply_length", "AL-23"),
+        ("start_mark", "AL-33"),
+        ("checksum", "AL-7"),
+        ("end_mark", "AL-28"),
+        ("incomplete", "AL-36"),
+        ("too_long", "AL-9"),
+        ("length", "AL-29"),
+        ("control", "AL-13"),
+        ("start_reply", "AL-22"),
+        ("select", "AL-23"),
+    ],
     ends: ends::ENDS,
 };

@@ -23,5 +23,13 @@ pub const LINK: Link = Link {
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
     tolerates: |_| false,
+    clauses: &[
+        ("checksum", "VV-12"),
+        ("format", "VV-12"),
+        ("number", "VV-12"),
+        ("too_long", "VV-14"),
+        ("incomplete", "VV-15"),
+        ("noise", "VV-14"),
+    ],
     ends: ends::ENDS,
 };

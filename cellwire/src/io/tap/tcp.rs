@@ -1,0 +1,108 @@
+//! TCP: each client's connection is one to the server.
+
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use socket2::SockRef;
+
+use super::{CHUNK, End, Place, Watch, What};
+use crate::io::output::remark;
+use crate::io::tcp;
+
+/// Passes every client on to `server`, until the listener is gone.
+///
+/// # Errors
+/// When the listener fails, or there is no room for a thread.
+pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watch) -> Result<()> {
+    for (number, client) in (1..).zip(listener.incoming()) {
+        let client = match client {
+            Ok(client) => client,
+            // It has gone, or there is no descriptor for it now: the others pass.
+            Err(error) => {
+                remark(&format!("warning: a client was not accepted: {error}"));
+                thread::sleep(Duration::from_millis(100));
+                continue;
+            }
+        };
+        let (server, watch) = (server.to_owned(), watch.clone());
+        let serve = move || {
+            if let Err(error) = serve(&client, &server, timeout, number, &watch) {
+                remark(&format!("connection {number}: {error:#}"));
+                reset(&client);
+            }
+        };
+        thread::Builder::new().name("client".into()).spawn(serve).context("cannot start a thread")?;
+    }
+    Ok(())
+}
+
+fn serve(client: &TcpStream, server: &str, timeout: Duration, number: u32, watch: &Watch) -> Result<()> {
+    let server = tcp::connect(server, timeout)?;
+    client.set_nodelay(true)?;
+    watch.see(number, End::A, What::Opened(place(client, &server)?));
+    let connection = Connection { number, is_broken: AtomicBool::new(false), watch };
+    thread::scope(|scope| {
+        scope.spawn(|| connection.pass(client, &server, End::A));
+        connection.pass(&server, client, End::B);
+    });
+    Ok(())
+}
+
+/// The addresses of a connection as if the tap were not there; where one is of IPv4 and the other of IPv6, the client's with what it
+/// has connected to.
+fn place(client: &TcpStream, server: &TcpStream) -> Result<Place> {
+    let (from, to): (SocketAddr, SocketAddr) = (client.peer_addr()?, server.peer_addr()?);
+    Ok(Place::Tcp(from, if from.is_ipv4() == to.is_ipv4() { to } else { client.local_addr()? }))
+}
+
+struct Connection<'a> {
+    number: u32,
+    is_broken: AtomicBool,
+    watch: &'a Watch,
+}
+
+impl Connection<'_> {
+    /// One direction, until it ends: an end of the stream becomes one of the other's, and a reset a reset.
+    fn pass(&self, mut from: &TcpStream, mut to: &TcpStream, end: End) {
+        let mut buffer = vec![0; CHUNK];
+        loop {
+            let bytes = match from.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(length) => buffer.get(..length).unwrap_or_default(),
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return self.end_both([from, to], end, &error),
+            };
+            // First, so that an answer is not seen before what it answers.
+            self.watch.see(self.number, end, What::Bytes(Arc::from(bytes)));
+            if let Err(error) = to.write_all(bytes) {
+                return self.end_both([from, to], end.other(), &error);
+            }
+        }
+        if !self.is_broken.load(Ordering::Acquire) {
+            self.watch.see(self.number, end, What::Closed(None));
+            let _ = to.shutdown(Shutdown::Write);
+        }
+    }
+
+    /// The connection of one end broke, so that of the other does.
+    fn end_both(&self, streams: [&TcpStream; 2], end: End, error: &io::Error) {
+        if !self.is_broken.swap(true, Ordering::AcqRel) {
+            self.watch.see(self.number, end, What::Closed(Some(error.to_string())));
+        }
+        for stream in streams {
+            reset(stream);
+            // Wakes the other direction, and sends nothing.
+            let _ = stream.shutdown(Shutdown::Read);
+        }
+    }
+}
+
+/// When it is closed, the peer's connection is reset.
+fn reset(stream: &TcpStream) {
+    let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
+}

@@ -17,8 +17,8 @@ pub struct Link {
     pub about: &'static str,
     /// The names of the sides that send messages; the first is the default.
     pub sides: &'static [&'static str],
-    /// The side that sends, in a capture: the TCP client, or the server on this port.
-    pub sender: fn(is_client: bool, server_port: u16) -> &'static str,
+    /// The side that sends, in a capture: the TCP client, or the server on this port; `None`: an end that sends no messages, and polls.
+    pub sender: fn(is_client: bool, server_port: u16) -> Option<&'static str>,
     /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
     /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.

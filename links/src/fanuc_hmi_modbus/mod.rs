@@ -16,7 +16,7 @@ pub const LINK: Link = Link {
     name: "fanuc-hmi-modbus",
     about: "FANUC's HMI Device Communication, Modbus",
     sides: &["client", "server"],
-    sender: |is_client, _server_port| if is_client { "client" } else { "server" },
+    sender: |is_client, _server_port| Some(if is_client { "client" } else { "server" }),
     traces: &[("fanuc", [Some("server"), Some("client")])],
     marks_begin: true,
     configs: &[

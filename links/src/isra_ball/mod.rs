@@ -13,7 +13,8 @@ pub const LINK: Link = Link {
     name: "isra-ball",
     about: "The ISRA Robot Command Teach Ball",
     sides: &["ball"],
-    sender: |_is_client, _server_port| "ball",
+    // The host polls.
+    sender: |is_client, _server_port| if is_client { None } else { Some("ball") },
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
     marks_begin: true,
     configs: &[

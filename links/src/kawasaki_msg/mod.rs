@@ -20,7 +20,7 @@ pub const LINK: Link = Link {
     about: "A Kawasaki robot and a PC",
     sides: &["pc", "robot"],
     // The robot opens the connection.
-    sender: |is_client, _server_port| if is_client { "robot" } else { "pc" },
+    sender: |is_client, _server_port| Some(if is_client { "robot" } else { "pc" }),
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
     marks_begin: true,
     configs: &[

@@ -16,7 +16,7 @@ pub const LINK: Link = Link {
     about: "A laser machining robot, EB 90 frames",
     sides: &["host", "controller"],
     // Serial device servers listen: the robot is connected to one.
-    sender: |is_client, _server_port| if is_client { "host" } else { "controller" },
+    sender: |is_client, _server_port| Some(if is_client { "host" } else { "controller" }),
     traces: &[
         ("laser", [Some("controller"), Some("host")]),
         ("laser-host", [Some("host"), Some("controller")]),

@@ -14,9 +14,9 @@ pub const LINK: Link = Link {
     about: "The MM&A micro-manipulation cell",
     sides: &["central", "robot", "platform"],
     sender: |is_client, server_port| match server_port {
-        _ if is_client => "central",
-        ::mmacell_proto::port::PLATFORM => "platform",
-        _ => "robot",
+        _ if is_client => Some("central"),
+        ::mmacell_proto::port::PLATFORM => Some("platform"),
+        _ => Some("robot"),
     },
     traces: &[
         ("mma-robot", [Some("robot"), Some("central")]),

@@ -14,7 +14,7 @@ pub const LINK: Link = Link {
     about: "VAL II ALTER on a Unimation MARK III",
     sides: &["robot", "host"],
     // Serial device servers listen: the robot is connected to one.
-    sender: |is_client, _server_port| if is_client { "host" } else { "robot" },
+    sender: |is_client, _server_port| Some(if is_client { "host" } else { "robot" }),
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
     marks_begin: true,
     configs: &[

@@ -13,7 +13,8 @@ pub const LINK: Link = Link {
     name: "val2-viewer",
     about: "The graphics workstation that draws the robot of val2-alter",
     sides: &["host"],
-    sender: |_is_client, _server_port| "host",
+    // The workstation polls.
+    sender: |is_client, _server_port| if is_client { Some("host") } else { None },
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
     marks_begin: true,
     configs: &[

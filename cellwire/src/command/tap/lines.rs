@@ -8,7 +8,7 @@ use anyhow::Result;
 use humantime::format_rfc3339_micros;
 use serde_json::{Map, Value, json};
 
-use crate::command::codec::CodecArgs;
+use crate::command::codec::LinkArgs;
 use crate::io::output::{self, remark};
 use crate::io::tap::{End, Place, Seen, What};
 use cellwire_links::codec::{Item, Kind, Stream};
@@ -16,7 +16,7 @@ use cellwire_links::link::Link;
 
 /// Decodes what is seen, and prints it.
 pub(super) struct Lines<'a> {
-    args: &'a CodecArgs,
+    args: &'a LinkArgs,
     connections: BTreeMap<u32, Connection>,
     /// Nobody reads the lines any more.
     is_closed: bool,
@@ -29,16 +29,22 @@ struct Connection {
 
 /// What one end sends.
 struct Direction {
+    /// The name of the end.
+    end: &'static str,
+    /// `None` where it sends no messages, and polls.
+    decoded: Option<Decoded>,
+}
+
+/// A side that sends messages.
+struct Decoded {
     side: &'static str,
     stream: Stream,
     /// The bytes that are in no item yet.
     held: VecDeque<u8>,
-    /// Whether one of them was a message: on a link where only one side sends messages, the other polls.
-    has_messages: bool,
 }
 
 impl<'a> Lines<'a> {
-    pub(super) fn new(args: &'a CodecArgs) -> Result<Self> {
+    pub(super) fn new(args: &'a LinkArgs) -> Result<Self> {
         // Settings that cannot be are an error before anything is tapped.
         for side in args.link.sides {
             args.codec_of(side)?;
@@ -72,31 +78,25 @@ impl<'a> Lines<'a> {
             (End::A, [a, _]) => a,
             (End::B, [_, b]) => b,
         };
-        let label = Label { at: *at, connection: *number, side: direction.side };
+        let label = Label { at: *at, connection: *number, end: direction.end };
         match what {
             What::Opened(_) => Ok(()),
             What::Bytes(bytes) => direction.push(self.args.link, &label, bytes),
             What::Missed(missing) => {
-                direction.finish(self.args.link, &label)?;
-                let stream = Stream::starting_at(
-                    self.args.codec_of(direction.side)?,
-                    direction.stream.offset() + missing,
-                );
-                direction.stream = stream;
+                direction.skip(self.args, &label, *missing)?;
                 label.print([("error", json!({"kind": "gap", "missing": missing}))])
             }
             What::Closed(why) => {
                 direction.finish(self.args.link, &label)?;
-                let mut line = vec![("event", json!("closed"))];
-                line.extend(why.as_ref().map(|why| ("why", json!(why))));
-                label.print(line)
+                let why = why.as_ref().map(|why| ("why", json!(why)));
+                label.print([("event", json!("closed"))].into_iter().chain(why))
             }
         }
     }
 }
 
 impl Connection {
-    fn new(args: &CodecArgs, place: &Place) -> Result<Self> {
+    fn new(args: &LinkArgs, place: &Place) -> Result<Self> {
         let port = match place {
             Place::Tcp(_, server) | Place::Udp(_, server) => server.port(),
             Place::Serial(_) => 0,
@@ -107,61 +107,73 @@ impl Connection {
 }
 
 impl Direction {
-    fn new(args: &CodecArgs, side: &'static str) -> Result<Self> {
-        let stream = Stream::new(args.codec_of(side)?);
-        Ok(Self { side, stream, held: VecDeque::new(), has_messages: false })
+    fn new(args: &LinkArgs, side: Option<&'static str>) -> Result<Self> {
+        let Some(side) = side else {
+            let end = args.link.ends.iter().find(|end| !args.link.sides.contains(&end.name));
+            return Ok(Self { end: end.map_or("", |end| end.name), decoded: None });
+        };
+        Ok(Self { end: side, decoded: Some(Decoded::new(args, side, 0)?) })
+    }
+
+    fn push(&mut self, link: &Link, label: &Label, bytes: &[u8]) -> Result<()> {
+        match &mut self.decoded {
+            Some(decoded) => decoded.push(link, label, bytes),
+            None => label.print([("bytes", hex(bytes))]),
+        }
+    }
+
+    /// What is before missing bytes and what is after them are no frame together.
+    fn skip(&mut self, args: &LinkArgs, label: &Label, missing: u64) -> Result<()> {
+        self.finish(args.link, label)?;
+        if let Some(decoded) = &mut self.decoded {
+            *decoded = Decoded::new(args, decoded.side, decoded.stream.offset() + missing)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, link: &Link, label: &Label) -> Result<()> {
+        let Some(Decoded { stream, held, .. }) = &mut self.decoded else { return Ok(()) };
+        stream.finish(|item| show(link, label, item, held))
+    }
+}
+
+impl Decoded {
+    fn new(args: &LinkArgs, side: &'static str, begin: u64) -> Result<Self> {
+        Ok(Self { side, stream: Stream::starting_at(args.codec_of(side)?, begin), held: VecDeque::new() })
     }
 
     fn push(&mut self, link: &Link, label: &Label, bytes: &[u8]) -> Result<()> {
         self.held.extend(bytes);
-        let Self { stream, held, has_messages, .. } = self;
-        stream.push(bytes, |item| show(link, label, item, held, has_messages))
-    }
-
-    fn finish(&mut self, link: &Link, label: &Label) -> Result<()> {
-        let Self { stream, held, has_messages, .. } = self;
-        stream.finish(|item| show(link, label, item, held, has_messages))
+        let Self { stream, held, .. } = self;
+        stream.push(bytes, |item| show(link, label, item, held))
     }
 }
 
-fn show(
-    link: &Link,
-    label: &Label,
-    item: Item<'_>,
-    held: &mut VecDeque<u8>,
-    has_messages: &mut bool,
-) -> Result<()> {
+/// Prints an item, whose bytes are the first that are held.
+fn show(link: &Link, label: &Label, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<()> {
     let length = (item.length as usize).min(held.len());
-    let bytes: String = held.drain(..length).map(|byte| format!("{byte:02x}")).collect();
-    let (offset, length) = (("offset", json!(item.offset)), ("length", json!(item.length)));
+    let bytes: Vec<u8> = held.drain(..length).collect();
+    let place = [("offset", json!(item.offset)), ("length", json!(item.length))];
     let content: Value = serde_json::from_slice(item.json)?;
     match item.kind {
-        Kind::Message => {
-            *has_messages = true;
-            label.print([offset, length, ("message", content)])
-        }
-        // Polls, of the end that sends no messages.
-        Kind::Error if link.sides.len() == 1 && !*has_messages => {
-            label.print([offset, length, ("bytes", json!(bytes))])
-        }
+        Kind::Message => label.print(place.into_iter().chain([("message", content)])),
         Kind::Error => {
             let clause = content.get("kind").and_then(Value::as_str).and_then(|kind| link.clause(kind));
-            label.print([
-                offset,
-                length,
-                ("error", content),
-                ("clause", json!(clause)),
-                ("bytes", json!(bytes)),
-            ])
+            let rest = [("error", content), ("clause", json!(clause)), ("bytes", hex(&bytes))];
+            label.print(place.into_iter().chain(rest))
         }
     }
+}
+
+fn hex(bytes: &[u8]) -> Value {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>().into()
 }
 
 /// What a line begins with.
 struct Label {
     at: SystemTime,
     connection: u32,
-    side: &'static str,
+    end: &'static str,
 }
 
 impl Label {
@@ -169,7 +181,7 @@ impl Label {
         let mut line = Map::new();
         line.insert("time".into(), time(self.at));
         line.insert("connection".into(), json!(self.connection));
-        line.insert("from".into(), json!(self.side));
+        line.insert("from".into(), json!(self.end));
         line.extend(rest.into_iter().map(|(name, value)| (name.to_owned(), value)));
         output::log(&Value::Object(line))
     }

@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 use serialport::SerialPort;
 
 use self::lines::Lines;
-use super::codec::CodecArgs;
+use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
 use crate::io::output::{self, remark};
 use crate::io::serial::{self, Mode, baud_rate};
@@ -30,7 +30,7 @@ use crate::io::{interrupt, tcp, udp};
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    codec: CodecArgs,
+    of: LinkArgs,
     #[command(flatten)]
     place: PlaceArgs,
     /// The address of the server, to which the bytes of each client are passed on
@@ -88,14 +88,14 @@ listened to with a Y cable.";
 
 /// Runs until interrupted, or until a port is gone.
 pub fn run(args: &Args) -> Result<bool> {
-    let lines = Lines::new(&args.codec)?;
+    let lines = Lines::new(&args.of)?;
     let way = Way::open(args)?;
     output::never_wait()?;
     interrupt::handle()?;
     let mut watch = Watch::default();
     thread::scope(|scope| {
         if !args.no_capture {
-            let writer = Writer::create(&args.capture, args.codec.link.name)?;
+            let writer = Writer::create(&args.capture, args.of.link.name)?;
             remark(&format!("capture: {}", writer.path().display()));
             let seen = watch.add();
             scope.spawn(move || writer.record(&seen));

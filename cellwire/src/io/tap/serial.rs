@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use anyhow::{Context as _, Result, anyhow};
+use anyhow::{Result, anyhow};
 use serialport::SerialPort;
 
 use super::{CHUNK, End, Place, Watch, What};
@@ -78,7 +78,8 @@ impl Direction {
         };
         is_over.store(true, Ordering::Relaxed);
         watch.see(1, end, What::Closed(outcome.as_ref().err().map(ToString::to_string)));
-        outcome.with_context(|| format!("{}: the port is gone", self.name))
+        // As text: a broken pipe is that of standard output elsewhere.
+        outcome.map_err(|error| anyhow!("{}: the port is gone: {error}", self.name))
     }
 }
 

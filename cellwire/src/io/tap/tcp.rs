@@ -19,9 +19,9 @@ use crate::io::tcp;
 /// # Errors
 /// When the listener fails, or there is no room for a thread.
 pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watch) -> Result<()> {
-    for (number, client) in (1..).zip(listener.incoming()) {
-        let client = match client {
-            Ok(client) => client,
+    for number in 1.. {
+        let (client, peer) = match listener.accept() {
+            Ok(accepted) => accepted,
             // It has gone, or there is no descriptor for it now: the others pass.
             Err(error) => {
                 remark(&format!("warning: a client was not accepted: {error}"));
@@ -31,7 +31,7 @@ pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watc
         };
         let (server, watch) = (server.to_owned(), watch.clone());
         let serve = move || {
-            if let Err(error) = serve(&client, &server, timeout, number, &watch) {
+            if let Err(error) = serve((&client, peer), &server, timeout, number, &watch) {
                 remark(&format!("connection {number}: {error:#}"));
                 reset(&client);
             }
@@ -41,23 +41,28 @@ pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watc
     Ok(())
 }
 
-fn serve(client: &TcpStream, server: &str, timeout: Duration, number: u32, watch: &Watch) -> Result<()> {
-    let server = tcp::connect(server, timeout)?;
+/// `peer` is the client's address: a connection that was reset already has none.
+fn serve(
+    (client, peer): (&TcpStream, SocketAddr),
+    server: &str,
+    timeout: Duration,
+    number: u32,
+    watch: &Watch,
+) -> Result<()> {
     client.set_nodelay(true)?;
-    watch.see(number, End::A, What::Opened(place(client, &server)?));
+    let server = tcp::connect(server, timeout)?;
+    // As if the tap were not there; where one address is of IPv4 and the other of IPv6, what the client has connected to.
+    let mut place = server.peer_addr()?;
+    if peer.is_ipv4() != place.is_ipv4() {
+        place = client.local_addr()?;
+    }
+    watch.see(number, End::A, What::Opened(Place::Tcp(peer, place)));
     let connection = Connection { number, is_broken: AtomicBool::new(false), watch };
     thread::scope(|scope| {
         scope.spawn(|| connection.pass(client, &server, End::A));
         connection.pass(&server, client, End::B);
     });
     Ok(())
-}
-
-/// The addresses of a connection as if the tap were not there; where one is of IPv4 and the other of IPv6, the client's with what it
-/// has connected to.
-fn place(client: &TcpStream, server: &TcpStream) -> Result<Place> {
-    let (from, to): (SocketAddr, SocketAddr) = (client.peer_addr()?, server.peer_addr()?);
-    Ok(Place::Tcp(from, if from.is_ipv4() == to.is_ipv4() { to } else { client.local_addr()? }))
 }
 
 struct Connection<'a> {

@@ -331,6 +331,40 @@ fn two_ports_are_joined_or_only_listened_to() {
 }
 
 #[test]
+fn both_directions_of_one_line_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut end, port) = line();
+    let capture = folder.path().join("it.pcapng");
+    let mut tap = Running::start(cellwire(&format!(
+        "tap fanuc-hmi-modbus --set framing=rtu --a {port} --listen-only --capture {}",
+        capture.display()
+    )));
+    // A register is read, another is written (request and reply are the same bytes), noise, and one is read again.
+    let read = b"\x01\x03\x00\x00\x00\x01\x84\x0A";
+    let reply = b"\x01\x03\x02\x00\x07\xF9\x86";
+    let write = b"\x01\x06\x00\x01\x00\x03\x98\x0B";
+    for bytes in [&read[..], reply, write, write, &[0x55, 0xAA], read, reply] {
+        end.write_all(bytes).unwrap();
+        thread::sleep(Duration::from_millis(10));
+    }
+    for (side, what) in [
+        ("client", "\"function\":3,\"address\":0,\"quantity\":1}"),
+        ("server", "\"function\":3,\"registers\":[7]}"),
+        ("client", "\"function\":6,"),
+        ("server", "\"function\":6,"),
+        ("unknown", "\"bytes\":\"55aa\""),
+        ("client", "\"function\":3,\"address\":0,\"quantity\":1}"),
+        ("server", "\"function\":3,\"registers\":[7]}"),
+    ] {
+        let line = tap.line("\"offset\"");
+        assert!(
+            line.contains(&format!("\"from\":\"{side}\"")) && line.contains(what),
+            "{side} {what}: {line}"
+        );
+    }
+}
+
+#[test]
 fn what_is_missing_on_the_command_line_is_said() {
     for (arguments, expected) in [
         ("tap laser-eb90", "<--listen <ADDR>|--a <PORT>>"),

@@ -1,18 +1,22 @@
 //! The lines of a tap: what both ends say, decoded.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::mpsc::Receiver;
-use std::time::SystemTime;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, SystemTime};
 
 use anyhow::Result;
 use humantime::format_rfc3339_micros;
 use serde_json::{Map, Value, json};
 
+use super::split::{Said, Split};
 use crate::command::codec::LinkArgs;
 use crate::io::output::{self, remark};
 use crate::io::tap::{End, Place, Seen, What};
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::link::Link;
+
+/// On a line that carries both directions nothing more comes of what was sent before such a silence.
+const SILENCE: Duration = Duration::from_millis(100);
 
 /// Decodes what is seen, and prints it.
 pub(super) struct Lines<'a> {
@@ -22,9 +26,11 @@ pub(super) struct Lines<'a> {
     is_closed: bool,
 }
 
-struct Connection {
+enum Connection {
     /// What the ends A and B send.
-    directions: [Direction; 2],
+    Ends([Direction; 2]),
+    /// A line that carries both directions.
+    Line(Split),
 }
 
 /// What one end sends.
@@ -54,14 +60,32 @@ impl<'a> Lines<'a> {
 
     /// Until there is nothing more to see.
     pub(super) fn print(mut self, seen: &Receiver<Seen>) {
-        while let Ok(seen) = seen.recv() {
-            if let Err(error) = self.take(&seen)
+        loop {
+            let outcome = match seen.recv_timeout(SILENCE) {
+                Ok(seen) => self.take(&seen),
+                Err(RecvTimeoutError::Timeout) => self.silence(),
+                Err(RecvTimeoutError::Disconnected) => return,
+            };
+            if let Err(error) = outcome
                 && !self.is_closed
             {
                 self.is_closed = true;
                 remark(&format!("warning: {error:#}: no more lines; the bytes pass all the same"));
             }
         }
+    }
+
+    /// What is held on a line is all that was sent.
+    fn silence(&mut self) -> Result<()> {
+        for (number, connection) in &mut self.connections {
+            if let Connection::Line(line) = connection
+                && line.holds()
+                && !self.is_closed
+            {
+                line.finish(SystemTime::now(), |said| said_on_line(*number, said))?;
+            }
+        }
+        Ok(())
     }
 
     fn take(&mut self, seen: &Seen) -> Result<()> {
@@ -73,8 +97,18 @@ impl<'a> Lines<'a> {
             self.connections.insert(*number, Connection::new(self.args, place)?);
             return output::log(&opened(*at, *number, place));
         }
-        let Some(connection) = self.connections.get_mut(number) else { return Ok(()) };
-        let direction = match (from, &mut connection.directions) {
+        let directions = match self.connections.get_mut(number) {
+            Some(Connection::Ends(directions)) => directions,
+            Some(Connection::Line(line)) => {
+                let say = |said| said_on_line(*number, said);
+                return match what {
+                    What::Bytes(bytes) => line.push(*at, bytes, say),
+                    _ => line.finish(*at, say),
+                };
+            }
+            None => return Ok(()),
+        };
+        let direction = match (from, directions) {
             (End::A, [a, _]) => a,
             (End::B, [_, b]) => b,
         };
@@ -95,14 +129,26 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// What is on a line that carries both directions.
+fn said_on_line(connection: u32, said: Said) -> Result<()> {
+    let Said { at, offset, bytes, message } = said;
+    let (end, content) = match message {
+        Some((side, message)) => (side, ("message", message)),
+        None => ("unknown", ("bytes", hex(&bytes))),
+    };
+    let place = [("offset", json!(offset)), ("length", json!(bytes.len())), content];
+    Label { at, connection, end }.print(place)
+}
+
 impl Connection {
     fn new(args: &LinkArgs, place: &Place) -> Result<Self> {
         let port = match place {
             Place::Tcp(_, server) | Place::Udp(_, server) => server.port(),
-            Place::Serial(_) => 0,
+            Place::Ports(_) => 0,
+            Place::Line(_) => return Ok(Self::Line(Split::new(args)?)),
         };
         let [a, b] = [true, false].map(|is_client| Direction::new(args, (args.link.sender)(is_client, port)));
-        Ok(Self { directions: [a?, b?] })
+        Ok(Self::Ends([a?, b?]))
     }
 }
 
@@ -194,7 +240,11 @@ fn opened(at: SystemTime, connection: u32, place: &Place) -> Value {
             line["a"] = json!(a.to_string());
             line["b"] = json!(b.to_string());
         }
-        Place::Serial(ports) => line["ports"] = json!(ports),
+        Place::Ports([a, b]) => {
+            line["a"] = json!(a);
+            line["b"] = json!(b);
+        }
+        Place::Line(port) => line["port"] = json!(port),
     }
     line
 }

@@ -1,6 +1,7 @@
 //! `cellwire tap`: stands between two ends, or listens to them, and shows what they say.
 
 mod lines;
+mod split;
 
 use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;

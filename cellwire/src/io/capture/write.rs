@@ -147,7 +147,7 @@ impl Connection {
         let (a, b, is_tcp) = match *place {
             Place::Tcp(a, b) => (a, b, true),
             Place::Udp(a, b) => (a, b, false),
-            Place::Serial(_) => (SERIAL[0].into(), SERIAL[1].into(), true),
+            Place::Ports(_) | Place::Line(_) => (SERIAL[0].into(), SERIAL[1].into(), true),
         };
         Self { places: [a, b], is_tcp, next: [0, 0] }
     }

@@ -72,8 +72,10 @@ pub enum Place {
     Tcp(SocketAddr, SocketAddr),
     /// Datagrams from A's address to B's.
     Udp(SocketAddr, SocketAddr),
-    /// Serial lines, by the names of their ports.
-    Serial(String),
+    /// Two serial ports, A's and B's.
+    Ports([String; 2]),
+    /// A serial line that carries what both send.
+    Line(String),
 }
 
 /// Where everything that is seen goes. Clones lead to the same.

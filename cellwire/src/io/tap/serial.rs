@@ -19,7 +19,7 @@ pub type Named = (String, Box<dyn SerialPort>);
 /// When a port is gone.
 pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()> {
     let (to_a, to_b) = (a.try_clone()?, b.try_clone()?);
-    watch.see(1, End::A, What::Opened(Place::Serial(format!("{a_name} - {b_name}"))));
+    watch.see(1, End::A, What::Opened(Place::Ports([a_name.clone(), b_name.clone()])));
     let (a, b) = (
         Direction { name: a_name, from: a, to: Some(to_b) },
         Direction { name: b_name, from: b, to: Some(to_a) },
@@ -32,8 +32,11 @@ pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()>
 /// # Errors
 /// When a port is gone.
 pub fn listen((a_name, a): Named, b: Option<Named>, watch: &Watch) -> Result<()> {
-    let names = b.as_ref().map_or(a_name.clone(), |(b_name, _)| format!("{a_name} - {b_name}"));
-    watch.see(1, End::A, What::Opened(Place::Serial(names)));
+    let place = match &b {
+        Some((b_name, _)) => Place::Ports([a_name.clone(), b_name.clone()]),
+        None => Place::Line(a_name.clone()),
+    };
+    watch.see(1, End::A, What::Opened(place));
     let b = b.map(|(name, from)| Direction { name, from, to: None });
     run(Direction { name: a_name, from: a, to: None }, b, watch)
 }

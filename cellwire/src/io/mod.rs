@@ -22,5 +22,6 @@ pub mod sheet;
 pub mod stream;
 pub mod tap;
 pub mod tcp;
+pub mod terminal;
 pub mod trace;
 pub mod udp;

@@ -1,16 +1,19 @@
 //! `cellwire tap`: stands between two ends, or listens to them, and shows what they say.
 
+mod decoding;
 mod lines;
+mod screen;
 mod split;
 
 use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;
 use std::thread;
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use serialport::SerialPort;
 
-use self::lines::Lines;
+use self::decoding::Decoding;
 use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
 use crate::io::output::{self, remark};
@@ -54,6 +57,9 @@ pub struct Args {
     /// Data bits, parity and stop bits of the ports, such as 8E1
     #[arg(long, value_name = "MODE", default_value = "8N1", requires = "a")]
     mode: Mode,
+    /// Show both ends on the terminal while they talk, in place of the lines
+    #[arg(long)]
+    screen: bool,
     /// The capture; where there is a file of this name, one with a number
     #[arg(long, value_name = "FILE", default_value = "tap.pcapng")]
     capture: PathBuf,
@@ -87,9 +93,15 @@ Examples:
 The ends notice nothing but a delay of some microseconds. RTS, DTR and breaks of a serial line are not passed on: what needs them is
 listened to with a Y cable.";
 
+/// On a line that carries both directions nothing more comes of what was sent before such a silence.
+const SILENCE: Duration = Duration::from_millis(100);
+
 /// Runs until interrupted, or until a port is gone.
 pub fn run(args: &Args) -> Result<bool> {
-    let lines = Lines::new(&args.of)?;
+    let decoding = Decoding::new(&args.of)?;
+    if args.screen {
+        screen::check()?;
+    }
     let way = Way::open(args)?;
     output::never_wait()?;
     interrupt::handle()?;
@@ -102,10 +114,18 @@ pub fn run(args: &Args) -> Result<bool> {
             scope.spawn(move || writer.record(&seen));
         }
         let seen = watch.add();
-        way.announce()?;
+        if !args.screen {
+            way.announce()?;
+        }
         let passing = scope.spawn(move || way.run(args, &watch));
+        if args.screen {
+            screen::show(args.of.link.name, decoding, &seen)?;
+            // The threads that pass bytes on wait for them.
+            output::finish();
+            std::process::exit(0);
+        }
         // Until the ports are gone.
-        lines.print(&seen);
+        lines::print(decoding, &seen);
         passing.join().unwrap_or_else(|_| bail!("a thread has panicked"))
     })?;
     Ok(true)

@@ -115,9 +115,9 @@ impl Split {
 
     /// The bytes up to there.
     fn take(&mut self, end: u64) -> Vec<u8> {
-        let length = (end - self.at) as usize;
+        let length = usize::try_from(end - self.at).unwrap_or(usize::MAX).min(self.held.len());
         self.at = end;
-        self.held.drain(..length.min(self.held.len())).collect()
+        self.held.drain(..length).collect()
     }
 }
 

@@ -45,8 +45,8 @@ pub struct Writer {
 struct Connection {
     places: [SocketAddr; 2],
     is_tcp: bool,
-    /// The next sequence numbers of A and B.
-    next: [u32; 2],
+    /// The places of A's and B's next bytes, of which the sequence numbers are the lower half.
+    next: [u64; 2],
 }
 
 impl Writer {
@@ -134,7 +134,7 @@ impl Writer {
                 add(connection.tcp(seen.from, bytes, |header| header.psh = true));
             }
             What::Bytes(bytes) => add(connection.udp(seen.from, bytes)),
-            What::Missed(count) => connection.skip(seen.from, *count as u32),
+            What::Missed(count) => connection.skip(seen.from, *count),
             What::Closed(_) if !connection.is_tcp => {}
             What::Closed(None) => add(connection.tcp(seen.from, &[], |header| header.fin = true)),
             What::Closed(Some(_)) => add(connection.tcp(seen.from, &[], |header| header.rst = true)),
@@ -153,7 +153,7 @@ impl Connection {
     }
 
     /// The addresses of a packet, and the numbers of its sender's and its receiver's next bytes.
-    fn ways(&self, from: End) -> ([SocketAddr; 2], [u32; 2]) {
+    fn ways(&self, from: End) -> ([SocketAddr; 2], [u64; 2]) {
         let ([a, b], [next_a, next_b]) = (self.places, self.next);
         match from {
             End::A => ([a, b], [next_a, next_b]),
@@ -161,19 +161,19 @@ impl Connection {
         }
     }
 
-    fn skip(&mut self, from: End, count: u32) {
+    fn skip(&mut self, from: End, count: u64) {
         let [a, b] = &mut self.next;
         let next = if from == End::A { a } else { b };
-        *next = next.wrapping_add(count);
+        *next += count;
     }
 
     fn tcp(&mut self, from: End, bytes: &[u8], flags: impl FnOnce(&mut TcpHeader)) -> Result<Vec<u8>> {
         let ([source, destination], [sequence, acknowledged]) = self.ways(from);
-        let mut header = TcpHeader::new(source.port(), destination.port(), sequence, u16::MAX);
+        let mut header = TcpHeader::new(source.port(), destination.port(), low(sequence), u16::MAX);
         flags(&mut header);
         // Only the first of all packets acknowledges nothing.
-        (header.ack, header.acknowledgment_number) = (acknowledged > 0 || !header.syn, acknowledged);
-        self.skip(from, bytes.len() as u32 + u32::from(header.syn || header.fin));
+        (header.ack, header.acknowledgment_number) = (acknowledged > 0 || !header.syn, low(acknowledged));
+        self.skip(from, bytes.len() as u64 + u64::from(header.syn || header.fin));
         let mut packet = Vec::new();
         let builder = PacketBuilder::ip(ip(source.ip(), destination.ip())?).tcp_header(header);
         builder.write(&mut packet, bytes)?;
@@ -221,7 +221,7 @@ fn head(about: &str) -> Result<Vec<u8>> {
     const NANOSECONDS: u8 = 9;
     let text = |code, text: &str| PcapNGOption {
         code,
-        len: text.len() as u16,
+        len: u16::try_from(text.len()).unwrap_or_default(),
         value: text.as_bytes().to_vec().into(),
     };
     let mut section = SectionHeaderBlock {
@@ -251,14 +251,14 @@ fn head(about: &str) -> Result<Vec<u8>> {
 }
 
 fn block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
-    let at = at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64;
-    let length = packet.len() as u32;
+    let at = u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?;
+    let length = u32::try_from(packet.len())?;
     let mut block = EnhancedPacketBlock {
         block_type: 0,
         block_len1: 0,
         if_id: 0,
-        ts_high: (at >> 32) as u32,
-        ts_low: at as u32,
+        ts_high: low(at >> 32),
+        ts_low: low(at),
         caplen: length,
         origlen: length,
         data: packet,
@@ -266,6 +266,12 @@ fn block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
         block_len2: 0,
     };
     block.to_vec().map_err(unwritten)
+}
+
+/// The lower half.
+fn low(number: u64) -> u32 {
+    let [.., a, b, c, d] = number.to_be_bytes();
+    u32::from_be_bytes([a, b, c, d])
 }
 
 fn unwritten(error: impl core::fmt::Debug) -> anyhow::Error {

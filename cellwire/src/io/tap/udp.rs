@@ -28,7 +28,7 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
     let place = place.with_context(|| format!("cannot send to {server}: the name has no address"))?;
     let mut clients: BTreeMap<SocketAddr, (u32, UdpSocket)> = BTreeMap::new();
     let mut buffer = vec![0; LONGEST];
-    let mut is_full = false;
+    let (mut number, mut is_full) = (0, false);
     loop {
         let (length, from) = match socket.recv_from(&mut buffer) {
             Ok(received) => received,
@@ -43,7 +43,7 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
                 }
                 continue;
             }
-            let number = clients.len() as u32 + 1;
+            number += 1;
             clients.insert(from, (number, open(socket, server, number, from, watch)?));
             watch.see(number, End::A, What::Opened(Place::Udp(from, place)));
         }

@@ -1,6 +1,7 @@
 //! The tap as a process: what passes through it, what it keeps, and what it does when nobody takes what it says.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::std_instead_of_core, reason = "a test of a program")]
+#![allow(clippy::cast_possible_truncation, reason = "numbers of a test are small")]
 #![cfg(unix)]
 
 mod tool;

@@ -15,8 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate, tap,
-    vectors,
+    alter, decode, demo, encode, extcap, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
+    tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -55,6 +55,7 @@ enum Command {
     Encode(encode::Args),
     Simulate(simulate::Args),
     Tap(tap::Args),
+    Extcap(extcap::Args),
     Modbus(modbus::Args),
     Fanuc(fanuc::Args),
     Kawasaki(kawasaki::Args),
@@ -76,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Tap(args) => tap::run(&args),
+        Command::Extcap(args) => extcap::run(&args),
         Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
         Command::Kawasaki(args) => kawasaki::run(&args),

@@ -364,9 +364,40 @@ fn both_directions_of_one_line_are_told_apart() {
 }
 
 #[test]
+fn wireshark_lists_a_tap_and_reads_from_it() {
+    let answer = |arguments: &str| run(cellwire(&format!("extcap {arguments}"))).1;
+    assert!(answer("--extcap-interfaces --extcap-version=4.0").contains("interface {value=cellwire}"));
+    assert!(answer("--extcap-interface cellwire --extcap-dlts").starts_with("dlt {number=101}"));
+    assert!(answer("--extcap-interface cellwire --extcap-config").contains("{call=--listen}"));
+    let (server, folder) = (TcpListener::bind("127.0.0.1:0").unwrap(), tempfile::tempdir().unwrap());
+    let (pipe, copy) = (folder.path().join("pipe"), folder.path().join("copy"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let arguments = format!(
+        "extcap --extcap-interface cellwire --capture --fifo {} --listen {port} --connect {}",
+        pipe.display(),
+        server.local_addr().unwrap()
+    );
+    let mut tap = cellwire(&arguments).spawn().unwrap();
+    let (mut from, to) = (File::open(&pipe).unwrap(), copy.clone());
+    let reader = thread::spawn(move || std::io::copy(&mut from, &mut File::create(to).unwrap()).unwrap());
+    let mut client = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let mut other = server.accept().unwrap().0;
+    client.write_all(b"asked").unwrap();
+    other.read_exact(&mut [0; 5]).unwrap();
+    other.write_all(b"and answered").unwrap();
+    client.read_exact(&mut [0; 12]).unwrap();
+    let kept = kept_when(&copy, &[5, 12]);
+    assert!(kept.contains(&b"asked".to_vec()) && kept.contains(&b"and answered".to_vec()));
+    tap.kill().unwrap();
+    tap.wait().unwrap();
+    reader.join().unwrap();
+}
+
+#[test]
 fn what_is_missing_on_the_command_line_is_said() {
     for (arguments, expected) in [
-        ("tap laser-eb90", "<--listen <ADDR>|--a <PORT>>"),
+        ("tap laser-eb90", "give --listen and --connect for a network, or --a and --b for serial ports"),
         ("tap laser-eb90 --listen 0", "--connect <ADDR>"),
         ("tap laser-eb90 --a /dev/null", "give the other end's port with --b, or --listen-only"),
         ("tap laser-eb90 --a /dev/null --b /dev/null --mode 8X1", "7 or 8, N, E or O, 1 or 2, such as 8N1"),

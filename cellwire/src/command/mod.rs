@@ -5,6 +5,7 @@ mod codec;
 pub mod decode;
 pub mod demo;
 pub mod encode;
+pub mod extcap;
 pub mod fanuc;
 pub mod kawasaki;
 pub mod laser;

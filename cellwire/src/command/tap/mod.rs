@@ -4,23 +4,21 @@ mod decoding;
 mod lines;
 mod screen;
 mod split;
+mod way;
 
-use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use serialport::SerialPort;
 
 use self::decoding::Decoding;
+pub(super) use self::way::{Way, WayArgs};
 use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
+use crate::io::interrupt;
 use crate::io::output::{self, remark};
-use crate::io::serial::{self, Mode, baud_rate};
-use crate::io::tap::{self, Watch};
-use crate::io::tcp::ConnectArgs;
-use crate::io::{interrupt, tcp, udp};
+use crate::io::tap::Watch;
 
 /// Listens to both ends of a link: passes their bytes on unchanged, or only listens, and shows their messages.
 ///
@@ -36,27 +34,7 @@ pub struct Args {
     #[command(flatten)]
     of: LinkArgs,
     #[command(flatten)]
-    place: PlaceArgs,
-    /// The address of the server, to which the bytes of each client are passed on
-    #[arg(long, value_name = "ADDR", requires = "listen")]
-    connect: Option<String>,
-    /// Pass datagrams on, not connections
-    #[arg(long, requires = "listen")]
-    udp: bool,
-    #[command(flatten)]
-    timeout: ConnectArgs,
-    /// The serial port of the other end
-    #[arg(long, value_name = "PORT", requires = "a")]
-    b: Option<String>,
-    /// Only listen, as on the receive lines of a Y cable; with --a alone, to a line that carries both directions
-    #[arg(long, requires = "a")]
-    listen_only: bool,
-    /// The baud rate of the ports
-    #[arg(long, value_name = "N", default_value = "9600", value_parser = baud_rate(), requires = "a")]
-    baud: u32,
-    /// Data bits, parity and stop bits of the ports, such as 8E1
-    #[arg(long, value_name = "MODE", default_value = "8N1", requires = "a")]
-    mode: Mode,
+    way: WayArgs,
     /// Show both ends on the terminal while they talk, in place of the lines
     #[arg(long)]
     screen: bool,
@@ -66,17 +44,6 @@ pub struct Args {
     /// Write no capture
     #[arg(long, conflicts_with = "capture")]
     no_capture: bool,
-}
-
-#[derive(Debug, clap::Args)]
-#[group(required = true, multiple = false)]
-struct PlaceArgs {
-    /// Listen for clients on this address; a port alone is one of this machine's loopback address
-    #[arg(long, value_name = "ADDR", requires = "connect")]
-    listen: Option<String>,
-    /// The serial port of one end: of the one that is a client over TCP, which is the first side of the link unless its page says otherwise
-    #[arg(long, value_name = "PORT")]
-    a: Option<String>,
 }
 
 const EXAMPLES: &str = "\
@@ -102,7 +69,7 @@ pub fn run(args: &Args) -> Result<bool> {
     if args.screen {
         screen::check()?;
     }
-    let way = Way::open(args)?;
+    let way = Way::open(&args.way)?;
     output::never_wait()?;
     interrupt::handle()?;
     let mut watch = Watch::default();
@@ -117,7 +84,7 @@ pub fn run(args: &Args) -> Result<bool> {
         if !args.screen {
             way.announce()?;
         }
-        let passing = scope.spawn(move || way.run(args, &watch));
+        let passing = scope.spawn(move || way.run(&args.way, &watch));
         if args.screen {
             screen::show(args.of.link.name, decoding, &seen)?;
             // The threads that pass bytes on wait for them.
@@ -129,52 +96,4 @@ pub fn run(args: &Args) -> Result<bool> {
         passing.join().unwrap_or_else(|_| bail!("a thread has panicked"))
     })?;
     Ok(true)
-}
-
-/// What is tapped.
-enum Way {
-    Tcp(TcpListener),
-    Udp(UdpSocket),
-    /// Ports with their names: one or two.
-    Ports(Named, Option<Named>),
-}
-
-type Named = (String, Box<dyn SerialPort>);
-
-impl Way {
-    fn open(args: &Args) -> Result<Self> {
-        let port = |name: &str| -> Result<Named> {
-            Ok((name.to_owned(), serial::open_with(name, args.baud, args.mode)?))
-        };
-        match (&args.place, &args.b) {
-            (PlaceArgs { listen: Some(address), .. }, _) if args.udp => Ok(Self::Udp(udp::bind(address)?)),
-            (PlaceArgs { listen: Some(address), .. }, _) => Ok(Self::Tcp(tcp::listen(address)?)),
-            (PlaceArgs { a: Some(a), .. }, Some(b)) => Ok(Self::Ports(port(a)?, Some(port(b)?))),
-            (PlaceArgs { a: Some(a), .. }, None) if args.listen_only => Ok(Self::Ports(port(a)?, None)),
-            (PlaceArgs { a: Some(a), .. }, None) => bail!(
-                "give the other end's port with --b, or --listen-only where {a} is a line that carries both directions"
-            ),
-            _ => bail!("give --listen and --connect, or --a"),
-        }
-    }
-
-    /// Prints where it is ready.
-    fn announce(&self) -> Result<()> {
-        match self {
-            Self::Tcp(listener) => output::ready("tap", "listen", &listener.local_addr()?.to_string()),
-            Self::Udp(socket) => output::ready("tap", "listen", &socket.local_addr()?.to_string()),
-            Self::Ports((a, _), None) => output::ready("tap", "port", a),
-            Self::Ports((a, _), Some((b, _))) => output::ready("tap", "ports", &format!("{a} {b}")),
-        }
-    }
-
-    fn run(self, args: &Args, watch: &Watch) -> Result<()> {
-        let server = args.connect.as_deref().unwrap_or_default();
-        match self {
-            Self::Tcp(listener) => tap::tcp::run(&listener, server, args.timeout.timeout(), watch),
-            Self::Udp(socket) => tap::udp::run(&socket, server, watch),
-            Self::Ports(a, Some(b)) if !args.listen_only => tap::serial::join([a, b], watch),
-            Self::Ports(a, b) => tap::serial::listen(a, b, watch),
-        }
-    }
 }

@@ -39,6 +39,8 @@ pub struct Writer {
     connections: HashMap<u32, Connection>,
     /// Bytes that could not be written since this was last possible.
     failed: Option<u64>,
+    /// Whoever reads a pipe may be gone for good.
+    is_pipe: bool,
 }
 
 #[derive(Debug)]
@@ -56,8 +58,22 @@ impl Writer {
     /// When it cannot be written.
     pub fn create(path: &Path, about: &str) -> Result<Self> {
         let (file, path) = files::create_new(path)?;
+        Self::begin(file, path, about, false)
+    }
+
+    /// Into a pipe, for as long as somebody reads it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn into_pipe(path: &Path, about: &str) -> Result<Self> {
+        let file = File::options().write(true).open(path);
+        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        Self::begin(file, path.to_owned(), about, true)
+    }
+
+    fn begin(file: File, path: PathBuf, about: &str, is_pipe: bool) -> Result<Self> {
         let (waiting, connections) = (head(about)?, HashMap::new());
-        let mut writer = Self { file, path, length: 0, waiting, connections, failed: None };
+        let mut writer = Self { file, path, length: 0, waiting, connections, failed: None, is_pipe };
         writer.write().with_context(|| format!("cannot write {}", writer.path.display()))?;
         Ok(writer)
     }
@@ -67,7 +83,7 @@ impl Writer {
         &self.path
     }
 
-    /// Writes everything that is seen, until there is nothing more to see.
+    /// Writes everything that is seen, until there is nothing more to see, or nobody reads the pipe.
     pub fn record(mut self, seen: &Receiver<Seen>) {
         while let Ok(first) = seen.recv() {
             self.add(&first);
@@ -77,6 +93,9 @@ impl Writer {
                 self.add(&next);
             }
             self.flush();
+            if self.is_pipe && self.failed.is_some() {
+                return;
+            }
         }
     }
 

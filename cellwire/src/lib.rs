@@ -15,7 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate, vectors,
+    alter, decode, demo, encode, extcap, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
+    tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -53,6 +54,8 @@ enum Command {
     Decode(decode::Args),
     Encode(encode::Args),
     Simulate(simulate::Args),
+    Tap(tap::Args),
+    Extcap(extcap::Args),
     Modbus(modbus::Args),
     Fanuc(fanuc::Args),
     Kawasaki(kawasaki::Args),
@@ -73,6 +76,8 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Tap(args) => tap::run(&args),
+        Command::Extcap(args) => extcap::run(&args),
         Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
         Command::Kawasaki(args) => kawasaki::run(&args),
@@ -113,7 +118,7 @@ fn parse() -> Cli {
 fn command_line() -> clap::Command {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let mut command = Cli::command();
-    for name in ["decode", "encode", "simulate", "demo", "alter"] {
+    for name in ["decode", "encode", "tap", "simulate", "demo", "alter"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
     for (name, inner, settings) in [

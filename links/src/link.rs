@@ -17,8 +17,8 @@ pub struct Link {
     pub about: &'static str,
     /// The names of the sides that send messages; the first is the default.
     pub sides: &'static [&'static str],
-    /// The side that sends, in a capture: the TCP client, or the server on this port.
-    pub sender: fn(is_client: bool, server_port: u16) -> &'static str,
+    /// The side that sends, in a capture: the TCP client, or the server on this port; `None`: an end that sends no messages, and polls.
+    pub sender: fn(is_client: bool, server_port: u16) -> Option<&'static str>,
     /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
     /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.
@@ -31,6 +31,8 @@ pub struct Link {
     pub codec: MakeCodec,
     /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in one way.
     pub tolerates: fn(&Accepted<'_>) -> bool,
+    /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
+    pub clauses: &'static [(&'static str, &'static str)],
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }
@@ -76,6 +78,11 @@ impl Link {
     pub fn end(&self, name: &str) -> Result<&'static EndRow> {
         let end = self.ends.iter().find(|end| end.name == name);
         end.with_context(|| format!("{} has no end `{name}`", self.name))
+    }
+
+    /// The clause of the specification that is broken by bytes with this kind of error.
+    pub fn clause(&self, kind: &str) -> Option<&'static str> {
+        self.clauses.iter().find(|(known, _)| *known == kind).map(|(_, clause)| *clause)
     }
 
     /// Whether a message that was accepted is written by its codec as it was read, or may have been read so nevertheless.

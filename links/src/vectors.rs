@@ -37,6 +37,9 @@ pub struct Vector {
     pub end: bool,
     /// Whether the error is all that the bytes give.
     pub only: Option<bool>,
+    /// The clauses of the specification that it shows.
+    #[serde(default)]
+    pub clauses: Vec<String>,
     /// Words to filter by, such as `stuffing` or `limit`.
     #[serde(default)]
     pub flags: Vec<String>,

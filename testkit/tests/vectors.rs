@@ -85,6 +85,26 @@ fn alone_it_is_what_it_says_however_it_is_read() {
 }
 
 #[test]
+fn an_error_breaks_a_clause_that_its_vectors_show() {
+    for link in LINKS.iter().filter(|link| testkit::is_tested(link.name)) {
+        let mut kinds: BTreeSet<String> = BTreeSet::new();
+        let groups = groups().into_iter().filter(|group| group.link.name == link.name);
+        let vectors: Vec<Vector> = groups.flat_map(|group| group.vectors).collect();
+        let kind = |vector: &Vector| Some(vector.error.as_ref()?["kind"].as_str()?.to_owned());
+        kinds.extend(vectors.iter().filter_map(kind));
+        for it in &kinds {
+            let clause = link.clause(it).unwrap_or_else(|| panic!("{}: no clause of {it}", link.name));
+            let mut shown = vectors.iter().filter(|vector| kind(vector).as_ref() == Some(it));
+            assert!(
+                shown.any(|it| it.clauses.iter().any(|it| it == clause)),
+                "{}: {it}, {clause}",
+                link.name
+            );
+        }
+    }
+}
+
+#[test]
 fn a_neighbour_on_either_side_changes_nothing() {
     for group in groups() {
         // With a neighbour behind it, what is incomplete is no longer so.

@@ -13,7 +13,7 @@ pub const LINK: Link = Link {
     name: "toy-link",
     about: "A link of lines",
     sides: &["host", "device"],
-    sender: |is_client, _server_port| if is_client { "host" } else { "device" },
+    sender: |is_client, _server_port| Some(if is_client { "host" } else { "device" }),
     traces: &[],
     marks_begin: false,
     configs: &[
@@ -23,5 +23,6 @@ pub const LINK: Link = Link {
     settings: || settings::list(()),
     codec: codec::either,
     tolerates: |_| false,
+    clauses: &[],
     ends: ends::ENDS,
 };

@@ -10,12 +10,19 @@ use cellwire_links::link::Link;
 /// Which bytes are read or written.
 #[derive(Debug, clap::Args)]
 pub(super) struct CodecArgs {
-    /// The link's crate name
-    #[arg(value_parser = link_parser())]
-    pub(super) link: &'static Link,
+    #[command(flatten)]
+    pub(super) of: LinkArgs,
     /// The side that sends the bytes [default: the first of the link's sides]
     #[arg(long, value_name = "SIDE")]
     pub(super) from: Option<String>,
+}
+
+/// The link whose bytes they are.
+#[derive(Debug, clap::Args)]
+pub(super) struct LinkArgs {
+    /// The link's crate name
+    #[arg(value_parser = link_parser())]
+    pub(super) link: &'static Link,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -26,7 +33,7 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such side or setting.
     pub(super) fn codec(&self) -> Result<Box<dyn Codec>> {
-        self.codec_of(self.side()?)
+        self.of.codec_of(self.side()?)
     }
 
     /// The side that sends.
@@ -34,10 +41,12 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such side.
     pub(super) fn side(&self) -> Result<&'static str> {
-        self.link.side(self.from.as_deref())
+        self.of.link.side(self.from.as_deref())
     }
+}
 
-    /// The codec of another side.
+impl LinkArgs {
+    /// The codec of a side.
     ///
     /// # Errors
     /// When the link has no such setting.

@@ -20,6 +20,8 @@ pub mod serial;
 pub mod serve;
 pub mod sheet;
 pub mod stream;
+pub mod tap;
 pub mod tcp;
+pub mod terminal;
 pub mod trace;
 pub mod udp;

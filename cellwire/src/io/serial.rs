@@ -1,6 +1,7 @@
 //! Serial ports and pseudo-terminals, in raw mode and without flow control.
 
 use core::ops::RangeInclusive;
+use core::str::FromStr;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -8,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 use clap::builder::TypedValueParser;
 use robot_session::{Received, Sent, Transport, Wait};
-use serialport::{FlowControl, Parity, SerialPort, StopBits};
+use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
 
 use crate::io::interrupt;
 
@@ -28,16 +29,60 @@ pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
 /// # Errors
 /// When there is no such port, or another program uses it.
 pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
-    open_with(path, baud, Parity::None, StopBits::One)
+    open_with(path, baud, Mode::EIGHT_N_ONE)
 }
 
-/// Opens a port with 8 data bits, raw, without flow control.
+/// How a serial line divides bytes into bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mode {
+    /// 7 or 8.
+    pub data_bits: DataBits,
+    /// None, even or odd.
+    pub parity: Parity,
+    /// 1 or 2.
+    pub stop_bits: StopBits,
+}
+
+impl Mode {
+    /// 8 data bits, no parity, one stop bit.
+    pub const EIGHT_N_ONE: Self =
+        Self { data_bits: DataBits::Eight, parity: Parity::None, stop_bits: StopBits::One };
+}
+
+impl FromStr for Mode {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const WHY: &str = "give data bits, parity and stop bits: 7 or 8, N, E or O, 1 or 2, such as 8N1";
+        let &[data_bits, parity, stop_bits] = text.as_bytes() else { return Err(WHY) };
+        let data_bits = match data_bits {
+            b'7' => DataBits::Seven,
+            b'8' => DataBits::Eight,
+            _ => return Err(WHY),
+        };
+        let parity = match parity.to_ascii_uppercase() {
+            b'N' => Parity::None,
+            b'E' => Parity::Even,
+            b'O' => Parity::Odd,
+            _ => return Err(WHY),
+        };
+        let stop_bits = match stop_bits {
+            b'1' => StopBits::One,
+            b'2' => StopBits::Two,
+            _ => return Err(WHY),
+        };
+        Ok(Self { data_bits, parity, stop_bits })
+    }
+}
+
+/// Opens a port in another mode, raw, without flow control.
 ///
 /// # Errors
 /// When there is no such port, or another program uses it.
-pub fn open_with(path: &str, baud: u32, parity: Parity, stop_bits: StopBits) -> Result<Box<dyn SerialPort>> {
+pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort>> {
+    let Mode { data_bits, parity, stop_bits } = mode;
     let builder = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT);
-    let port = builder.parity(parity).stop_bits(stop_bits).open();
+    let port = builder.data_bits(data_bits).parity(parity).stop_bits(stop_bits).open();
     port.map_err(|error| {
         let advice = match error.kind() {
             serialport::ErrorKind::NoDevice => ": no such port, or another program uses it",

@@ -16,7 +16,7 @@ pub const LINK: Link = Link {
     name: "fanuc-hmi-modbus",
     about: "FANUC's HMI Device Communication, Modbus",
     sides: &["client", "server"],
-    sender: |is_client, _server_port| if is_client { "client" } else { "server" },
+    sender: |is_client, _server_port| Some(if is_client { "client" } else { "server" }),
     traces: &[("fanuc", [Some("server"), Some("client")])],
     marks_begin: true,
     configs: &[
@@ -30,5 +30,19 @@ pub const LINK: Link = Link {
         Some(written) => it.message["function"] == 15 && written.len() == it.bytes.len(),
         None => true,
     },
+    clauses: &[
+        ("pdu_length", "FM-32"),
+        ("byte_count", "FM-12"),
+        ("quantity", "FM-32"),
+        ("coil_value", "FM-11"),
+        ("function", "FM-32"),
+        ("reply_byte_count", "FM-13"),
+        ("mbap_length", "FM-28"),
+        ("protocol", "FM-28"),
+        ("crc", "FM-9"),
+        ("too_long", "FM-6"),
+        ("cut", "FM-27"),
+        ("noise", "FM-27"),
+    ],
     ends: ends::ENDS,
 };

@@ -13,7 +13,8 @@ pub const LINK: Link = Link {
     name: "isra-ball",
     about: "The ISRA Robot Command Teach Ball",
     sides: &["ball"],
-    sender: |_is_client, _server_port| "ball",
+    // The host polls.
+    sender: |is_client, _server_port| if is_client { None } else { Some("ball") },
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
     marks_begin: true,
     configs: &[
@@ -27,5 +28,6 @@ pub const LINK: Link = Link {
         Some(written) => it.message["status"] == "reserved" && it.bytes.len() == written.len(),
         None => it.message.get("data").is_some(),
     },
+    clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
     ends: ends::ENDS,
 };

@@ -20,7 +20,7 @@ pub const LINK: Link = Link {
     about: "A Kawasaki robot and a PC",
     sides: &["pc", "robot"],
     // The robot opens the connection.
-    sender: |is_client, _server_port| if is_client { "robot" } else { "pc" },
+    sender: |is_client, _server_port| Some(if is_client { "robot" } else { "pc" }),
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
     marks_begin: true,
     configs: &[
@@ -32,5 +32,16 @@ pub const LINK: Link = Link {
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
     tolerates: codec::tolerates,
+    clauses: &[
+        ("length", "KM-11"),
+        ("no_length", "KM-12"),
+        ("no_name", "KM-31"),
+        ("no_end_mark", "KM-34"),
+        ("mark", "KM-13"),
+        ("incomplete", "KM-32"),
+        ("not_ascii", "KM-16"),
+        ("garbage", "KM-31"),
+        ("too_long", "KM-14"),
+    ],
     ends: ends::ENDS,
 };

@@ -16,7 +16,7 @@ pub const LINK: Link = Link {
     about: "A laser machining robot, EB 90 frames",
     sides: &["host", "controller"],
     // Serial device servers listen: the robot is connected to one.
-    sender: |is_client, _server_port| if is_client { "host" } else { "controller" },
+    sender: |is_client, _server_port| Some(if is_client { "host" } else { "controller" }),
     traces: &[
         ("laser", [Some("controller"), Some("host")]),
         ("laser-host", [Some("host"), Some("controller")]),
@@ -35,5 +35,15 @@ pub const LINK: Link = Link {
         Some(_) => it.settings.get("tail").is_some_and(|tail| tail == "either"),
         None => it.message["items"] == json!([]) || it.message.to_string().contains("null"),
     },
+    clauses: &[
+        ("checksum", "LE-13"),
+        ("flag", "LE-8"),
+        ("tag", "LE-12"),
+        ("item", "LE-15"),
+        ("stuffing", "LE-9"),
+        ("no_head", "LE-32"),
+        ("incomplete", "LE-33"),
+        ("too_long", "LE-14"),
+    ],
     ends: ends::ENDS,
 };

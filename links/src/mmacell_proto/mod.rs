@@ -14,9 +14,9 @@ pub const LINK: Link = Link {
     about: "The MM&A micro-manipulation cell",
     sides: &["central", "robot", "platform"],
     sender: |is_client, server_port| match server_port {
-        _ if is_client => "central",
-        ::mmacell_proto::port::PLATFORM => "platform",
-        _ => "robot",
+        _ if is_client => Some("central"),
+        ::mmacell_proto::port::PLATFORM => Some("platform"),
+        _ => Some("robot"),
     },
     traces: &[
         ("mma-robot", [Some("robot"), Some("central")]),
@@ -37,5 +37,17 @@ pub const LINK: Link = Link {
             |written: &[u8]| written.len() == it.bytes.len() && it.bytes.iter().zip(written).all(is_plus);
         it.written.is_some_and(|written| !it.settings.is_empty() || same(written))
     },
+    clauses: &[
+        ("unknown_command", "MM-13"),
+        ("unexpected", "MM-25"),
+        ("short", "MM-25"),
+        ("trailing", "MM-25"),
+        ("integer_range", "MM-12"),
+        ("percent", "MM-13"),
+        ("too_long", "MM-7"),
+        ("incomplete", "MM-24"),
+        ("error_zero", "MM-20"),
+        ("unknown_reply", "MM-3"),
+    ],
     ends: ends::ENDS,
 };

@@ -14,7 +14,7 @@ pub const LINK: Link = Link {
     about: "VAL II ALTER on a Unimation MARK III",
     sides: &["robot", "host"],
     // Serial device servers listen: the robot is connected to one.
-    sender: |is_client, _server_port| if is_client { "host" } else { "robot" },
+    sender: |is_client, _server_port| Some(if is_client { "host" } else { "robot" }),
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
     marks_begin: true,
     configs: &[
@@ -26,5 +26,17 @@ pub const LINK: Link = Link {
     settings: || settings::list(Framing::DEFAULT),
     codec: codec::either,
     tolerates: codec::tolerates,
+    clauses: &[
+        ("reply_length", "AL-23"),
+        ("start_mark", "AL-33"),
+        ("checksum", "AL-7"),
+        ("end_mark", "AL-28"),
+        ("incomplete", "AL-36"),
+        ("too_long", "AL-9"),
+        ("length", "AL-29"),
+        ("control", "AL-13"),
+        ("start_reply", "AL-22"),
+        ("select", "AL-23"),
+    ],
     ends: ends::ENDS,
 };

@@ -13,7 +13,8 @@ pub const LINK: Link = Link {
     name: "val2-viewer",
     about: "The graphics workstation that draws the robot of val2-alter",
     sides: &["host"],
-    sender: |_is_client, _server_port| "host",
+    // The workstation polls.
+    sender: |is_client, _server_port| if is_client { Some("host") } else { None },
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
     marks_begin: true,
     configs: &[
@@ -23,5 +24,13 @@ pub const LINK: Link = Link {
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
     tolerates: |_| false,
+    clauses: &[
+        ("checksum", "VV-12"),
+        ("format", "VV-12"),
+        ("number", "VV-12"),
+        ("too_long", "VV-14"),
+        ("incomplete", "VV-15"),
+        ("noise", "VV-14"),
+    ],
     ends: ends::ENDS,
 };

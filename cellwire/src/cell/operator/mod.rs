@@ -8,7 +8,6 @@ mod keys;
 mod model;
 mod screen;
 mod settings;
-mod terminal;
 
 pub use settings::Settings;
 
@@ -20,11 +19,11 @@ use ratatui::crossterm::event::KeyEvent;
 
 use self::commands::Command;
 use self::model::{Model, Ports};
-use self::terminal::Screen;
 use crate::cell::teleop::{self, Notification, Order, Teleop, TeleopConfig, Traces};
 use crate::io::interrupt;
 use crate::io::line::Clock;
 use crate::io::output::remark;
+use crate::io::terminal::{self, Screen};
 
 /// A picture is drawn this often.
 const PICTURE: Duration = Duration::from_millis(50);

@@ -33,7 +33,7 @@ pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) 
     ensure!(
         table.found || !out.clean,
         "the capture contains no TCP, UDP or serial bytes for {}{}",
-        args.codec.link.name,
+        args.codec.of.link.name,
         args.port.map_or_else(String::new, |port| format!(" on port {port}"))
     );
     Ok(())
@@ -247,7 +247,10 @@ fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Resul
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
             // If the capture lacks the beginning of the connection, the lower port counts as the server's.
             let is_client = is_client.unwrap_or(from.port() > to.port());
-            let side = (args.codec.link.sender)(is_client, if is_client { to.port() } else { from.port() });
+            let server = if is_client { to.port() } else { from.port() };
+            // Which of the two polls is not sure enough to leave its bytes out.
+            let side = (args.codec.of.link.sender)(is_client, server)
+                .map_or_else(|| args.codec.of.link.side(None), Ok)?;
             if wanted.is_some_and(|wanted| wanted != side) {
                 return Ok(State::Ignored);
             }
@@ -259,7 +262,7 @@ fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Resul
     if number > 1 {
         label.push_str(&format!("\"connection\":{number},"));
     }
-    let stream = Stream::new(args.codec.codec_of(side)?);
+    let stream = Stream::new(args.codec.of.codec_of(side)?);
     Ok(State::Decoded(Box::new(Decoded { stream, side, label })))
 }
 
@@ -289,7 +292,7 @@ impl Decoded {
         let offset = self.stream.offset();
         if let Lack::Gap { .. } | Lack::CutOff { .. } = lack {
             // What is before the gap and what is after it are no frame together.
-            let next = Stream::starting_at(args.codec.codec_of(self.side)?, offset);
+            let next = Stream::starting_at(args.codec.of.codec_of(self.side)?, offset);
             core::mem::replace(&mut self.stream, next).finish(|item| out.write(&self.label, item))?;
         }
         let mut json = Vec::new();

@@ -41,7 +41,7 @@ pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) 
 
 /// Which sides sent what the trace has as sent and as received: by `--from`, the end that kept it, or by the trace's name.
 fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
-    let link = args.codec.link;
+    let link = args.codec.of.link;
     if args.codec.from.is_none() {
         let trace = link.traces.iter().find(|(known, _)| *known == name);
         return trace.map(|(_, sides)| *sides).with_context(|| {
@@ -83,7 +83,7 @@ struct Direction {
 impl Direction {
     fn new(args: &Args, side: Option<&'static str>) -> Result<Self> {
         let stream = match side {
-            Some(side) => Some((side, Stream::new(args.codec.codec_of(side)?))),
+            Some(side) => Some((side, Stream::new(args.codec.of.codec_of(side)?))),
             None => None,
         };
         Ok(Self { stream, label: String::new(), skipped: 0 })

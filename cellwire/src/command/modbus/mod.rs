@@ -15,7 +15,7 @@ use serialport::{Parity, StopBits};
 
 use super::settings::SetArgs;
 use crate::io::input::seconds;
-use crate::io::serial;
+use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
@@ -136,12 +136,15 @@ impl PortArgs {
             PortKind::Serial {
                 path: server.to_owned(),
                 baud: self.baud,
-                parity: match self.parity {
-                    ParityArg::None => Parity::None,
-                    ParityArg::Even => Parity::Even,
-                    ParityArg::Odd => Parity::Odd,
+                mode: Mode {
+                    parity: match self.parity {
+                        ParityArg::None => Parity::None,
+                        ParityArg::Even => Parity::Even,
+                        ParityArg::Odd => Parity::Odd,
+                    },
+                    stop_bits: if self.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+                    ..Mode::EIGHT_N_ONE
                 },
-                stop_bits: if self.stop_bits == 2 { StopBits::Two } else { StopBits::One },
             }
         } else {
             PortKind::Tcp {

@@ -9,6 +9,7 @@ mod fault;
 mod fragments;
 mod network;
 pub mod reassembly;
+pub mod write;
 
 use std::collections::BTreeMap;
 use std::io::Read;

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use crate::io::serial::Mode;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
 use robot_session::{Driver, Ended, Session as _};
-use serialport::{Parity, StopBits};
 
 use crate::io::drive::Lost;
 use crate::io::output::remark;
@@ -41,10 +41,8 @@ pub enum PortKind {
         path: String,
         /// Its rate.
         baud: u32,
-        /// Its parity.
-        parity: Parity,
-        /// Its stop bits.
-        stop_bits: StopBits,
+        /// Its bits.
+        mode: Mode,
     },
 }
 
@@ -69,8 +67,8 @@ impl Port {
             PortKind::Tcp { server, connect_timeout, .. } => {
                 AnyPort::Tcp(Stream::new(tcp::connect(server, *connect_timeout)?))
             }
-            PortKind::Serial { path, baud, parity, stop_bits } => {
-                AnyPort::Serial(serial::Port(serial::open_with(path, *baud, *parity, *stop_bits)?))
+            PortKind::Serial { path, baud, mode } => {
+                AnyPort::Serial(serial::Port(serial::open_with(path, *baud, *mode)?))
             }
         })
     }

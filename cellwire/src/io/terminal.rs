@@ -1,4 +1,4 @@
-//! The operator's terminal: what is drawn is written by a thread of its own, because a terminal may block (a selection, a hung
+//! A terminal that shows pictures: what is drawn is written by a thread of its own, because a terminal may block (a selection, a hung
 //! link, Ctrl-S), and it is given back as it was however the program ends.
 
 use std::io::{self, Write};
@@ -19,8 +19,9 @@ use ratatui::prelude::CrosstermBackend;
 /// A terminal that does not take the end of the alternate screen in this time keeps nobody here.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// The terminal while it shows the operator's screen.
-pub(super) struct Screen {
+/// The terminal while it shows pictures.
+#[allow(missing_debug_implementations, reason = "it holds a terminal")]
+pub struct Screen {
     terminal: ratatui::Terminal<CrosstermBackend<Picture>>,
     is_free: Arc<AtomicBool>,
     has_failed: Arc<AtomicBool>,
@@ -28,13 +29,13 @@ pub(super) struct Screen {
 
 impl Screen {
     /// Enters the alternate screen. Leave it with [`leave`], on a panic too.
-    pub(super) fn enter() -> Result<Self> {
+    pub fn enter() -> Result<Self> {
         let earlier = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             leave();
             earlier(panic);
         }));
-        enable_raw_mode().context("the operator's screen needs a terminal")?;
+        enable_raw_mode().context("the screen needs a terminal")?;
         execute!(io::stdout(), EnterAlternateScreen)?;
         let (is_free, has_failed) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
         // One picture at a time.
@@ -47,7 +48,7 @@ impl Screen {
     }
 
     /// Draws a picture if the terminal has taken the one before; false if it has not.
-    pub(super) fn draw(&mut self, picture: impl FnOnce(&mut ratatui::Frame<'_>)) -> Result<bool> {
+    pub fn draw(&mut self, picture: impl FnOnce(&mut ratatui::Frame<'_>)) -> Result<bool> {
         if !self.is_free.load(Ordering::Acquire) {
             return Ok(false);
         }
@@ -56,13 +57,13 @@ impl Screen {
     }
 
     /// Whether the terminal is gone.
-    pub(super) fn is_gone(&self) -> bool {
+    pub fn is_gone(&self) -> bool {
         self.has_failed.load(Ordering::Relaxed)
     }
 }
 
 /// Gives the terminal back as it was.
-pub(super) fn leave() {
+pub fn leave() {
     let _ = disable_raw_mode();
     let (done, wait) = channel();
     // A terminal whose output is stopped would keep this thread for ever.
@@ -175,7 +176,7 @@ mod tests {
         let mut process = Command::new("setsid")
             .arg("--ctty")
             .arg(std::env::current_exe().unwrap())
-            .args(["--exact", "cell::operator::terminal::tests::panics", "--ignored", "--nocapture"])
+            .args(["--exact", "io::terminal::tests::panics", "--ignored", "--nocapture"])
             .stdin(Stdio::from(open()))
             .stdout(Stdio::from(open()))
             .stderr(Stdio::from(open()))

@@ -1,0 +1,104 @@
+//! `cellwire extcap`: a tap in Wireshark's list of interfaces.
+
+use std::path::PathBuf;
+use std::thread;
+
+use anyhow::{Context as _, Result};
+
+use super::tap::{Way, WayArgs};
+use crate::io::capture::write::Writer;
+use crate::io::interrupt;
+use crate::io::tap::Watch;
+
+/// Puts a tap into Wireshark's list of interfaces.
+///
+/// Wireshark runs the programs in its folder of extcap programs (Help, About, Folders). Put a script there that runs this command, and
+/// make it executable:
+///
+///   #!/bin/sh
+///   exec cellwire extcap "$@"
+///
+/// Then `cellwire` is an interface; the wheel beside it opens its options, which are those of `cellwire tap`. A serial line is shown as a
+/// TCP connection of port 9100: choose Analyze, Decode As, and the link, whose dissector is in reference/wireshark.
+///
+/// The tap ends with the capture: what it joins is joined no more, and connections are reset.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// List the interfaces
+    #[arg(long)]
+    extcap_interfaces: bool,
+    /// The version of Wireshark
+    #[arg(long, value_name = "VERSION")]
+    extcap_version: Option<String>,
+    /// The interface that is meant
+    #[arg(long, value_name = "NAME")]
+    extcap_interface: Option<String>,
+    /// List the link types of the interface
+    #[arg(long)]
+    extcap_dlts: bool,
+    /// List the options of the interface
+    #[arg(long)]
+    extcap_config: bool,
+    /// A filter, which this interface has none of
+    #[arg(long, value_name = "FILTER")]
+    extcap_capture_filter: Option<String>,
+    /// Capture
+    #[arg(long, requires = "fifo")]
+    capture: bool,
+    /// The pipe from which Wireshark reads
+    #[arg(long, value_name = "PIPE")]
+    fifo: Option<PathBuf>,
+    #[command(flatten)]
+    way: WayArgs,
+}
+
+const INTERFACES: &str = concat!(
+    "extcap {version=",
+    env!("CARGO_PKG_VERSION"),
+    "}{help=",
+    env!("CARGO_PKG_REPOSITORY"),
+    "}\ninterface {value=cellwire}{display=cellwire: between the two ends of a robot link}\n"
+);
+
+/// Packets begin with their IP header.
+const LINK_TYPES: &str = "dlt {number=101}{name=RAW}{display=IP}\n";
+
+const OPTIONS: &str = "\
+arg {number=0}{call=--listen}{display=Listen on}{type=string}{tooltip=The address for clients, such as 0.0.0.0:9105}{group=Network}
+arg {number=1}{call=--connect}{display=Connect to}{type=string}{tooltip=The server, such as 192.168.0.10:9105}{group=Network}
+arg {number=2}{call=--udp}{display=Datagrams}{type=boolflag}{tooltip=UDP in place of TCP}{group=Network}
+arg {number=3}{call=--a}{display=Port of one end}{type=string}{tooltip=The PC, such as /dev/ttyUSB0}{group=Serial}
+arg {number=4}{call=--b}{display=Port of the other end}{type=string}{tooltip=The device, such as /dev/ttyUSB1}{group=Serial}
+arg {number=5}{call=--baud}{display=Baud rate}{type=unsigned}{range=50,4000000}{default=9600}{group=Serial}
+arg {number=6}{call=--mode}{display=Bits}{type=string}{default=8N1}{tooltip=Data bits, parity, stop bits}{group=Serial}
+arg {number=7}{call=--listen-only}{display=Only listen}{type=boolflag}{tooltip=The receive lines of a Y cable}{group=Serial}
+";
+
+/// Answers what Wireshark asks, or captures until it stops.
+pub fn run(args: &Args) -> Result<bool> {
+    if args.extcap_interfaces {
+        print!("{INTERFACES}");
+    } else if args.extcap_dlts {
+        print!("{LINK_TYPES}");
+    } else if args.extcap_config {
+        print!("{OPTIONS}");
+    } else {
+        let pipe = args.fifo.as_deref().context("Wireshark runs this command: see --help")?;
+        capture(&args.way, pipe)?;
+    }
+    Ok(true)
+}
+
+fn capture(args: &WayArgs, pipe: &std::path::Path) -> Result<()> {
+    let way = Way::open(args)?;
+    interrupt::handle()?;
+    let mut watch = Watch::default();
+    let seen = watch.add();
+    let writer = Writer::into_pipe(pipe, "cellwire")?;
+    thread::scope(|scope| {
+        let passing = scope.spawn(move || way.run(args, &watch));
+        // Until Wireshark stops, or a port is gone; what passes is passed until this process is ended.
+        writer.record(&seen);
+        passing.join().unwrap_or(Ok(()))
+    })
+}

@@ -1,0 +1,226 @@
+//! What both ends say, decoded.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::SystemTime;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use super::split::{Said, Split};
+use crate::command::codec::LinkArgs;
+use crate::io::tap::{End, Place, Seen, What};
+use cellwire_links::codec::{Item, Kind, Stream};
+use cellwire_links::link::Link;
+
+/// Something that an end has said or done.
+#[derive(Debug, Clone)]
+pub(super) struct Entry {
+    /// When it was whole.
+    pub(super) at: SystemTime,
+    /// Of which connection, from 1.
+    pub(super) connection: u32,
+    /// The name of the end, or [`UNKNOWN`].
+    pub(super) end: &'static str,
+    pub(super) what: Told,
+}
+
+/// On a line that carries both directions: whoever has sent bytes that neither says.
+pub(super) const UNKNOWN: &str = "unknown";
+
+/// What was said or done.
+#[derive(Debug, Clone)]
+pub(super) enum Told {
+    Opened(Place),
+    Message {
+        offset: u64,
+        length: u64,
+        content: Value,
+    },
+    /// Bytes that are no message, with the clause that they break.
+    Corrupt {
+        offset: u64,
+        error: Value,
+        clause: Option<&'static str>,
+        bytes: Vec<u8>,
+    },
+    /// Bytes of an end that sends no messages, or of nobody knows whom.
+    Bytes(Vec<u8>),
+    /// So many bytes were passed on, and not seen.
+    Missed(u64),
+    /// The end sends no more, or its connection broke.
+    Closed(Option<String>),
+}
+
+/// Decodes what is seen.
+pub(super) struct Decoding<'a> {
+    args: &'a LinkArgs,
+    connections: BTreeMap<u32, Connection>,
+}
+
+enum Connection {
+    /// What the ends A and B send.
+    Ends([Direction; 2]),
+    /// A line that carries both directions.
+    Line(Split),
+}
+
+/// What one end sends.
+struct Direction {
+    /// The name of the end.
+    end: &'static str,
+    /// `None` where it sends no messages, and polls.
+    decoded: Option<Decoded>,
+}
+
+/// A side that sends messages.
+struct Decoded {
+    side: &'static str,
+    stream: Stream,
+    /// The bytes that are in no item yet.
+    held: VecDeque<u8>,
+}
+
+impl<'a> Decoding<'a> {
+    /// # Errors
+    /// When the link has no such setting.
+    pub(super) fn new(args: &'a LinkArgs) -> Result<Self> {
+        // Before anything is tapped.
+        for side in args.link.sides {
+            args.codec_of(side)?;
+        }
+        Ok(Self { args, connections: BTreeMap::new() })
+    }
+
+    /// Takes what is seen; `tell` gets what is clear now.
+    pub(super) fn take(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        let Seen { at, connection, from, what } = seen;
+        let (at, connection) = (*at, *connection);
+        if let What::Opened(place) = what {
+            self.connections.insert(connection, Connection::new(self.args, place)?);
+            return tell(Entry { at, connection, end: UNKNOWN, what: Told::Opened(place.clone()) });
+        }
+        let directions = match self.connections.get_mut(&connection) {
+            Some(Connection::Ends(directions)) => directions,
+            Some(Connection::Line(line)) => {
+                let say = |said| tell(said_on_line(connection, said));
+                return match what {
+                    What::Bytes(bytes) => line.push(at, bytes, say),
+                    _ => line.finish(at, say),
+                };
+            }
+            None => return Ok(()),
+        };
+        let direction = match (from, directions) {
+            (End::A, [a, _]) => a,
+            (End::B, [_, b]) => b,
+        };
+        let end = direction.end;
+        let mut tell = |what| tell(Entry { at, connection, end, what });
+        match what {
+            What::Opened(_) => Ok(()),
+            What::Bytes(bytes) => direction.push(self.args.link, bytes, &mut tell),
+            What::Missed(missing) => {
+                direction.skip(self.args, *missing, &mut tell)?;
+                tell(Told::Missed(*missing))
+            }
+            What::Closed(why) => {
+                direction.finish(self.args.link, &mut tell)?;
+                tell(Told::Closed(why.clone()))
+            }
+        }
+    }
+
+    /// Nothing was seen for a while: what is held on a line is all that was sent.
+    pub(super) fn silence(&mut self, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        for (number, connection) in &mut self.connections {
+            if let Connection::Line(line) = connection
+                && line.holds()
+            {
+                line.finish(SystemTime::now(), |said| tell(said_on_line(*number, said)))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is on a line that carries both directions.
+fn said_on_line(connection: u32, said: Said) -> Entry {
+    let Said { at, offset, bytes, message } = said;
+    let (end, what) = match message {
+        Some((side, content)) => (side, Told::Message { offset, length: bytes.len() as u64, content }),
+        None => (UNKNOWN, Told::Bytes(bytes)),
+    };
+    Entry { at, connection, end, what }
+}
+
+impl Connection {
+    fn new(args: &LinkArgs, place: &Place) -> Result<Self> {
+        let port = match place {
+            Place::Tcp(_, server) | Place::Udp(_, server) => server.port(),
+            Place::Ports(_) => 0,
+            Place::Line(_) => return Ok(Self::Line(Split::new(args)?)),
+        };
+        let [a, b] = [true, false].map(|is_client| Direction::new(args, (args.link.sender)(is_client, port)));
+        Ok(Self::Ends([a?, b?]))
+    }
+}
+
+type Tell<'a> = &'a mut dyn FnMut(Told) -> Result<()>;
+
+impl Direction {
+    fn new(args: &LinkArgs, side: Option<&'static str>) -> Result<Self> {
+        let Some(side) = side else {
+            let end = args.link.ends.iter().find(|end| !args.link.sides.contains(&end.name));
+            return Ok(Self { end: end.map_or(UNKNOWN, |end| end.name), decoded: None });
+        };
+        Ok(Self { end: side, decoded: Some(Decoded::new(args, side, 0)?) })
+    }
+
+    fn push(&mut self, link: &Link, bytes: &[u8], tell: Tell<'_>) -> Result<()> {
+        let Some(Decoded { stream, held, .. }) = &mut self.decoded else {
+            return tell(Told::Bytes(bytes.into()));
+        };
+        held.extend(bytes);
+        stream.push(bytes, |item| tell(told(link, item, held)?))
+    }
+
+    /// What is before missing bytes and what is after them are no frame together.
+    fn skip(&mut self, args: &LinkArgs, missing: u64, tell: Tell<'_>) -> Result<()> {
+        self.finish(args.link, tell)?;
+        if let Some(decoded) = &mut self.decoded {
+            *decoded = Decoded::new(args, decoded.side, decoded.stream.offset() + missing)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, link: &Link, tell: Tell<'_>) -> Result<()> {
+        let Some(Decoded { stream, held, .. }) = &mut self.decoded else { return Ok(()) };
+        stream.finish(|item| tell(told(link, item, held)?))
+    }
+}
+
+impl Decoded {
+    fn new(args: &LinkArgs, side: &'static str, begin: u64) -> Result<Self> {
+        Ok(Self { side, stream: Stream::starting_at(args.codec_of(side)?, begin), held: VecDeque::new() })
+    }
+}
+
+/// An item, whose bytes are the first that are held.
+fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
+    let Item { offset, length, kind, json } = item;
+    let length_held = usize::try_from(length).unwrap_or(usize::MAX).min(held.len());
+    let bytes: Vec<u8> = held.drain(..length_held).collect();
+    let content: Value = serde_json::from_slice(json)?;
+    Ok(match kind {
+        Kind::Message => Told::Message { offset, length, content },
+        Kind::Error => {
+            let clause = content.get("kind").and_then(Value::as_str).and_then(|kind| link.clause(kind));
+            Told::Corrupt { offset, error: content, clause, bytes }
+        }
+    })
+}
+
+/// Bytes as text.
+pub(super) fn hex(bytes: &[u8]) -> Value {
+    json!(bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>())
+}

@@ -1,0 +1,75 @@
+//! The lines of a tap.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+
+use humantime::format_rfc3339_micros;
+use serde_json::{Map, Value, json};
+
+use super::SILENCE;
+use super::decoding::{Decoding, Entry, Told, UNKNOWN, hex};
+use crate::io::output::{self, remark};
+use crate::io::tap::{Place, Seen};
+
+/// Prints what is seen, until there is nothing more to see.
+pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {
+    let mut tell = |entry: Entry| output::log(&line(entry));
+    loop {
+        let outcome = match seen.recv_timeout(SILENCE) {
+            Ok(seen) => decoding.take(&seen, &mut tell),
+            Err(RecvTimeoutError::Timeout) => decoding.silence(&mut tell),
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        if let Err(error) = outcome {
+            remark(&format!("warning: {error:#}: no more lines; the bytes pass all the same"));
+            return seen.iter().for_each(drop);
+        }
+    }
+}
+
+fn line(entry: Entry) -> Value {
+    let Entry { at, connection, end, what } = entry;
+    let mut line = Map::new();
+    let mut put = |name: &str, value: Value| drop(line.insert(name.into(), value));
+    put("time", json!(format_rfc3339_micros(at).to_string()));
+    put("connection", json!(connection));
+    if !matches!(what, Told::Opened(_)) {
+        put("from", json!((end != UNKNOWN).then_some(end)));
+    }
+    match what {
+        Told::Opened(place) => {
+            put("event", json!("opened"));
+            match place {
+                Place::Tcp(a, b) | Place::Udp(a, b) => {
+                    put("a", json!(a.to_string()));
+                    put("b", json!(b.to_string()));
+                }
+                Place::Ports([a, b]) => {
+                    put("a", json!(a));
+                    put("b", json!(b));
+                }
+                Place::Line(port) => put("port", json!(port)),
+            }
+        }
+        Told::Message { offset, length, content } => {
+            put("offset", json!(offset));
+            put("length", json!(length));
+            put("message", content);
+        }
+        Told::Corrupt { offset, error, clause, bytes } => {
+            put("offset", json!(offset));
+            put("length", json!(bytes.len()));
+            put("error", error);
+            put("clause", json!(clause));
+            put("bytes", hex(&bytes));
+        }
+        Told::Bytes(bytes) => put("bytes", hex(&bytes)),
+        Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),
+        Told::Closed(why) => {
+            put("event", json!("closed"));
+            if let Some(why) = why {
+                put("why", json!(why));
+            }
+        }
+    }
+    Value::Object(line)
+}

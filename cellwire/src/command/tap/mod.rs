@@ -1,0 +1,99 @@
+//! `cellwire tap`: stands between two ends, or listens to them, and shows what they say.
+
+mod decoding;
+mod lines;
+mod screen;
+mod split;
+mod way;
+
+use std::path::PathBuf;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+
+use self::decoding::Decoding;
+pub(super) use self::way::{Way, WayArgs};
+use super::codec::LinkArgs;
+use crate::io::capture::write::Writer;
+use crate::io::interrupt;
+use crate::io::output::{self, remark};
+use crate::io::tap::Watch;
+
+/// Listens to both ends of a link: passes their bytes on unchanged, or only listens, and shows their messages.
+///
+/// Prints one JSON object per line: what a message says, when it came and who sent it, or what is wrong with bytes, and by which
+/// clause of the link's specification. The bytes go into a capture for Wireshark, `decode` and `identify`, which is whole whenever the
+/// tap ends.
+///
+/// Bytes are passed on before anything else is done with them. A full disk, output that nobody reads and messages that cannot be
+/// decoded change nothing for the two ends.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(flatten)]
+    of: LinkArgs,
+    #[command(flatten)]
+    way: WayArgs,
+    /// Show both ends on the terminal while they talk, in place of the lines
+    #[arg(long)]
+    screen: bool,
+    /// The capture; where there is a file of this name, one with a number
+    #[arg(long, value_name = "FILE", default_value = "tap.pcapng")]
+    capture: PathBuf,
+    /// Write no capture
+    #[arg(long, conflicts_with = "capture")]
+    no_capture: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire tap kawasaki-msg --listen 0.0.0.0:9105 --connect 192.168.0.10:9105
+      the robot is told this machine's address in place of its PC's
+  cellwire tap laser-eb90 --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 115200
+      a PC at one adapter, the laser's controller at the other, and this machine between them
+  cellwire tap val2-alter --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 19200 --listen-only
+      two receive lines of a Y cable
+  cellwire decode kawasaki-msg --format pcap tap.pcapng
+      the same messages again, from the capture
+
+The ends notice nothing but a delay of some microseconds. RTS, DTR and breaks of a serial line are not passed on: what needs them is
+listened to with a Y cable.";
+
+/// On a line that carries both directions nothing more comes of what was sent before such a silence.
+const SILENCE: Duration = Duration::from_millis(100);
+
+/// Runs until interrupted, or until a port is gone.
+pub fn run(args: &Args) -> Result<bool> {
+    let decoding = Decoding::new(&args.of)?;
+    if args.screen {
+        screen::check()?;
+    }
+    let way = Way::open(&args.way)?;
+    output::never_wait()?;
+    interrupt::handle()?;
+    let mut watch = Watch::default();
+    thread::scope(|scope| {
+        if !args.no_capture {
+            let writer = Writer::create(&args.capture, args.of.link.name)?;
+            remark(&format!("capture: {}", writer.path().display()));
+            let seen = watch.add();
+            scope.spawn(move || writer.record(&seen));
+        }
+        let seen = watch.add();
+        if !args.screen {
+            way.announce()?;
+        }
+        let passing = scope.spawn(move || way.run(&args.way, &watch));
+        if args.screen {
+            screen::show(args.of.link.name, decoding, &seen)?;
+            // The threads that pass bytes on wait for them.
+            output::finish();
+            std::process::exit(0);
+        }
+        // Until the ports are gone.
+        lines::print(decoding, &seen);
+        passing.join().unwrap_or_else(|_| bail!("a thread has panicked"))
+    })?;
+    Ok(true)
+}

@@ -1,0 +1,137 @@
+//! The picture.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Paragraph, Row, Sparkline, Table};
+
+use super::board::{BARS, Board};
+
+const QUIET: Style = Style::new().fg(Color::DarkGray);
+const WRONG: Style = Style::new().fg(Color::Red);
+const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
+
+pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
+    let ends = u16::try_from(board.ends.len()).unwrap_or(u16::MAX).clamp(2, 6);
+    let rows = Layout::vertical([
+        Constraint::Length(2),
+        Constraint::Length(ends + 3),
+        Constraint::Length(5),
+        Constraint::Min(4),
+        Constraint::Length(1),
+    ]);
+    let [head, table, times, last, foot] = rows.areas(frame.area());
+    draw_head(frame, head, board);
+    draw_table(frame, table, board);
+    draw_times(frame, times, board);
+    draw_last(frame, last, board);
+    frame.render_widget(Line::from("q ends the tap").style(QUIET), foot);
+}
+
+fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
+    let since = board.now.duration_since(board.began).unwrap_or_default().as_secs();
+    let time = format!("{:02}:{:02}:{:02}", since / 3600, since / 60 % 60, since % 60);
+    let first = Line::from(vec![Span::styled(board.title.clone(), STRONG), format!("   {time}").into()]);
+    let second = Line::from(format!("{}; connections so far: {}", board.place, board.open));
+    frame.render_widget(Paragraph::new(vec![first, second]), area);
+}
+
+fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
+    let header =
+        Row::new(["", "messages", "a second", "bytes", "corrupt", "answers: median", "99 %", "longest"]);
+    let rows = board.ends.iter().map(|(name, end)| {
+        let time = |quantile: f64| match end.answers.count() {
+            0 => String::new(),
+            _ => show(end.answers.at(quantile)),
+        };
+        let row = Row::new([
+            (*name).to_owned(),
+            end.messages.to_string(),
+            format!("{:.1}", end.rate()),
+            end.bytes.to_string(),
+            end.corrupt.to_string(),
+            time(0.5),
+            time(0.99),
+            time(1.0),
+        ]);
+        if end.corrupt > 0 { row.style(WRONG) } else { row }
+    });
+    let widths = [12, 9, 9, 10, 8, 15, 9, 9].map(Constraint::Length);
+    let table = Table::new(rows, widths).header(header.style(QUIET)).block(Block::bordered().title("Ends"));
+    frame.render_widget(table, area);
+}
+
+/// How long the answers of each end take, as bars.
+fn draw_times(frame: &mut Frame<'_>, area: Rect, board: &Board) {
+    let ends: Vec<_> = board.ends.iter().filter(|(_, end)| end.answers.count() > 0).collect();
+    if ends.is_empty() {
+        let block = Block::bordered().title("Answers take");
+        return frame.render_widget(block, area);
+    }
+    let columns = Layout::horizontal(ends.iter().map(|_| Constraint::Fill(1))).split(area);
+    for ((name, end), area) in ends.iter().zip(columns.iter()) {
+        let block = Block::bordered().title(format!("{name} answers after"));
+        let inner = block.inner(*area);
+        frame.render_widget(block, *area);
+        let [bars, axis] = Layout::vertical([Constraint::Min(1), Constraint::Length(1)]).areas(inner);
+        let width = (usize::from(bars.width) / BARS.len()).max(1);
+        let data: Vec<u64> = end.bars.iter().flat_map(|count| vec![*count; width]).collect();
+        frame.render_widget(Sparkline::default().data(&data), bars);
+        frame.render_widget(Line::from(axis_of(width)).style(QUIET), axis);
+    }
+}
+
+/// The limits under the bars: one for each factor of ten.
+fn axis_of(width: usize) -> String {
+    let mut text = String::new();
+    for (place, name) in [(0, "0.1ms"), (3, "1"), (6, "10"), (9, "100"), (12, "1s"), (15, "10")] {
+        let at = place * width;
+        text.extend(core::iter::repeat_n(' ', at.saturating_sub(text.chars().count())));
+        text.push_str(name);
+    }
+    text
+}
+
+fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
+    let errors: Vec<String> = board.errors.iter().map(|(name, count)| format!("{name} {count}")).collect();
+    let mut title = String::from("Last messages");
+    if !errors.is_empty() {
+        title = format!("{title}; wrong: {}", errors.join(", "));
+    }
+    if board.missed > 0 {
+        title = format!("{title}; {} bytes passed unseen", board.missed);
+    }
+    let block = Block::bordered().title(title);
+    let room = usize::from(block.inner(area).height);
+    let from = board.lines.len().saturating_sub(room);
+    let lines = board.lines.iter().skip(from).map(|line| {
+        let style = if line.is_wrong { WRONG } else { Style::new() };
+        Line::from(vec![
+            Span::styled(clock(line.at), QUIET),
+            Span::raw(format!(" {:<11} ", line.end)),
+            Span::styled(line.text.clone(), style),
+        ])
+    });
+    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
+}
+
+/// The time of day (UTC).
+fn clock(at: SystemTime) -> String {
+    let since = at.duration_since(UNIX_EPOCH).unwrap_or_default();
+    let seconds = since.as_secs() % 86_400;
+    let millis = since.subsec_millis();
+    format!("{:02}:{:02}:{:02}.{millis:03}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}
+
+/// In three digits.
+fn show(time: Duration) -> String {
+    let (value, unit) = match time.as_secs_f64() {
+        seconds if seconds >= 1.0 => (seconds, "s"),
+        seconds => (seconds * 1000.0, "ms"),
+    };
+    let decimals = if value >= 100.0 { 0 } else { 1 + usize::from(value < 10.0) };
+    format!("{value:.decimals$} {unit}")
+}

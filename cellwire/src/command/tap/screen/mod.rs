@@ -1,0 +1,92 @@
+//! The screen of a tap: both ends while they talk.
+
+mod board;
+mod draw;
+#[cfg(test)]
+mod tests;
+
+use std::io::{self, IsTerminal as _};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Result, ensure};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+
+use self::board::Board;
+use super::SILENCE;
+use super::decoding::{Decoding, Entry};
+use crate::io::tap::Seen;
+use crate::io::terminal::{self, Screen};
+
+/// A picture is drawn this often.
+const PICTURE: Duration = Duration::from_millis(100);
+
+/// Whether there is a terminal for a screen.
+///
+/// # Errors
+/// When there is none.
+pub(super) fn check() -> Result<()> {
+    ensure!(io::stdout().is_terminal(), "--screen needs a terminal; without it lines of JSON are printed");
+    Ok(())
+}
+
+/// Shows what is seen until the user ends it with q, or there is nothing more to see.
+///
+/// # Errors
+/// When the terminal cannot be used.
+pub(super) fn show(title: &str, mut decoding: Decoding<'_>, seen: &Receiver<Seen>) -> Result<()> {
+    let mut board = Board::new(title, SystemTime::now());
+    let mut screen = Screen::enter()?;
+    let outcome = run(&mut screen, &mut board, &mut decoding, seen);
+    drop(screen);
+    terminal::leave();
+    outcome
+}
+
+fn run(
+    screen: &mut Screen,
+    board: &mut Board,
+    decoding: &mut Decoding<'_>,
+    seen: &Receiver<Seen>,
+) -> Result<()> {
+    let mut next = Instant::now();
+    loop {
+        let wait = next.saturating_duration_since(Instant::now()).min(SILENCE);
+        let mut tell = |entry: Entry| {
+            board.take(&entry);
+            Ok(())
+        };
+        let outcome = match seen.recv_timeout(wait) {
+            Ok(seen) => decoding.take(&seen, &mut tell),
+            Err(RecvTimeoutError::Timeout) => decoding.silence(&mut tell),
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+        };
+        if let Err(error) = outcome {
+            board.fail(&format!("{error:#}"));
+        }
+        if Instant::now() >= next {
+            board.pass_time(SystemTime::now());
+            screen.draw(|frame| draw::draw(frame, board))?;
+            next = Instant::now() + PICTURE;
+            if is_ended()? || screen.is_gone() {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Whether the user has pressed q, or Ctrl-C.
+fn is_ended() -> Result<bool> {
+    while event::poll(Duration::ZERO)? {
+        if let Event::Key(key) = event::read()?
+            && key.kind == KeyEventKind::Press
+        {
+            let is_interrupt =
+                key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+            if is_interrupt || key.code == KeyCode::Char('q') {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
+}

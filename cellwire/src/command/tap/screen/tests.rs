@@ -1,0 +1,68 @@
+//! The screen as text.
+
+use std::time::{Duration, UNIX_EPOCH};
+
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use serde_json::json;
+
+use super::super::decoding::{Entry, Told};
+use super::board::Board;
+use super::draw::draw;
+use crate::io::tap::Place;
+
+const MS: Duration = Duration::from_millis(1);
+
+fn rows(board: &Board) -> Vec<String> {
+    let mut terminal = Terminal::new(TestBackend::new(100, 24)).unwrap();
+    terminal.draw(|frame| draw(frame, board)).unwrap();
+    let buffer = terminal.backend().buffer().clone();
+    let text = |cells: &[ratatui::buffer::Cell]| cells.iter().map(|cell| cell.symbol()).collect::<String>();
+    buffer.content().chunks(100).map(|cells| text(cells).trim_end().to_owned()).collect()
+}
+
+#[test]
+fn the_screen_shows_both_ends_and_what_is_wrong() {
+    let began = UNIX_EPOCH + Duration::from_secs(3600);
+    let mut board = Board::new("laser-eb90", began);
+    let entry = |at: Duration, end, what| Entry { at: began + at, connection: 1, end, what };
+    let place = Place::Tcp("10.0.0.1:4000".parse().unwrap(), "10.0.0.2:9100".parse().unwrap());
+    board.take(&entry(MS, "unknown", Told::Opened(place)));
+    for n in 0..10 {
+        let at = MS * (100 * n + 10);
+        let message = |length| Told::Message { offset: 0, length, content: json!({"items": [n]}) };
+        board.take(&entry(at, "host", message(20)));
+        board.take(&entry(at + MS * 12, "controller", message(11)));
+    }
+    let (error, bytes) = (json!({"kind": "checksum"}), vec![0xEB, 0x90]);
+    board.take(&entry(
+        MS * 1000,
+        "controller",
+        Told::Corrupt { offset: 9, error, clause: Some("LE-13"), bytes },
+    ));
+    board.take(&entry(MS * 1001, "controller", Told::Missed(7)));
+    for second in 1..=2 {
+        board.pass_time(began + Duration::from_secs(second));
+    }
+    let rows = rows(&board);
+    let text = rows.join("\n");
+    assert_eq!(rows[0], "laser-eb90   00:00:02");
+    assert_eq!(rows[1], "10.0.0.1:4000 to 10.0.0.2:9100; connections so far: 1");
+    let columns = |name: &str| {
+        let row = rows.iter().find(|row| row.contains(&format!("│{name} "))).unwrap();
+        row.trim_matches('│').split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(columns("host"), "host 10 5.0 200 0 88.1 ms 88.1 ms 88.1 ms");
+    assert_eq!(columns("controller"), "controller 10 5.0 112 1 12.0 ms 12.0 ms 12.0 ms");
+    assert!(text.contains("wrong: controller: checksum (LE-13) 1; 7 bytes passed unseen"), "{text}");
+    assert!(text.contains("01:00:01.000 controller  checksum (LE-13) eb90"), "{text}");
+}
+
+#[test]
+fn a_terminal_of_any_size_is_drawn() {
+    let board = Board::new("laser-eb90", UNIX_EPOCH);
+    for (width, height) in [(1, 1), (10, 5), (80, 24), (300, 100)] {
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+        terminal.draw(|frame| draw(frame, &board)).unwrap();
+    }
+}

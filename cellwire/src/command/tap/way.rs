@@ -1,0 +1,92 @@
+//! What is tapped.
+
+use std::net::{TcpListener, UdpSocket};
+
+use anyhow::{Result, bail};
+use serialport::SerialPort;
+
+use crate::io::serial::{self, Mode, baud_rate};
+use crate::io::tap::{self, Watch};
+use crate::io::tcp::ConnectArgs;
+use crate::io::{output, tcp, udp};
+
+/// Where the ends are.
+#[derive(Debug, clap::Args)]
+pub(in crate::command) struct WayArgs {
+    /// Listen for clients on this address; a port alone is one of this machine's loopback address
+    #[arg(long, value_name = "ADDR", requires = "connect", conflicts_with = "a")]
+    listen: Option<String>,
+    /// The address of the server, to which the bytes of each client are passed on
+    #[arg(long, value_name = "ADDR", requires = "listen")]
+    connect: Option<String>,
+    /// Pass datagrams on, not connections
+    #[arg(long, requires = "listen")]
+    udp: bool,
+    #[command(flatten)]
+    timeout: ConnectArgs,
+    /// The serial port of the end that is a client over TCP: the PC, but for Kawasaki's robot
+    #[arg(long, value_name = "PORT")]
+    a: Option<String>,
+    /// The serial port of the other end
+    #[arg(long, value_name = "PORT", requires = "a")]
+    b: Option<String>,
+    /// Only listen, as on the receive lines of a Y cable; with --a alone, to a line that carries both directions
+    #[arg(long, requires = "a")]
+    listen_only: bool,
+    /// The baud rate of the ports
+    #[arg(long, value_name = "N", default_value = "9600", value_parser = baud_rate())]
+    baud: u32,
+    /// Data bits, parity and stop bits of the ports, such as 8E1
+    #[arg(long, value_name = "MODE", default_value = "8N1")]
+    mode: Mode,
+}
+
+/// What is tapped.
+pub(in crate::command) enum Way {
+    Tcp(TcpListener),
+    Udp(UdpSocket),
+    /// Ports with their names: one or two.
+    Ports(Named, Option<Named>),
+}
+
+type Named = (String, Box<dyn SerialPort>);
+
+impl Way {
+    pub(in crate::command) fn open(args: &WayArgs) -> Result<Self> {
+        let port = |name: &str| -> Result<Named> {
+            Ok((name.to_owned(), serial::open_with(name, args.baud, args.mode)?))
+        };
+        match (&args.listen, &args.a, &args.b) {
+            (Some(address), ..) if args.udp => Ok(Self::Udp(udp::bind(address)?)),
+            (Some(address), ..) => Ok(Self::Tcp(tcp::listen(address)?)),
+            (None, Some(a), Some(b)) => Ok(Self::Ports(port(a)?, Some(port(b)?))),
+            (None, Some(a), None) if args.listen_only => Ok(Self::Ports(port(a)?, None)),
+            (None, Some(a), None) => bail!(
+                "give the other end's port with --b, or --listen-only where {a} is a line that carries both directions"
+            ),
+            (None, None, _) => {
+                bail!("give --listen and --connect for a network, or --a and --b for serial ports")
+            }
+        }
+    }
+
+    /// Prints where it is ready.
+    pub(super) fn announce(&self) -> Result<()> {
+        match self {
+            Self::Tcp(listener) => output::ready("tap", "listen", &listener.local_addr()?.to_string()),
+            Self::Udp(socket) => output::ready("tap", "listen", &socket.local_addr()?.to_string()),
+            Self::Ports((a, _), None) => output::ready("tap", "port", a),
+            Self::Ports((a, _), Some((b, _))) => output::ready("tap", "ports", &format!("{a} {b}")),
+        }
+    }
+
+    pub(in crate::command) fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
+        let server = args.connect.as_deref().unwrap_or_default();
+        match self {
+            Self::Tcp(listener) => tap::tcp::run(&listener, server, args.timeout.timeout(), watch),
+            Self::Udp(socket) => tap::udp::run(&socket, server, watch),
+            Self::Ports(a, Some(b)) if !args.listen_only => tap::serial::join([a, b], watch),
+            Self::Ports(a, b) => tap::serial::listen(a, b, watch),
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Writes a capture while it grows: pcapng, whole after each batch of packets.
+//!
+//! Every connection is written as TCP or UDP over IP, a serial line as well: Wireshark puts its messages together, its dissectors know
+//! which end sends, and [`read`](super::read) finds it again. Bytes that are not in it are a gap in the sequence numbers.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Seek as _, SeekFrom, Write as _};
+use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::Receiver;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context as _, Result, anyhow};
+use etherparse::{IpHeaders, IpNumber, Ipv4Header, Ipv6FlowLabel, Ipv6Header, PacketBuilder, TcpHeader};
+use pcap_parser::pcapng::{
+    EnhancedPacketBlock, InterfaceDescriptionBlock, OptionCode, PcapNGOption, SectionHeaderBlock,
+};
+use pcap_parser::{Linktype, ToVec};
+
+use crate::io::files;
+use crate::io::output::remark;
+use crate::io::tap::{End, Place, Seen, What};
+
+/// So much is collected at most before it is written.
+const BATCH: usize = 1 << 20;
+
+/// The ends of a serial line, which has no addresses (RFC 5737).
+const SERIAL: [([u8; 4], u16); 2] = [([192, 0, 2, 1], 49_152), ([192, 0, 2, 2], 9100)];
+
+/// A capture that grows.
+#[derive(Debug)]
+pub struct Writer {
+    file: File,
+    path: PathBuf,
+    /// The length of the file with whole blocks.
+    length: u64,
+    waiting: Vec<u8>,
+    connections: HashMap<u32, Connection>,
+    /// Bytes that could not be written since this was last possible.
+    failed: Option<u64>,
+    /// Whoever reads a pipe may be gone for good.
+    is_pipe: bool,
+}
+
+#[derive(Debug)]
+struct Connection {
+    places: [SocketAddr; 2],
+    is_tcp: bool,
+    /// The places of A's and B's next bytes, of which the sequence numbers are the lower half.
+    next: [u64; 2],
+}
+
+impl Writer {
+    /// A new file of this name, or with a number where there is one. `about` is what is captured.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn create(path: &Path, about: &str) -> Result<Self> {
+        let (file, path) = files::create_new(path)?;
+        Self::begin(file, path, about, false)
+    }
+
+    /// Into a pipe, for as long as somebody reads it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn into_pipe(path: &Path, about: &str) -> Result<Self> {
+        let file = File::options().write(true).open(path);
+        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        Self::begin(file, path.to_owned(), about, true)
+    }
+
+    fn begin(file: File, path: PathBuf, about: &str, is_pipe: bool) -> Result<Self> {
+        let (waiting, connections) = (head(about)?, HashMap::new());
+        let mut writer = Self { file, path, length: 0, waiting, connections, failed: None, is_pipe };
+        writer.write().with_context(|| format!("cannot write {}", writer.path.display()))?;
+        Ok(writer)
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes everything that is seen, until there is nothing more to see, or nobody reads the pipe.
+    pub fn record(mut self, seen: &Receiver<Seen>) {
+        while let Ok(first) = seen.recv() {
+            self.add(&first);
+            while self.waiting.len() < BATCH
+                && let Ok(next) = seen.try_recv()
+            {
+                self.add(&next);
+            }
+            self.flush();
+            if self.is_pipe && self.failed.is_some() {
+                return;
+            }
+        }
+    }
+
+    /// Where the disk is full, packets are left out until there is room again.
+    fn flush(&mut self) {
+        let bytes = self.waiting.len() as u64;
+        match (self.write(), self.failed) {
+            (Ok(()), Some(lost)) => {
+                self.failed = None;
+                remark(&format!("{} goes on; {lost} bytes are missing", self.path.display()));
+            }
+            (Ok(()), None) => {}
+            (Err(error), before) => {
+                if before.is_none() {
+                    let path = self.path.display();
+                    remark(&format!("warning: cannot write {path}: {error}; the bytes pass all the same"));
+                }
+                self.failed = Some(before.unwrap_or_default() + bytes);
+            }
+        }
+    }
+
+    /// After an error the file ends with a whole block.
+    fn write(&mut self) -> io::Result<()> {
+        let outcome = self.file.write_all(&self.waiting);
+        match &outcome {
+            Ok(()) => self.length += self.waiting.len() as u64,
+            Err(_) => {
+                let _ = self.file.set_len(self.length);
+                let _ = self.file.seek(SeekFrom::Start(self.length));
+            }
+        }
+        self.waiting.clear();
+        outcome
+    }
+
+    fn add(&mut self, seen: &Seen) {
+        if let What::Opened(place) = &seen.what {
+            self.connections.insert(seen.connection, Connection::new(place));
+        }
+        let Some(connection) = self.connections.get_mut(&seen.connection) else { return };
+        let mut add = |packet: Result<Vec<u8>>| {
+            // What has no packet, such as a datagram that is too long for one, is a gap.
+            if let Ok(block) = packet.and_then(|packet| block(seen.at, &packet)) {
+                self.waiting.extend(block);
+            }
+        };
+        match &seen.what {
+            What::Opened(_) if connection.is_tcp => {
+                add(connection.tcp(End::A, &[], |header| header.syn = true));
+                add(connection.tcp(End::B, &[], |header| header.syn = true));
+            }
+            What::Opened(_) => {}
+            What::Bytes(bytes) if connection.is_tcp => {
+                add(connection.tcp(seen.from, bytes, |header| header.psh = true));
+            }
+            What::Bytes(bytes) => add(connection.udp(seen.from, bytes)),
+            What::Missed(count) => connection.skip(seen.from, *count),
+            What::Closed(_) if !connection.is_tcp => {}
+            What::Closed(None) => add(connection.tcp(seen.from, &[], |header| header.fin = true)),
+            What::Closed(Some(_)) => add(connection.tcp(seen.from, &[], |header| header.rst = true)),
+        }
+    }
+}
+
+impl Connection {
+    fn new(place: &Place) -> Self {
+        let (a, b, is_tcp) = match *place {
+            Place::Tcp(a, b) => (a, b, true),
+            Place::Udp(a, b) => (a, b, false),
+            Place::Ports(_) | Place::Line(_) => (SERIAL[0].into(), SERIAL[1].into(), true),
+        };
+        Self { places: [a, b], is_tcp, next: [0, 0] }
+    }
+
+    /// The addresses of a packet, and the numbers of its sender's and its receiver's next bytes.
+    fn ways(&self, from: End) -> ([SocketAddr; 2], [u64; 2]) {
+        let ([a, b], [next_a, next_b]) = (self.places, self.next);
+        match from {
+            End::A => ([a, b], [next_a, next_b]),
+            End::B => ([b, a], [next_b, next_a]),
+        }
+    }
+
+    fn skip(&mut self, from: End, count: u64) {
+        let [a, b] = &mut self.next;
+        let next = if from == End::A { a } else { b };
+        *next += count;
+    }
+
+    fn tcp(&mut self, from: End, bytes: &[u8], flags: impl FnOnce(&mut TcpHeader)) -> Result<Vec<u8>> {
+        let ([source, destination], [sequence, acknowledged]) = self.ways(from);
+        let mut header = TcpHeader::new(source.port(), destination.port(), low(sequence), u16::MAX);
+        flags(&mut header);
+        // Only the first of all packets acknowledges nothing.
+        (header.ack, header.acknowledgment_number) = (acknowledged > 0 || !header.syn, low(acknowledged));
+        self.skip(from, bytes.len() as u64 + u64::from(header.syn || header.fin));
+        let mut packet = Vec::new();
+        let builder = PacketBuilder::ip(ip(source.ip(), destination.ip())?).tcp_header(header);
+        builder.write(&mut packet, bytes)?;
+        Ok(packet)
+    }
+
+    fn udp(&self, from: End, bytes: &[u8]) -> Result<Vec<u8>> {
+        let ([source, destination], _) = self.ways(from);
+        let mut packet = Vec::new();
+        let ip = PacketBuilder::ip(ip(source.ip(), destination.ip())?);
+        ip.udp(source.port(), destination.port()).write(&mut packet, bytes)?;
+        Ok(packet)
+    }
+}
+
+/// The header; its lengths and what is in it come with the packet.
+fn ip(source: IpAddr, destination: IpAddr) -> Result<IpHeaders> {
+    const HOPS: u8 = 64;
+    Ok(match (source, destination) {
+        (IpAddr::V4(source), IpAddr::V4(destination)) => {
+            let header = Ipv4Header::new(0, HOPS, IpNumber::TCP, source.octets(), destination.octets())?;
+            IpHeaders::Ipv4(header, Default::default())
+        }
+        (source, destination) => {
+            let [source, destination] = [source, destination].map(|place| match place {
+                IpAddr::V4(place) => place.to_ipv6_mapped().octets(),
+                IpAddr::V6(place) => place.octets(),
+            });
+            let header = Ipv6Header {
+                traffic_class: 0,
+                flow_label: Ipv6FlowLabel::ZERO,
+                payload_length: 0,
+                next_header: IpNumber::TCP,
+                hop_limit: HOPS,
+                source,
+                destination,
+            };
+            IpHeaders::Ipv6(header, Default::default())
+        }
+    })
+}
+
+/// What a capture begins with: a section and its one interface, whose packets begin with their IP header.
+fn head(about: &str) -> Result<Vec<u8>> {
+    const NANOSECONDS: u8 = 9;
+    let text = |code, text: &str| PcapNGOption {
+        code,
+        len: u16::try_from(text.len()).unwrap_or_default(),
+        value: text.as_bytes().to_vec().into(),
+    };
+    let mut section = SectionHeaderBlock {
+        block_type: 0,
+        block_len1: 0,
+        bom: 0,
+        major_version: 0,
+        minor_version: 0,
+        section_len: -1,
+        options: vec![text(OptionCode::ShbUserAppl, concat!("cellwire ", env!("CARGO_PKG_VERSION")))],
+        block_len2: 0,
+    };
+    let mut interface = InterfaceDescriptionBlock {
+        block_type: 0,
+        block_len1: 0,
+        linktype: Linktype::RAW,
+        reserved: 0,
+        snaplen: 0,
+        options: vec![text(OptionCode::IfDescription, about)],
+        block_len2: 0,
+        if_tsresol: NANOSECONDS,
+        if_tsoffset: 0,
+    };
+    let mut bytes = section.to_vec().map_err(unwritten)?;
+    bytes.extend(interface.to_vec().map_err(unwritten)?);
+    Ok(bytes)
+}
+
+fn block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
+    let at = u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?;
+    let length = u32::try_from(packet.len())?;
+    let mut block = EnhancedPacketBlock {
+        block_type: 0,
+        block_len1: 0,
+        if_id: 0,
+        ts_high: low(at >> 32),
+        ts_low: low(at),
+        caplen: length,
+        origlen: length,
+        data: packet,
+        options: Vec::new(),
+        block_len2: 0,
+    };
+    block.to_vec().map_err(unwritten)
+}
+
+/// The lower half.
+fn low(number: u64) -> u32 {
+    let [.., a, b, c, d] = number.to_be_bytes();
+    u32::from_be_bytes([a, b, c, d])
+}
+
+fn unwritten(error: impl core::fmt::Debug) -> anyhow::Error {
+    anyhow!("a block of a capture cannot be written: {error:?}")
+}

@@ -14,7 +14,7 @@ use kawasaki_msg::{Job, Line, Robot, RobotConfig, RobotEvent};
 use robot_session::embedded_io_async::Driver;
 use robot_session::{Clock as _, Session as _};
 use robot_work_queue::{WorkQueue, Writer};
-use static_cell::ConstStaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 const QUEUE_LEN: usize = 64;
 static QUEUE: ConstStaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> =
@@ -27,18 +27,24 @@ static DONE: Channel<CriticalSectionRawMutex, u16, QUEUE_LEN> = Channel::new();
 /// What wakes an end of the queue: its hooks.
 type Hook = fn();
 type Session = Robot<'static, Line, 256, 16, Hook>;
+/// Made one by one where they stay: a task would be made on the stack, with both in it.
+static DRIVER: StaticCell<Driver<Uart, EmbassyClock, 256, { Session::MAX_TRANSMIT }>> = StaticCell::new();
+static SESSION: StaticCell<Session> = StaticCell::new();
 
 #[embassy_executor::task]
 async fn communicate(uart: Uart, writer: Writer<'static, Job<Line>, Hook>) {
-    let Ok(mut session) = Session::sized(RobotConfig::TCP, writer) else { panic!("it works") };
-    let mut driver = Driver::<_, _, 256, { Session::MAX_TRANSMIT }>::new(uart, EmbassyClock);
+    let driver = DRIVER.init_with(|| Driver::new(uart, EmbassyClock));
+    let session = SESSION.init_with(|| {
+        let Ok(session) = Session::sized(RobotConfig::TCP, writer) else { panic!("it works") };
+        session
+    });
     loop {
         while let Ok(number) = DONE.try_receive() {
             if let Err(error) = session.job_done(EmbassyClock.now(), number) {
                 defmt::warn!("{}", error);
             }
         }
-        let Ok(turn) = driver.turn(&mut session, COMPLETED.wait(), handle).await;
+        let Ok(turn) = driver.turn(session, COMPLETED.wait(), handle).await;
         if turn.is_break() {
             return;
         }

@@ -12,20 +12,24 @@ use robot_work_queue::{NoWake, Reader, WorkQueue, Writer};
 use static_cell::{ConstStaticCell, StaticCell};
 
 type Session = Robot<'static, Line>;
+type Port = Driver<256, { Session::MAX_TRANSMIT }>;
 const QUEUE_LEN: usize = 64;
 static QUEUE: ConstStaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> =
     ConstStaticCell::new(WorkQueue::numbered::<MAX_NUMBER>());
 /// The numbers of executed jobs, before they are completed: never more than there are jobs.
 static DONE: ConstStaticCell<WorkQueue<u16, QUEUE_LEN>> =
     ConstStaticCell::new(WorkQueue::numbered::<MAX_NUMBER>());
+/// Made one by one where they stay: both together are more than the stack of a small board.
+static DRIVER: StaticCell<Port> = StaticCell::new();
+static SESSION: StaticCell<Session> = StaticCell::new();
 static LINK: StaticCell<Kawasaki> = StaticCell::new();
 
 const MAX_NUMBER: u16 = 9999;
 
 /// What runs in the interrupt of the session.
 struct Kawasaki {
-    driver: Driver<256, { Session::MAX_TRANSMIT }>,
-    session: Session,
+    driver: &'static mut Port,
+    session: &'static mut Session,
     done: Reader<'static, u16>,
 }
 
@@ -36,7 +40,7 @@ impl Link for Kawasaki {
                 defmt::warn!("{}", error);
             }
         }
-        let Ok(turn) = self.driver.poll(&mut self.session, handle);
+        let Ok(turn) = self.driver.poll(self.session, handle);
         turn.continue_value().flatten()
     }
 }
@@ -54,10 +58,12 @@ fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
 
 #[inline(never)] // what it makes passes through its stack, which the motion has again
 fn start(uart: Uart, writer: Writer<'static, Job<Line>>, done: Reader<'static, u16>) {
-    board::start(LINK.init_with(|| {
+    let driver = DRIVER.init_with(|| Driver::new(uart, board::now));
+    let session = SESSION.init_with(|| {
         let Ok(session) = Robot::new(RobotConfig::TCP, writer) else { panic!("it works") };
-        Kawasaki { driver: Driver::new(uart, board::now), session, done }
-    }));
+        session
+    });
+    board::start(LINK.init(Kawasaki { driver, session, done }));
 }
 
 #[board::entry]

@@ -162,6 +162,7 @@ const HEADER: [&str; 24] = [
 ];
 
 const LEGEND: &str = "\
+any X     X is not ours: it chooses among what the source's rules permit. hostile X: it sends anything
 jobs      each is in one of: once (reported done, executed once), not done (reported so, and true), unknown (reported so,
           executed at most once), LOST and REPEATED (not reported), forged. INVENTED: executed, though nobody sent it. STUCK:
           sessions that did not do all the work that they were asked for in a minute without faults at the end.

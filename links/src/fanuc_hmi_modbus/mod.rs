@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 mod options;
 
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
@@ -30,5 +31,6 @@ pub const LINK: Link = Link {
         Some(written) => it.message["function"] == 15 && written.len() == it.bytes.len(),
         None => true,
     },
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -5,7 +5,7 @@ mod ends;
 
 use ::isra_ball::{BallConfig, HostConfig};
 
-use crate::link::{Config, Link};
+use crate::link::{Config, Link, Open};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -27,5 +27,6 @@ pub const LINK: Link = Link {
         Some(written) => it.message["status"] == "reserved" && it.bytes.len() == written.len(),
         None => it.message.get("data").is_some(),
     },
+    open: Open::NOTHING,
     ends: ends::ENDS,
 };

@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 pub mod layout;
+mod open;
 mod options;
 pub mod plant;
 mod roles;
@@ -32,5 +33,6 @@ pub const LINK: Link = Link {
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
     tolerates: codec::tolerates,
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::laser_eb90::{ControllerConfig, ErrorCodes, HostConfig, Profile};
 
@@ -35,5 +36,6 @@ pub const LINK: Link = Link {
         Some(_) => it.settings.get("tail").is_some_and(|tail| tail == "either"),
         None => it.message["items"] == json!([]) || it.message.to_string().contains("null"),
     },
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::mmacell_proto::{CentralConfig, DeviceConfig, Dialect};
 
@@ -37,5 +38,6 @@ pub const LINK: Link = Link {
             |written: &[u8]| written.len() == it.bytes.len() && it.bytes.iter().zip(written).all(is_plus);
         it.written.is_some_and(|written| !it.settings.is_empty() || same(written))
     },
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::val2_alter::{ControllerConfig, Framing, HostConfig, Limits};
 
@@ -26,5 +27,6 @@ pub const LINK: Link = Link {
     settings: || settings::list(Framing::DEFAULT),
     codec: codec::either,
     tolerates: codec::tolerates,
+    open: open::OPEN,
     ends: ends::ENDS,
 };

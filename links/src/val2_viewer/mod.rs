@@ -5,7 +5,7 @@ mod ends;
 
 use ::val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::link::{Config, Link};
+use crate::link::{Config, Link, Open};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -23,5 +23,6 @@ pub const LINK: Link = Link {
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
     tolerates: |_| false,
+    open: Open::NOTHING,
     ends: ends::ENDS,
 };

@@ -6,6 +6,7 @@ pub mod decode;
 pub mod demo;
 pub mod encode;
 pub mod fanuc;
+pub mod identify;
 pub mod kawasaki;
 pub mod laser;
 pub mod ls;

@@ -15,8 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, extcap, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
-    tap, vectors,
+    alter, decode, demo, encode, extcap, fanuc, identify, kawasaki, laser, ls, manual, mma, modbus, settings,
+    simulate, tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -39,6 +39,7 @@ Examples:
   cellwire demo                                        every link end to end, one table each
   cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
   cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
+  cellwire identify --format pcap capture.pcapng       which link it is, and which of its options explain the bytes
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
@@ -53,6 +54,7 @@ enum Command {
     Demo(demo::Args),
     Decode(decode::Args),
     Encode(encode::Args),
+    Identify(identify::Args),
     Simulate(simulate::Args),
     Tap(tap::Args),
     Extcap(extcap::Args),
@@ -75,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
+        Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Tap(args) => tap::run(&args),
         Command::Extcap(args) => extcap::run(&args),

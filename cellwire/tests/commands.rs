@@ -36,7 +36,9 @@ fn every_command_has_a_help_that_ends_with_success() {
     let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
     let names = list.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names: Vec<&str> = names.filter_map(|line| line.split_whitespace().next()).collect();
-    for name in ["demo", "decode", "encode", "simulate", "modbus", "fanuc", "ls", "vectors", "alter"] {
+    for name in
+        ["demo", "decode", "encode", "identify", "simulate", "modbus", "fanuc", "ls", "vectors", "alter"]
+    {
         assert!(names.contains(&name), "{name} is not in {names:?}");
     }
     for name in names.into_iter().filter(|name| *name != "help") {

@@ -7,6 +7,7 @@ pub mod codec;
 pub mod end;
 pub mod fanuc_hmi_modbus;
 mod given;
+pub mod identify;
 pub mod isra_ball;
 pub mod json;
 pub mod kawasaki_msg;

@@ -33,6 +33,8 @@ pub struct Link {
     pub tolerates: fn(&Accepted<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
+    /// What its source leaves open of the bytes.
+    pub open: Open,
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }
@@ -44,6 +46,49 @@ pub struct Config {
     pub name: &'static str,
     /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
     pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>>,
+}
+
+/// What the source of a link leaves open of its bytes, and a capture may decide.
+#[derive(Debug, Clone, Copy)]
+pub struct Open {
+    /// The settings of the codec that bytes decide.
+    pub settings: &'static [&'static str],
+    /// Other settings that show what decides, with their values: `view`, `telemetry`.
+    pub beside: &'static [(&'static str, &'static str)],
+    /// The setting that has too many values to try all.
+    pub guess: Option<Guess>,
+    /// Messages whose bytes differ from setting to setting.
+    pub deciding: &'static [Deciding],
+    /// The settings of the codec as an expression of the crate's configuration.
+    pub rust: fn(&Map<String, Value>) -> Result<String>,
+}
+
+/// Which values of a setting bytes suggest.
+#[derive(Debug, Clone, Copy)]
+pub struct Guess {
+    /// Its name.
+    pub setting: &'static str,
+    /// The settings that have to be known for it.
+    pub with: &'static [&'static str],
+    /// The values that explain most of these streams, the best first.
+    pub values: GuessValues,
+}
+
+/// A message that decides settings.
+#[derive(Debug, Clone, Copy)]
+pub struct Deciding {
+    /// The side that sends it.
+    pub side: &'static str,
+    /// What it is, in words.
+    pub about: &'static str,
+    /// Its object.
+    pub message: &'static str,
+}
+
+impl Open {
+    /// Nothing.
+    pub const NOTHING: Self =
+        Self { settings: &[], beside: &[], guess: None, deciding: &[], rust: |_| Ok(String::new()) };
 }
 
 /// A message that was accepted, and is not written as it was read.
@@ -58,6 +103,9 @@ pub struct Accepted<'a> {
     /// What the encoder writes; `None` where it refuses.
     pub written: Option<&'a [u8]>,
 }
+
+/// The values that explain most of some streams, with these settings.
+type GuessValues = fn(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Value>;
 
 /// Makes the codec of a side.
 type MakeCodec = fn(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;

@@ -5,7 +5,7 @@ mod ends;
 
 use ::toy_link::{DeviceConfig, HostConfig};
 
-use crate::link::{Config, Link};
+use crate::link::{Config, Link, Open};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -24,5 +24,6 @@ pub const LINK: Link = Link {
     codec: codec::either,
     tolerates: |_| false,
     clauses: &[],
+    open: Open::NOTHING,
     ends: ends::ENDS,
 };

@@ -7,6 +7,7 @@ pub mod demo;
 pub mod encode;
 pub mod extcap;
 pub mod fanuc;
+pub mod identify;
 pub mod kawasaki;
 pub mod laser;
 pub mod ls;

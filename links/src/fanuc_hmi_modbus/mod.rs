@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 mod options;
 
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
@@ -44,5 +45,6 @@ pub const LINK: Link = Link {
         ("cut", "FM-27"),
         ("noise", "FM-27"),
     ],
+    open: open::OPEN,
     ends: ends::ENDS,
 };

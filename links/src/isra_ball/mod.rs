@@ -5,7 +5,7 @@ mod ends;
 
 use ::isra_ball::{BallConfig, HostConfig};
 
-use crate::link::{Config, Link};
+use crate::link::{Config, Link, Open};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -29,5 +29,6 @@ pub const LINK: Link = Link {
         None => it.message.get("data").is_some(),
     },
     clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
+    open: Open::NOTHING,
     ends: ends::ENDS,
 };

@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 pub mod layout;
+mod open;
 mod options;
 pub mod plant;
 mod roles;
@@ -43,5 +44,6 @@ pub const LINK: Link = Link {
         ("garbage", "KM-31"),
         ("too_long", "KM-14"),
     ],
+    open: open::OPEN,
     ends: ends::ENDS,
 };

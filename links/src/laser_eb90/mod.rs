@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::laser_eb90::{ControllerConfig, ErrorCodes, HostConfig, Profile};
 
@@ -45,5 +46,6 @@ pub const LINK: Link = Link {
         ("incomplete", "LE-33"),
         ("too_long", "LE-14"),
     ],
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::mmacell_proto::{CentralConfig, DeviceConfig, Dialect};
 
@@ -49,5 +50,6 @@ pub const LINK: Link = Link {
         ("error_zero", "MM-20"),
         ("unknown_reply", "MM-3"),
     ],
+    open: open::OPEN,
     ends: ends::ENDS,
 };

@@ -31,7 +31,7 @@ impl Fields for Table<'_> {
         field: &mut T,
     ) {
         let values = self.with_unit(within(&range), unit);
-        self.visit(name, number_of(unit), values, shown(*field), about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, |value| {
             *field = number(value, &range)?;
             Ok(())
         });
@@ -48,7 +48,7 @@ impl Fields for Table<'_> {
     ) {
         let values = self.or(self.with_unit(within(&range), unit), otherwise);
         let default = field.map_or_else(|| self.none(otherwise), shown);
-        self.visit(name, number_of(unit), values, default, about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
             let is_none = value.is_null() || value == otherwise;
             *field = if is_none { None } else { Some(number(value, &range)?) };
             Ok(())
@@ -65,7 +65,7 @@ impl Fields for Table<'_> {
     ) {
         let values = format!("[{} numbers], each {}", fields.len(), self.with_unit(within(&range), unit));
         let default = fields.iter().copied().map(shown).collect();
-        self.visit(name, number_of(unit), values, default, about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
             let given = value.as_array().filter(|given| given.len() == fields.len());
             let given = given.ok_or("not as many numbers")?;
             let numbers = given.iter().map(|value| number(value, &range)).collect::<Result<Vec<T>, _>>()?;
@@ -76,7 +76,7 @@ impl Fields for Table<'_> {
 
     fn real(&mut self, name: &str, range: RangeInclusive<f64>, unit: Str, about: Str, field: &mut f64) {
         let values = self.with_unit(within(&range), unit);
-        self.visit(name, number_of(unit), values, shown(*field), about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, |value| {
             let number = value.as_f64().ok_or("not a number")?;
             *field = if range.contains(&number) { number } else { return Err("out of range".into()) };
             Ok(())
@@ -92,7 +92,8 @@ impl Fields for Table<'_> {
     }
 
     fn flag(&mut self, name: &str, about: Str, field: &mut bool) {
-        self.visit(name, "bool", "true or false".into(), (*field).into(), about, |value| {
+        let values = ("true or false".into(), vec![true.into(), false.into()]);
+        self.visit(name, "bool", values, (*field).into(), about, |value| {
             *field = value.as_bool().ok_or("neither true nor false")?;
             Ok(())
         });
@@ -107,7 +108,7 @@ impl Fields for Table<'_> {
         if form == Form::Nanoseconds && *field == Duration::MAX {
             default = Value::Null;
         }
-        self.visit(name, "ns", values, default, about, |value| {
+        self.visit(name, "ns", (values, vec![]), default, about, |value| {
             *field = time(value, &range, form)?;
             Ok(())
         });
@@ -124,7 +125,7 @@ impl Fields for Table<'_> {
         let form = self.form;
         let values = self.or(times(&range, form), otherwise);
         let default = field.map_or_else(|| self.none(otherwise), |time| self.shown_time(time));
-        self.visit(name, "ns", values, default, about, |value| {
+        self.visit(name, "ns", (values, vec![]), default, about, |value| {
             *field = match value {
                 Value::Null => None,
                 value if value == otherwise => None,
@@ -141,7 +142,8 @@ impl Fields for Table<'_> {
         let default = choices.iter().find(|(_, value)| value == field).map_or("", |(word, _)| word);
         let default = shown(default);
         let unit = if default.is_number() { "number" } else { "word" };
-        self.visit(name, unit, words.join(", "), default, about, |value| {
+        let values = (words.join(", "), words.iter().map(shown).collect());
+        self.visit(name, unit, values, default, about, |value| {
             let chosen = choices.iter().find(|(word, _)| plain(value) == *word);
             *field = chosen.ok_or("not one of the choices")?.1;
             Ok(())
@@ -150,7 +152,7 @@ impl Fields for Table<'_> {
 
     fn text(&mut self, name: &str, shape: Str, otherwise: Str, about: Str, field: &mut Option<String>) {
         let (values, default) = (format!("{shape}; without it {otherwise}"), field.clone());
-        self.visit(name, "text", values, default.unwrap_or_default().into(), about, |value| {
+        self.visit(name, "text", (values, vec![]), default.unwrap_or_default().into(), about, |value| {
             let given = matches!(value, Value::String(_) | Value::Number(_) | Value::Bool(_));
             *field = if given { Some(plain(value)) } else { return Err("not a text".into()) };
             Ok(())
@@ -163,7 +165,7 @@ impl Fields for Table<'_> {
             Value::Array(_) => "list",
             _ => "object",
         };
-        self.visit(name, unit, shape.into(), default, about, |value| {
+        self.visit(name, unit, (shape.into(), vec![]), default, about, |value| {
             *field = T::deserialize(value).map_err(|error| error.to_string())?;
             Ok(())
         });
@@ -173,7 +175,8 @@ impl Fields for Table<'_> {
         let source = self.take_source();
         if self.form == Form::Nanoseconds && self.given.is_none() && self.is_visited(name) {
             let (values, default) = (shape.into(), default.into());
-            self.visited.push(Setting { name: name.into(), unit: "code", values, default, about, source });
+            let (name, choices) = (name.into(), vec![]);
+            self.visited.push(Setting { name, unit: "code", values, choices, default, about, source });
         }
     }
 
@@ -189,8 +192,9 @@ impl Fields for Table<'_> {
             let inner = self.visited.split_off(first).into_iter();
             let inner = inner.map(|Setting { name, default, .. }| (name.replacen(&prefix, "", 1), default));
             let default = Value::Object(inner.collect());
-            let name = prefix.trim_end_matches('.').into();
-            self.visited.push(Setting { name, unit: "object", values: of.into(), default, about, source });
+            let (name, choices) = (prefix.trim_end_matches('.').into(), vec![]);
+            let values = of.into();
+            self.visited.push(Setting { name, unit: "object", values, choices, default, about, source });
         }
     }
 

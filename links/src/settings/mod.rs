@@ -41,6 +41,8 @@ pub struct Setting {
     pub unit: &'static str,
     /// Which values it takes; as text with their unit.
     pub values: String,
+    /// Each of them, where it takes a few only: of a choice or a flag.
+    pub choices: Vec<Value>,
     /// Its value where none is given; an empty text where `values` says what happens instead.
     pub default: Value,
     /// What it is for.
@@ -172,7 +174,7 @@ impl<'a> Table<'a> {
         &mut self,
         name: &str,
         unit: &'static str,
-        values: String,
+        (values, choices): (String, Vec<Value>),
         default: Value,
         about: &'static str,
         set: impl FnOnce(&Value) -> Result<(), Cow<'static, str>>,
@@ -188,7 +190,7 @@ impl<'a> Table<'a> {
             let text = format!("{name}={}: {why}, give {values}", plain(value));
             self.refused.get_or_insert_with(|| Refused { name: name.clone(), text });
         }
-        self.visited.push(Setting { name, unit, values, default, about, source });
+        self.visited.push(Setting { name, unit, values, choices, default, about, source });
     }
 
     /// Whether a setting is not left out.

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod open;
 
 use ::val2_alter::{ControllerConfig, Framing, HostConfig, Limits};
 
@@ -38,5 +39,6 @@ pub const LINK: Link = Link {
         ("start_reply", "AL-22"),
         ("select", "AL-23"),
     ],
+    open: open::OPEN,
     ends: ends::ENDS,
 };

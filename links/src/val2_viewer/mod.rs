@@ -5,7 +5,7 @@ mod ends;
 
 use ::val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::link::{Config, Link};
+use crate::link::{Config, Link, Open};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -32,5 +32,6 @@ pub const LINK: Link = Link {
         ("incomplete", "VV-15"),
         ("noise", "VV-14"),
     ],
+    open: Open::NOTHING,
     ends: ends::ENDS,
 };

@@ -27,7 +27,7 @@ pub(crate) fn file() -> Result<String> {
 }
 
 fn row(link: &str, config: &str, field: &Setting) -> Result<String> {
-    let Setting { name, unit, values, default, about, source } = field;
+    let Setting { name, unit, values, choices: _, default, about, source } = field;
     Ok(Object::new()
         .value("link", link)?
         .value("config", config)?

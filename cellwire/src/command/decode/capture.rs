@@ -1,37 +1,27 @@
 //! The connections of a capture, each direction decoded by itself.
 
-use std::collections::HashMap;
 use std::io::Read;
-use std::net::SocketAddr;
 
 use anyhow::{Result, ensure};
 use serde::Serialize;
 use serde_json::json;
 
 use super::{Args, Lines};
-use crate::io::capture::reassembly::{Piece, Reassembly};
-use crate::io::capture::{self, Fault, Flow, Found, Packet, Segment, Summary};
+use crate::io::capture::connections::{self, Directions};
+use crate::io::capture::reassembly::Piece;
+use crate::io::capture::{Fault, Flow, Summary};
 use crate::io::output::remark;
 use cellwire_links::codec::{Item, Kind, Stream};
-
-/// So many connections are kept at once. With more, the half that has been silent the longest ends: what is incomplete in them is
-/// an error, and what follows is another connection. A connection takes what its two decoders hold, and the segments that wait.
-const MAX_CONNECTIONS: usize = 2048;
 
 /// Decodes every flow of a capture.
 ///
 /// # Errors
 /// When the input is no capture, or holds nothing for the link.
 pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let mut table = Table { args, connections: HashMap::new(), clock: 0, found: false };
-    let summary = capture::read(input, |found| match found {
-        Found::Packet(packet) => table.take(&packet, out),
-        Found::Fault(number, fault) => write_fault(number, &fault, out),
-    })?;
-    table.finish(out)?;
+    let (summary, found) = connections::read(input, args.port, &mut Decoding { args, out })?;
     report(&summary);
     ensure!(
-        table.found || !out.clean,
+        found || !out.clean,
         "the capture contains no TCP, UDP or serial bytes for {}{}",
         args.codec.of.link.name,
         args.port.map_or_else(String::new, |port| format!(" on port {port}"))
@@ -39,13 +29,8 @@ pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) 
     Ok(())
 }
 
-/// A line of the capture itself: `{"packet":…,"error":{…}}`.
-fn write_fault(packet: u64, fault: &Fault, out: &mut Lines) -> Result<()> {
-    out.fault(format_args!("{}\n", json!({"packet": packet, "error": fault})))
-}
-
 /// What never holds bytes of a link is counted on standard error: it is no fault.
-fn report(summary: &Summary) {
+pub(in crate::command) fn report(summary: &Summary) {
     if summary.others.is_empty() {
         return;
     }
@@ -55,67 +40,10 @@ fn report(summary: &Summary) {
     remark(&format!("{total} of {packets} packets are neither TCP nor UDP: {}", others.join(", ")));
 }
 
-/// Two ends, the lesser first; a serial line has none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Ends {
-    Tcp(SocketAddr, SocketAddr),
-    Udp(SocketAddr, SocketAddr),
-    Serial(usize),
-}
-
-impl Ends {
-    /// The ends, and which of them sends.
-    fn of(flow: Flow) -> (Self, usize) {
-        let ordered = |a: SocketAddr, b: SocketAddr| if a <= b { (a, b, 0) } else { (b, a, 1) };
-        match flow {
-            Flow::Tcp(from, to) => {
-                let (a, b, sender) = ordered(from, to);
-                (Self::Tcp(a, b), sender)
-            }
-            Flow::Udp(from, to) => {
-                let (a, b, sender) = ordered(from, to);
-                (Self::Udp(a, b), sender)
-            }
-            Flow::Serial(interface) => (Self::Serial(interface), 0),
-        }
-    }
-}
-
-struct Table<'a> {
+/// Each direction becomes lines.
+struct Decoding<'a> {
     args: &'a Args,
-    connections: HashMap<Ends, Connection>,
-    /// Counts packets.
-    clock: u64,
-    /// Whether there was anything for the link.
-    found: bool,
-}
-
-/// What is known of two ends.
-#[derive(Default)]
-struct Connection {
-    /// Counted from 1 for these ends.
-    number: u64,
-    /// Which end opened it, if the capture has that.
-    client: Option<usize>,
-    directions: [Direction; 2],
-    last: u64,
-}
-
-/// One direction.
-#[derive(Default)]
-struct Direction {
-    tcp: Reassembly,
-    state: State,
-}
-
-#[derive(Default)]
-enum State {
-    /// Nothing was sent yet.
-    #[default]
-    Silent,
-    /// It is not that of the requested side.
-    Ignored,
-    Decoded(Box<Decoded>),
+    out: &'a mut Lines,
 }
 
 struct Decoded {
@@ -125,123 +53,35 @@ struct Decoded {
     label: String,
 }
 
-impl Table<'_> {
-    fn take(&mut self, packet: &Packet<'_>, out: &mut Lines) -> Result<()> {
-        if !self.is_wanted(packet.flow) {
-            return Ok(());
-        }
-        self.clock += 1;
-        let (ends, sender) = Ends::of(packet.flow);
-        if self.connections.len() >= MAX_CONNECTIONS && !self.connections.contains_key(&ends) {
-            self.forget_the_silent(out)?;
-        }
-        let connection =
-            self.connections.entry(ends).or_insert_with(|| Connection { number: 1, ..Connection::default() });
-        connection.last = self.clock;
-        if let Some(segment) = packet.segment {
-            connection.open(sender, segment, self.args, out)?;
-        }
-        if packet.payload.is_empty() && packet.missing == 0 {
-            return Ok(());
-        }
-        let Connection { number, client, directions, .. } = connection;
-        let Some(direction) = directions.get_mut(sender) else { return Ok(()) };
-        if let State::Silent = direction.state {
-            direction.state = begin(self.args, packet.flow, client.map(|client| client == sender), *number)?;
-        }
-        let State::Decoded(decoded) = &mut direction.state else { return Ok(()) };
-        self.found = true;
-        match packet.segment {
-            Some(Segment { sequence, .. }) => {
-                let (payload, cut) = (packet.payload, packet.missing);
-                direction.tcp.push(sequence, payload, cut, |piece| decoded.take(self.args, piece, out))
-            }
-            None => {
-                if !packet.payload.is_empty() {
-                    decoded.take(self.args, Piece::Bytes(packet.payload), out)?;
-                }
-                match packet.missing {
-                    0 => Ok(()),
-                    cut => decoded.take(self.args, Piece::Cut(cut), out),
-                }
-            }
-        }
+impl Directions for Decoding<'_> {
+    type Direction = Box<Decoded>;
+
+    fn begin(
+        &mut self,
+        flow: Flow,
+        is_client: Option<bool>,
+        connection: u64,
+    ) -> Result<Option<Box<Decoded>>> {
+        begin(self.args, flow, is_client, connection)
     }
 
-    fn is_wanted(&self, flow: Flow) -> bool {
-        match (self.args.port, flow) {
-            (None, _) | (_, Flow::Serial(_)) => true,
-            (Some(port), Flow::Tcp(from, to) | Flow::Udp(from, to)) => {
-                from.port() == port || to.port() == port
-            }
-        }
+    fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
+        decoded.take(self.args, piece, self.out)
     }
 
-    fn forget_the_silent(&mut self, out: &mut Lines) -> Result<()> {
-        let mut times: Vec<u64> = self.connections.values().map(|connection| connection.last).collect();
-        let middle = times.len() / 2;
-        let (_, limit, _) = times.select_nth_unstable(middle);
-        let limit = *limit;
-        let silent: Vec<(u64, Ends)> = self
-            .connections
-            .iter()
-            .map(|(ends, it)| (it.last, *ends))
-            .filter(|(last, _)| *last < limit)
-            .collect();
-        self.end(silent, out)
+    fn end(&mut self, decoded: Box<Decoded>) -> Result<()> {
+        let Decoded { mut stream, label, .. } = *decoded;
+        stream.finish(|item| self.out.write(&label, item))
     }
 
-    fn finish(&mut self, out: &mut Lines) -> Result<()> {
-        let all = self.connections.iter().map(|(ends, connection)| (connection.last, *ends)).collect();
-        self.end(all, out)
-    }
-
-    /// In the order of their last packets.
-    fn end(&mut self, mut ended: Vec<(u64, Ends)>, out: &mut Lines) -> Result<()> {
-        ended.sort_unstable_by_key(|(last, _)| *last);
-        for (_, ends) in ended {
-            if let Some(connection) = self.connections.remove(&ends) {
-                connection.end(self.args, out)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Connection {
-    /// A segment that opens a direction: again, for the first time, or of another connection between the same ports.
-    fn open(&mut self, sender: usize, segment: Segment, args: &Args, out: &mut Lines) -> Result<()> {
-        if !segment.opens {
-            return Ok(());
-        }
-        let is_another =
-            self.directions.get_mut(sender).is_some_and(|direction| direction.tcp.open(segment.sequence));
-        if is_another {
-            let number = self.number + 1;
-            let last = self.last;
-            core::mem::replace(self, Self { number, last, ..Self::default() }).end(args, out)?;
-            if let Some(direction) = self.directions.get_mut(sender) {
-                direction.tcp.open(segment.sequence);
-            }
-        }
-        self.client = Some(if segment.accepts { 1 - sender } else { sender });
-        Ok(())
-    }
-
-    fn end(self, args: &Args, out: &mut Lines) -> Result<()> {
-        for Direction { mut tcp, state } in self.directions {
-            if let State::Decoded(mut decoded) = state {
-                tcp.finish(|piece| decoded.take(args, piece, out))?;
-                let Decoded { mut stream, label, .. } = *decoded;
-                stream.finish(|item| out.write(&label, item))?;
-            }
-        }
-        Ok(())
+    /// A line of the capture itself: `{"packet":…,"error":{…}}`.
+    fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()> {
+        self.out.fault(format_args!("{}\n", json!({"packet": packet, "error": fault})))
     }
 }
 
 /// How a direction begins: which side sends, and what its lines are called.
-fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Result<State> {
+fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Result<Option<Box<Decoded>>> {
     let wanted = args.codec.from.as_deref();
     let (side, mut label) = match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
@@ -252,7 +92,7 @@ fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Resul
             let side = (args.codec.of.link.sender)(is_client, server)
                 .map_or_else(|| args.codec.of.link.side(None), Ok)?;
             if wanted.is_some_and(|wanted| wanted != side) {
-                return Ok(State::Ignored);
+                return Ok(None);
             }
             (side, format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side)))
         }
@@ -263,7 +103,7 @@ fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Resul
         label.push_str(&format!("\"connection\":{number},"));
     }
     let stream = Stream::new(args.codec.of.codec_of(side)?);
-    Ok(State::Decoded(Box::new(Decoded { stream, side, label })))
+    Ok(Some(Box::new(Decoded { stream, side, label })))
 }
 
 /// What the capture lacks of a flow.

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 /// Reads hex that may be cut anywhere.
-pub(super) struct HexReader {
+pub(in crate::command) struct HexReader {
     high: Option<u8>,
     comment: bool,
     line: usize,
@@ -16,7 +16,7 @@ impl Default for HexReader {
 }
 
 impl HexReader {
-    pub(super) fn read(&mut self, text: &[u8]) -> Result<Vec<u8>> {
+    pub(in crate::command) fn read(&mut self, text: &[u8]) -> Result<Vec<u8>> {
         let mut bytes = Vec::with_capacity(text.len() / 2);
         for &c in text {
             match c {
@@ -46,7 +46,7 @@ impl HexReader {
         Ok(bytes)
     }
 
-    pub(super) fn finish(&self) -> Result<()> {
+    pub(in crate::command) fn finish(&self) -> Result<()> {
         anyhow::ensure!(
             self.high.is_none(),
             "the input ends in the middle of a byte: an odd number of hex digits"

@@ -1,7 +1,7 @@
 //! `cellwire decode`: reads bytes, writes one JSON object per line.
 
 mod capture;
-mod hex;
+pub(super) mod hex;
 mod trace;
 
 use std::io::{self, BufRead, BufWriter, Read, Write};
@@ -12,6 +12,9 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 
 use self::hex::HexReader;
+
+pub(super) use self::capture::report;
+pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use crate::io::input;
 use cellwire_links::codec::{Item, Kind, Stream};
@@ -38,7 +41,7 @@ pub struct Args {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
+pub(super) enum Format {
     /// Hex digits; blanks and line ends anywhere, `#` begins a comment
     Hex,
     /// The bytes themselves

@@ -18,7 +18,7 @@ const MAX_LINE: u64 = 4096;
 /// # Errors
 /// When the input is no trace, with the number of the line.
 pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let mut lines = TraceLines { input: BufReader::new(input), text: String::new(), number: 0 };
+    let mut lines = TraceLines::new(BufReader::new(input));
     let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
     let [sent, received] = sides(args, lines.next()?.and_then(parse_name).context(why)?)?;
     let (mut sent, mut received) = (Direction::new(args, sent)?, Direction::new(args, received)?);
@@ -56,14 +56,24 @@ fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
     Ok([Some(keeper), link.sides.iter().find(|side| **side != keeper).copied()])
 }
 
-struct TraceLines {
+/// The lines of a trace.
+pub(in crate::command) struct TraceLines {
     input: BufReader<Box<dyn Read + Send>>,
     text: String,
     number: u64,
 }
 
 impl TraceLines {
-    fn next(&mut self) -> Result<Option<&str>> {
+    pub(in crate::command) fn new(input: BufReader<Box<dyn Read + Send>>) -> Self {
+        Self { input, text: String::new(), number: 0 }
+    }
+
+    /// The number of the last line.
+    pub(in crate::command) fn number(&self) -> u64 {
+        self.number
+    }
+
+    pub(in crate::command) fn next(&mut self) -> Result<Option<&str>> {
         self.text.clear();
         self.number += 1;
         let read = self.input.by_ref().take(MAX_LINE).read_line(&mut self.text);

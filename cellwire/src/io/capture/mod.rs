@@ -5,6 +5,7 @@
 //! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]).
 
 mod blocks;
+pub mod connections;
 mod fault;
 mod fragments;
 mod network;

@@ -1,0 +1,186 @@
+//! The bytes of each conversation.
+
+use std::io::{BufRead, BufReader, Read};
+
+use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::identify::{Sender, Stream};
+
+use super::Args;
+use crate::command::decode::{Format, TraceLines, hex::HexReader, report};
+use crate::io::capture::connections::{self, Directions};
+use crate::io::capture::reassembly::Piece;
+use crate::io::capture::{Fault, Flow};
+use crate::io::input;
+use crate::io::output::remark;
+use crate::io::trace::{Way, parse_line, parse_name};
+
+/// So many bytes of each stream are read.
+const MOST: u64 = 1 << 20;
+/// So many conversations are looked at: those with most bytes.
+const CONVERSATIONS: usize = 8;
+
+/// What the ends of one link sent each other, on however many connections.
+#[derive(Debug)]
+pub(super) struct Conversation {
+    pub(super) name: String,
+    pub(super) streams: Vec<Stream>,
+}
+
+impl Conversation {
+    pub(super) fn len(&self) -> usize {
+        self.streams.iter().flat_map(|stream| &stream.parts).map(Vec::len).sum()
+    }
+}
+
+/// Reads the input.
+pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
+    let input = input::open(args.file.as_deref())?;
+    let mut all = match args.format {
+        Format::Hex | Format::Raw => vec![stream(args, input)?],
+        Format::Trace => vec![trace(args, input)?],
+        Format::Pcap => capture(args, input)?,
+    };
+    all.retain(|conversation| conversation.len() > 0);
+    ensure!(!all.is_empty(), "the input has no bytes to look at");
+    all.sort_by_key(|conversation| core::cmp::Reverse(conversation.len()));
+    if let Some((first, rest)) = all.split_at_checked(CONVERSATIONS).filter(|(_, rest)| !rest.is_empty()) {
+        let (looked, others) = (first.len(), rest.len());
+        remark(&format!(
+            "only the {looked} largest conversations are looked at, {others} are not: choose with --port"
+        ));
+        all.truncate(CONVERSATIONS);
+    }
+    Ok(all)
+}
+
+fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
+    let (mut bytes, mut hex) = (Vec::new(), HexReader::default());
+    let mut input = input;
+    loop {
+        let chunk = input.fill_buf().context("cannot read the input")?;
+        let taken = chunk.len();
+        if taken == 0 || bytes.len() as u64 >= MOST {
+            break;
+        }
+        match args.format {
+            Format::Hex => bytes.extend(hex.read(chunk)?),
+            _ => bytes.extend_from_slice(chunk),
+        }
+        input.consume(taken);
+    }
+    if bytes.len() as u64 >= MOST {
+        remark("only the first 1 MiB is looked at");
+    } else if let Format::Hex = args.format {
+        hex.finish()?;
+    }
+    let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);
+    Ok(Conversation { name: "the input".into(), streams: vec![Stream { sender, parts: vec![bytes] }] })
+}
+
+fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
+    let mut lines = TraceLines::new(BufReader::new(input));
+    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
+    let [mut sent, mut received] = [true, false].map(|sent| {
+        let sender = match &args.from {
+            Some(from) if sent => Sender::Named(from.clone()),
+            Some(_) => Sender::Unknown,
+            None => Sender::Traced { name: name.clone(), sent },
+        };
+        Stream { sender, parts: vec![Vec::new()] }
+    });
+    while let Some(text) = lines.next()? {
+        if text.trim().is_empty() {
+            continue;
+        }
+        let Some((_, way, bytes)) = parse_line(text) else {
+            let text = text.trim().escape_debug().to_string();
+            bail!("line {}: not a line of a trace: {text}", lines.number());
+        };
+        let stream = if way == Way::Sent { &mut sent } else { &mut received };
+        stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
+    }
+    Ok(Conversation { name, streams: vec![sent, received] })
+}
+
+fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
+    let mut collecting =
+        Collecting { from: args.from.as_deref(), conversations: Vec::new(), faults: 0, cut: false };
+    let (summary, found) = connections::read(input, args.port, &mut collecting)?;
+    report(&summary);
+    let Collecting { conversations, faults, cut, .. } = collecting;
+    if faults > 0 {
+        remark(&format!("{faults} packets could not be read: cellwire decode names them"));
+    }
+    if cut {
+        remark("only the first 1 MiB of each direction is looked at");
+    }
+    let port = args.port.map_or_else(String::new, |port| format!(" on port {port}"));
+    ensure!(found, "the capture contains no TCP, UDP or serial bytes{port}");
+    Ok(conversations)
+}
+
+struct Collecting<'a> {
+    from: Option<&'a str>,
+    conversations: Vec<Conversation>,
+    faults: usize,
+    cut: bool,
+}
+
+/// A direction, and where it goes.
+struct Collected {
+    name: String,
+    stream: Stream,
+    len: u64,
+}
+
+impl Directions for Collecting<'_> {
+    type Direction = Collected;
+
+    fn begin(&mut self, flow: Flow, is_client: Option<bool>, _: u64) -> Result<Option<Collected>> {
+        let (name, sender) = match flow {
+            Flow::Tcp(from, to) | Flow::Udp(from, to) => {
+                // If the capture lacks the beginning of the connection, the lower port counts as the server's.
+                let is_client = is_client.unwrap_or(from.port() > to.port());
+                let server = if is_client { to } else { from };
+                let kind = if let Flow::Tcp(..) = flow { "TCP" } else { "UDP" };
+                (format!("{kind} {server}"), Sender::Connected { is_client, port: server.port() })
+            }
+            Flow::Serial(_) => ("the serial line".into(), Sender::Unknown),
+        };
+        let sender = match (self.from, flow) {
+            (Some(from), Flow::Serial(_)) => Sender::Named(from.into()),
+            _ => sender,
+        };
+        Ok(Some(Collected { name, stream: Stream { sender, parts: vec![Vec::new()] }, len: 0 }))
+    }
+
+    fn take(&mut self, direction: &mut Collected, piece: Piece<'_>) -> Result<()> {
+        match piece {
+            Piece::Bytes(bytes) if direction.len < MOST => {
+                direction.len += bytes.len() as u64;
+                if let Some(part) = direction.stream.parts.last_mut() {
+                    part.extend_from_slice(bytes);
+                }
+            }
+            Piece::Bytes(_) => self.cut = true,
+            // What is before the gap and what is after it are no message together.
+            Piece::Gap(_) | Piece::Cut(_) => direction.stream.parts.push(Vec::new()),
+            Piece::Late(_) | Piece::BeforeStart(_) => {}
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, Collected { name, stream, .. }: Collected) -> Result<()> {
+        match self.conversations.iter_mut().find(|conversation| conversation.name == name) {
+            Some(conversation) => conversation.streams.push(stream),
+            None => self.conversations.push(Conversation { name, streams: vec![stream] }),
+        }
+        Ok(())
+    }
+
+    fn fault(&mut self, _: u64, _: &Fault) -> Result<()> {
+        self.faults += 1;
+        Ok(())
+    }
+}

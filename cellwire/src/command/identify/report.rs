@@ -1,0 +1,234 @@
+//! What was found, for people and for programs.
+
+use std::io::{self, Write};
+
+use anyhow::Result;
+use cellwire_links::LINKS;
+use cellwire_links::identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
+use cellwire_links::identify::{Decided, Finding, Open};
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use serde_json::{Value, json};
+
+use super::input::Conversation;
+use super::settings::{or, plain, would_decide};
+use crate::io::output::log;
+
+/// Tables: the links, and the options of the best.
+pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
+    let mut out = io::stdout().lock();
+    let bytes = conversation.len();
+    writeln!(out, "{}: {bytes} bytes", conversation.name)?;
+    let Some(best) = findings.first() else {
+        writeln!(out, "  No link explains any of them, with any option.\n")?;
+        return unknown(conversation, &mut out);
+    };
+    let mut links = table(["link", "bytes explained", "messages", "sent by", "by chance"]);
+    for finding in findings {
+        links.add_row([
+            finding.link.name.to_owned(),
+            share(finding),
+            messages(finding),
+            senders(finding),
+            chance(finding.bits),
+        ]);
+    }
+    writeln!(out, "{links}\n")?;
+    if !best.is_sure() {
+        let advice =
+            "capture more, or at another point: most of the bytes should be messages, and several of them";
+        writeln!(out, "  None of these is sure: {advice}.\n")?;
+        return Ok(());
+    }
+    if best.options.is_empty() {
+        writeln!(out, "  It is {}, whose source leaves no option open.\n", best.link.name)?;
+        return Ok(());
+    }
+    writeln!(out, "  It is {}:", best.link.name)?;
+    let mut options = table(["option", "value", "decided by"]);
+    for option in &best.options {
+        options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
+    }
+    Ok(writeln!(out, "{options}\n")?)
+}
+
+/// What can be seen of bytes that no link explains.
+fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
+    let seen = look(&conversation.streams);
+    if seen.is_empty() {
+        writeln!(
+            out,
+            "  No marks divide the bytes into messages: capture more of them, one end on each line.\n"
+        )?;
+    }
+    for (number, seen) in seen.iter().enumerate() {
+        let which =
+            if seen.begin.is_empty() { String::new() } else { format!(", begin with {}", hex(&seen.begin)) };
+        let ends = if seen.end.is_empty() { String::new() } else { format!(", end with {}", hex(&seen.end)) };
+        let [shortest, longest] = seen.lengths;
+        writeln!(out, "  What can be seen of stream {}:", number + 1)?;
+        writeln!(out, "    {} messages of {shortest} to {longest} bytes{which}{ends}", seen.messages)?;
+        for line in lines(seen) {
+            writeln!(out, "    {line}")?;
+        }
+        writeln!(out)?;
+    }
+    let near: Vec<Nearest> = nearest(&LINKS.iter().collect::<Vec<_>>(), &conversation.streams)?;
+    for Nearest { link, settings, side, begin, whole, wrong } in near.iter().take(2) {
+        let wrong = wrong.as_ref().map_or_else(String::new, |kind| format!("; most others: {kind}"));
+        let with: Vec<String> =
+            settings.iter().map(|(name, value)| format!(" --set {name}={}", plain(value))).collect();
+        let with = with.concat();
+        writeln!(
+            out,
+            "  Near: {link}{with}, sent by {side}: {begin} messages begin as its own, {whole} are whole{wrong}"
+        )?;
+    }
+    Ok(writeln!(out)?)
+}
+
+/// One line for each thing that can be seen.
+fn lines(seen: &Seen) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(byte) = seen.doubled {
+        lines.push(format!("{byte:02X} is doubled where it is no mark"));
+    }
+    if let Some(Check { kind, width, order, from_end, first, before, constant, once }) = &seen.check {
+        let place = match from_end {
+            0 => "at the end".into(),
+            bytes => format!("{bytes} bytes before the end"),
+        };
+        let up_to = match before {
+            0 => "up to it".into(),
+            bytes => format!("up to {bytes} bytes before it"),
+        };
+        let plus = if *constant == 0 { String::new() } else { format!(", and {constant:X}h") };
+        let once = if *once { ", what is doubled once" } else { "" };
+        let order = if *width == 1 { String::new() } else { format!(", {order}") };
+        lines.push(format!("checked by: {kind} of {width} bytes{order}, {place}: of the bytes from {first} {up_to}{once}{plus}"));
+    }
+    if let Some(length) = &seen.length {
+        let field = match length.order {
+            "digits" => format!("number {} of the text", length.at + 1),
+            _ if length.width == 1 => format!("byte {}", length.at),
+            order => format!("bytes {} and {}, {order}", length.at, length.at + 1),
+        };
+        lines.push(format!("length: {field}, and {} more", length.beside));
+    }
+    let number = |Number { at, kind, order }: &Number| match *kind {
+        "digits" => format!("number {} of the text", at + 1),
+        "u8" => format!("byte {at}"),
+        kind => format!("{kind} {order} at byte {at}"),
+    };
+    for counter in &seen.counters {
+        lines.push(format!("counter: {}", number(counter)));
+    }
+    if !seen.numbers.is_empty() {
+        let numbers: Vec<String> = seen.numbers.iter().map(number).collect();
+        lines.push(format!("numbers that change slowly: {}", numbers.join("; ")));
+    }
+    if !seen.constant.is_empty() {
+        let constant: Vec<String> =
+            seen.constant.iter().map(|(at, byte)| format!("{at}: {byte:02X}")).collect();
+        lines.push(format!("the same in all: {}", constant.join(", ")));
+    }
+    lines
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    pairs.join(" ")
+}
+
+/// The expression for the crate's configuration.
+pub(super) fn rust(finding: &Finding) -> Result<()> {
+    let text = (finding.link.open.rust)(&finding.settings)?;
+    let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
+    Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.name)?)
+}
+
+/// One line of JSON.
+pub(super) fn json(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
+    let is_sure = findings.first().is_some_and(Finding::is_sure);
+    let findings: Vec<Value> = findings.iter().map(finding_json).collect();
+    let mut line =
+        json!({"conversation": conversation.name, "bytes": conversation.len(), "findings": findings});
+    if let (false, Value::Object(line)) = (is_sure, &mut line) {
+        line.insert("seen".into(), json!(look(&conversation.streams)));
+        line.insert(
+            "nearest".into(),
+            json!(nearest(&LINKS.iter().collect::<Vec<_>>(), &conversation.streams)?),
+        );
+    }
+    log(&line)
+}
+
+fn finding_json(finding: &Finding) -> Value {
+    let [messages, written] = finding.messages;
+    let [explained, bytes] = finding.bytes;
+    let options: Vec<Value> = finding.options.iter().map(option_json).collect();
+    json!({
+        "link": finding.link.name, "sure": finding.is_sure(), "bits": finding.bits.round(),
+        "explained": explained, "bytes": bytes, "messages": messages, "written_alike": written,
+        "senders": finding.senders, "settings": finding.settings, "options": options,
+    })
+}
+
+fn option_json(Open { name, value, decided }: &Open) -> Value {
+    match decided {
+        Decided::ByBytes => json!({"name": name, "value": value, "decided": "bytes"}),
+        Decided::ByValues => json!({"name": name, "value": value, "decided": "values"}),
+        Decided::Not { others, message } => {
+            let others = if others.is_empty() { Value::Null } else { json!(others) };
+            json!({"name": name, "value": value, "decided": "no", "others": others, "message": message})
+        }
+    }
+}
+
+fn table<const N: usize>(header: [&str; N]) -> Table {
+    let mut table = Table::new();
+    table.load_style(NOTHING).set_header(header);
+    table
+}
+
+fn decided(option: &Open) -> String {
+    match &option.decided {
+        Decided::ByBytes => "the bytes".into(),
+        Decided::ByValues => "its values: others make no sense".into(),
+        Decided::Not { others, message } => {
+            format!("nothing yet: {}; {}", or(others), would_decide(message.as_deref()))
+        }
+    }
+}
+
+fn share(finding: &Finding) -> String {
+    let [explained, all] = finding.bytes;
+    format!("{:.1} % ({explained} of {all})", 100.0 * finding.share())
+}
+
+fn messages(finding: &Finding) -> String {
+    match finding.messages {
+        [messages, written] if messages == written => messages.to_string(),
+        [messages, written] => format!("{messages}, {written} as they are written"),
+    }
+}
+
+fn senders(finding: &Finding) -> String {
+    let streams: Vec<String> =
+        finding.senders.iter().filter(|sides| !sides.is_empty()).map(|sides| sides.join("+")).collect();
+    let mut different: Vec<&str> = Vec::new();
+    for stream in &streams {
+        if !different.contains(&stream.as_str()) {
+            different.push(stream);
+        }
+    }
+    different.join(", ")
+}
+
+fn chance(bits: f64) -> String {
+    match bits {
+        bits if bits < 1.0 => "likely".into(),
+        bits if bits < 1000.0 => format!("1 in 2^{bits:.0}"),
+        _ => "never".into(),
+    }
+}

@@ -1,0 +1,71 @@
+//! What was found, as a file for `--settings`.
+
+use core::fmt::Write as _;
+
+use anyhow::Result;
+use cellwire_links::identify::{Decided, Finding, Open};
+use serde_json::Value;
+
+/// The text of the file.
+pub(super) fn toml(finding: &Finding) -> Result<String> {
+    let mut text = format!("# {}: the options that explain a capture\n", finding.link.name);
+    for (name, value) in &finding.settings {
+        let inner = format!("{name}.");
+        for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
+            remarks(&mut text, option)?;
+        }
+        writeln!(text, "{name} = {}", toml_value(value)?)?;
+    }
+    Ok(text)
+}
+
+fn remarks(text: &mut String, Open { name, decided, .. }: &Open) -> Result<()> {
+    match decided {
+        Decided::ByBytes => {}
+        Decided::ByValues => {
+            writeln!(text, "# {name}: other values give numbers or texts that make no sense")?
+        }
+        Decided::Not { others, message } => {
+            writeln!(text, "# {name} is undecided: {}; {}", or(others), would_decide(message.as_deref()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The other values that explain the same.
+pub(super) fn or(others: &[Value]) -> String {
+    match others {
+        [] => "any other value explains the same".into(),
+        _ => {
+            let others: Vec<String> = others.iter().map(plain).collect();
+            format!("{} explains the same", others.join(" or "))
+        }
+    }
+}
+
+/// What to capture.
+pub(super) fn would_decide(message: Option<&str>) -> String {
+    match message {
+        Some(message) => format!("{message} would decide"),
+        None => "beside the other options it makes no difference".into(),
+    }
+}
+
+/// A value as it is written after `--set NAME=`.
+pub(super) fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+fn toml_value(value: &Value) -> Result<String> {
+    Ok(match value {
+        Value::Object(fields) => {
+            let fields: Vec<String> = fields
+                .iter()
+                .map(|(name, value)| Ok(format!("{name} = {}", toml_value(value)?)))
+                .collect::<Result<_>>()?;
+            format!("{{ {} }}", fields.join(", "))
+        }
+        // A number, a text or a flag is written alike in both.
+        value => value.to_string(),
+    })
+}

@@ -1,0 +1,253 @@
+//! The connections of a capture: each direction by itself, in order.
+
+use std::collections::HashMap;
+use std::io::Read;
+use std::net::SocketAddr;
+
+use anyhow::Result;
+
+use super::reassembly::{Piece, Reassembly};
+use super::{Fault, Flow, Found, Packet, Segment, Summary};
+
+/// So many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
+/// connection. A connection takes what its two directions hold, and the segments that wait.
+const MAX_CONNECTIONS: usize = 2048;
+
+/// Who takes what the directions of a capture hold.
+pub trait Directions {
+    /// What is known of a direction that is taken.
+    type Direction;
+
+    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client` is known
+    /// where the capture has the beginning of the connection.
+    ///
+    /// # Errors
+    /// They end the reading.
+    fn begin(
+        &mut self,
+        flow: Flow,
+        is_client: Option<bool>,
+        connection: u64,
+    ) -> Result<Option<Self::Direction>>;
+
+    /// The next piece of a direction.
+    ///
+    /// # Errors
+    /// They end the reading.
+    fn take(&mut self, direction: &mut Self::Direction, piece: Piece<'_>) -> Result<()>;
+
+    /// A direction has ended.
+    ///
+    /// # Errors
+    /// They end the reading.
+    fn end(&mut self, direction: Self::Direction) -> Result<()>;
+
+    /// A fault of the packet of this number, or of the capture after it.
+    ///
+    /// # Errors
+    /// They end the reading.
+    fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()>;
+}
+
+/// Reads every direction of a capture, or those from or to a port; and whether there was any that is taken.
+///
+/// # Errors
+/// When the input cannot be read or is not a capture, or those of `to`.
+pub fn read<D: Directions>(
+    input: Box<dyn Read + Send>,
+    port: Option<u16>,
+    to: &mut D,
+) -> Result<(Summary, bool)> {
+    let mut table = Table { to, port, connections: HashMap::new(), clock: 0, found: false };
+    let summary = super::read(input, |found| match found {
+        Found::Packet(packet) => table.take(&packet),
+        Found::Fault(number, fault) => table.to.fault(number, &fault),
+    })?;
+    table.finish()?;
+    Ok((summary, table.found))
+}
+
+/// Two ends, the lesser first; a serial line has none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Ends {
+    Tcp(SocketAddr, SocketAddr),
+    Udp(SocketAddr, SocketAddr),
+    Serial(usize),
+}
+
+impl Ends {
+    /// The ends, and which of them sends.
+    fn of(flow: Flow) -> (Self, usize) {
+        let ordered = |a: SocketAddr, b: SocketAddr| if a <= b { (a, b, 0) } else { (b, a, 1) };
+        match flow {
+            Flow::Tcp(from, to) => {
+                let (a, b, sender) = ordered(from, to);
+                (Self::Tcp(a, b), sender)
+            }
+            Flow::Udp(from, to) => {
+                let (a, b, sender) = ordered(from, to);
+                (Self::Udp(a, b), sender)
+            }
+            Flow::Serial(interface) => (Self::Serial(interface), 0),
+        }
+    }
+}
+
+struct Table<'a, D: Directions> {
+    to: &'a mut D,
+    /// The only port.
+    port: Option<u16>,
+    connections: HashMap<Ends, Connection<D::Direction>>,
+    /// Counts packets.
+    clock: u64,
+    /// Whether there was anything that is taken.
+    found: bool,
+}
+
+/// What is known of two ends.
+struct Connection<T> {
+    /// Counted from 1 for these ends.
+    number: u64,
+    /// Which end opened it, if the capture has that.
+    client: Option<usize>,
+    directions: [Direction<T>; 2],
+    last: u64,
+}
+
+/// One direction.
+struct Direction<T> {
+    tcp: Reassembly,
+    state: State<T>,
+}
+
+enum State<T> {
+    /// Nothing was sent yet.
+    Silent,
+    /// It is not taken.
+    Ignored,
+    Taken(T),
+}
+
+impl<D: Directions> Table<'_, D> {
+    fn take(&mut self, packet: &Packet<'_>) -> Result<()> {
+        if !self.is_wanted(packet.flow) {
+            return Ok(());
+        }
+        self.clock += 1;
+        let (ends, sender) = Ends::of(packet.flow);
+        if self.connections.len() >= MAX_CONNECTIONS && !self.connections.contains_key(&ends) {
+            self.forget_the_silent()?;
+        }
+        let connection = self.connections.entry(ends).or_insert_with(|| Connection::new(1));
+        connection.last = self.clock;
+        if let Some(segment) = packet.segment {
+            connection.open(sender, segment, self.to)?;
+        }
+        if packet.payload.is_empty() && packet.missing == 0 {
+            return Ok(());
+        }
+        let Connection { number, client, directions, .. } = connection;
+        let Some(direction) = directions.get_mut(sender) else { return Ok(()) };
+        if let State::Silent = direction.state {
+            let is_client = client.map(|client| client == sender);
+            let begun = self.to.begin(packet.flow, is_client, *number)?;
+            direction.state = begun.map_or(State::Ignored, State::Taken);
+        }
+        let State::Taken(taken) = &mut direction.state else { return Ok(()) };
+        self.found = true;
+        match packet.segment {
+            Some(Segment { sequence, .. }) => {
+                let (payload, cut) = (packet.payload, packet.missing);
+                direction.tcp.push(sequence, payload, cut, |piece| self.to.take(taken, piece))
+            }
+            None => {
+                if !packet.payload.is_empty() {
+                    self.to.take(taken, Piece::Bytes(packet.payload))?;
+                }
+                match packet.missing {
+                    0 => Ok(()),
+                    cut => self.to.take(taken, Piece::Cut(cut)),
+                }
+            }
+        }
+    }
+
+    fn is_wanted(&self, flow: Flow) -> bool {
+        match (self.port, flow) {
+            (None, _) | (_, Flow::Serial(_)) => true,
+            (Some(port), Flow::Tcp(from, to) | Flow::Udp(from, to)) => {
+                from.port() == port || to.port() == port
+            }
+        }
+    }
+
+    fn forget_the_silent(&mut self) -> Result<()> {
+        let mut times: Vec<u64> = self.connections.values().map(|connection| connection.last).collect();
+        let middle = times.len() / 2;
+        let (_, limit, _) = times.select_nth_unstable(middle);
+        let limit = *limit;
+        let silent: Vec<(u64, Ends)> = self
+            .connections
+            .iter()
+            .map(|(ends, it)| (it.last, *ends))
+            .filter(|(last, _)| *last < limit)
+            .collect();
+        self.end(silent)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        let all = self.connections.iter().map(|(ends, connection)| (connection.last, *ends)).collect();
+        self.end(all)
+    }
+
+    /// In the order of their last packets.
+    fn end(&mut self, mut ended: Vec<(u64, Ends)>) -> Result<()> {
+        ended.sort_unstable_by_key(|(last, _)| *last);
+        for (_, ends) in ended {
+            if let Some(connection) = self.connections.remove(&ends) {
+                connection.end(self.to)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<T> Connection<T> {
+    fn new(number: u64) -> Self {
+        let silent = || Direction { tcp: Reassembly::default(), state: State::Silent };
+        Self { number, client: None, directions: [silent(), silent()], last: 0 }
+    }
+
+    /// A segment that opens a direction: again, for the first time, or of another connection between the same ports.
+    fn open(
+        &mut self,
+        sender: usize,
+        segment: Segment,
+        to: &mut impl Directions<Direction = T>,
+    ) -> Result<()> {
+        if !segment.opens {
+            return Ok(());
+        }
+        let is_another =
+            self.directions.get_mut(sender).is_some_and(|direction| direction.tcp.open(segment.sequence));
+        if is_another {
+            let next = Self { last: self.last, ..Self::new(self.number + 1) };
+            core::mem::replace(self, next).end(to)?;
+            if let Some(direction) = self.directions.get_mut(sender) {
+                direction.tcp.open(segment.sequence);
+            }
+        }
+        self.client = Some(if segment.accepts { 1 - sender } else { sender });
+        Ok(())
+    }
+
+    fn end(self, to: &mut impl Directions<Direction = T>) -> Result<()> {
+        for Direction { mut tcp, state } in self.directions {
+            if let State::Taken(mut taken) = state {
+                tcp.finish(|piece| to.take(&mut taken, piece))?;
+                to.end(taken)?;
+            }
+        }
+        Ok(())
+    }
+}

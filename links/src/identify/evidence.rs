@@ -1,0 +1,173 @@
+//! How unlikely it is that one combination is true where another explains more.
+//!
+//! Were the second true, what only the first explains would be corrupt messages that are messages of the first by chance. How often
+//! that happens is measured: the same messages as the second writes them, with a byte changed.
+
+use serde_json::Value;
+
+use super::combination::{Combination, Level, Piece, Reading};
+
+/// Evidence of so many bits rules a combination out.
+pub(super) const ENOUGH: f64 = 10.0;
+/// Where nothing else is corrupt, what is not likely to be a message by chance is not corrupt either.
+const CLEAN: f64 = 5.0;
+const UNLIKELY: f64 = 1.0 / 32.0;
+/// A corrupt value does not come again by chance.
+const AGAIN: f64 = 12.0;
+/// How many corrupt messages are tried: a few, and where they do not decide, many.
+const TRIALS: [u32; 2] = [64, 8192];
+/// So many messages are looked at.
+const MESSAGES: usize = 200;
+
+/// The evidence for `a` against `b`, in bits, from what `a` explains better.
+pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> f64 {
+    let better = |piece: &&Piece| match of_b.same(piece) {
+        Some(same) => piece.level > same.level,
+        None => of_b.overlapping(piece).iter().all(|other| piece.explains_more_than(other)),
+    };
+    let only: Vec<&Piece> = of_a.pieces.iter().filter(better).collect();
+    let as_written = only.iter().filter(|piece| piece.level == Level::Written).count();
+    // One that is only read may be one whose mark is corrupt.
+    if only.is_empty() || as_written == 0 && only.len() == 1 {
+        return 0.0;
+    }
+    let count = only.len();
+    let again = repeated(&only, b) * AGAIN;
+    let base = base(of_a, b);
+    let mut bits = 0.0;
+    for trials in TRIALS {
+        let chance = chance(a, b, &base, trials);
+        let clean = if of_a.corrupt == 0 && chance < UNLIKELY { CLEAN } else { 0.0 };
+        bits = tail(count, count + of_a.corrupt, chance) + clean + again;
+        if bits >= ENOUGH {
+            break;
+        }
+    }
+    bits
+}
+
+/// Messages as the second combination writes them, each with the one behind it: where one ends depends on that.
+fn base(of_a: &Reading, b: &mut Combination) -> Vec<(&'static str, Vec<u8>)> {
+    let step = of_a.pieces.len() / MESSAGES + 1;
+    let of = |number: usize| of_a.pieces.get(number * step);
+    let count = of_a.pieces.len().div_ceil(step);
+    let mut written = |piece: &Piece| b.encode(piece.side, piece.value());
+    let mut pairs = Vec::new();
+    for piece in (0..count).filter_map(of) {
+        let behind =
+            of_a.pieces.iter().find(|other| other.stream == piece.stream && other.begin >= piece.end());
+        if let Some(first) = written(piece) {
+            let second = behind.and_then(&mut written).unwrap_or_default();
+            pairs.push((piece.side, [first, second].concat()));
+        }
+    }
+    if pairs.is_empty() {
+        pairs = (0..count).filter_map(of).map(|piece| (piece.side, piece.bytes.clone())).collect();
+    }
+    pairs
+}
+
+/// How likely a corrupt message is one that `a` explains better.
+fn chance(a: &mut Combination, b: &mut Combination, base: &[(&'static str, Vec<u8>)], trials: u32) -> f64 {
+    let (mut random, mut better) = (Random(1), 0);
+    for _ in 0..trials {
+        let Some((side, bytes)) = base.get(random.below(base.len())) else { continue };
+        let mut bytes = bytes.clone();
+        corrupt(&mut bytes, &mut random);
+        // Beside a corrupt byte there may be a whole message.
+        let weight = a.within(side, &bytes).weight;
+        if weight > 0 && weight > b.within(side, &bytes).weight {
+            better += 1;
+        }
+    }
+    (f64::from(better) + 0.5) / (f64::from(trials) + 1.0)
+}
+
+/// One byte is another, and sometimes a second one.
+pub(super) fn corrupt(bytes: &mut [u8], random: &mut Random) {
+    let count = if random.below(5) == 0 { 2 } else { 1 };
+    for _ in 0..count {
+        let (at, by) = (random.below(bytes.len()), random.below(255));
+        if let (Some(byte), Ok(by)) = (bytes.get_mut(at), u8::try_from(by)) {
+            *byte = byte.wrapping_add(by + 1);
+        }
+    }
+}
+
+/// The bits of at least `k` out of `n` where one has this chance: not less than they are.
+fn tail(k: usize, n: usize, chance: f64) -> f64 {
+    let real = |count: usize| u32::try_from(count).map_or(f64::MAX, f64::from);
+    let ways: f64 = (0..k).map(|i| (real(n - i) / real(i + 1)).log2()).sum();
+    (-ways - real(k) * chance.log2()).max(0.0)
+}
+
+/// How often a value comes again that the second combination cannot write.
+fn repeated(only: &[&Piece], b: &mut Combination) -> f64 {
+    let mut culprits: Vec<String> = Vec::new();
+    let mut again = 0.0;
+    for piece in only.iter().take(MESSAGES) {
+        let message = piece.value();
+        if b.encode(piece.side, message.clone()).is_some() {
+            continue;
+        }
+        for pointer in leaves(&message) {
+            let mut plain = message.clone();
+            let Some(leaf) = plain.pointer_mut(&pointer) else { continue };
+            let culprit = format!("{pointer}={leaf}");
+            *leaf = if leaf.is_string() { "a".into() } else { 1.into() };
+            if b.encode(piece.side, plain).is_some() {
+                again += if culprits.contains(&culprit) { 1.0 } else { 0.0 };
+                culprits.push(culprit);
+            }
+        }
+    }
+    again
+}
+
+/// The places of the numbers and texts of a message.
+fn leaves(value: &Value) -> Vec<String> {
+    let below = |key: String, value| leaves(value).into_iter().map(move |rest| format!("/{key}{rest}"));
+    match value {
+        Value::Array(values) => {
+            values.iter().enumerate().flat_map(|(at, value)| below(at.to_string(), value)).collect()
+        }
+        Value::Object(fields) => fields
+            .iter()
+            .flat_map(|(key, value)| below(key.replace('~', "~0").replace('/', "~1"), value))
+            .collect(),
+        Value::String(_) | Value::Number(_) => vec![String::new()],
+        _ => Vec::new(),
+    }
+}
+
+/// The same numbers each time.
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    /// A number below this; 0 below nothing.
+    pub(super) fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let high = usize::try_from(self.0 >> 33).unwrap_or_default();
+        high.checked_rem(end).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bits_of_a_tail() {
+        assert!((tail(1, 1, 0.5) - 1.0).abs() < 1e-9);
+        assert!((tail(20, 20, 0.25) - 40.0).abs() < 1e-9);
+        // Five places for one.
+        assert!((tail(1, 5, 1.0 / 1024.0) - (10.0 - 5_f64.log2())).abs() < 1e-9);
+        assert!(tail(1, 5, 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn leaves_are_numbers_and_texts() {
+        let value = serde_json::json!({"a": [1, {"b/c": "x"}], "d": null, "e": true});
+        assert_eq!(leaves(&value), ["/a/0", "/a/1/b~1c"]);
+    }
+}

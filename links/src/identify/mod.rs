@@ -1,0 +1,123 @@
+//! Which link and which of its options explain bytes: the settings that the link's source leaves open (`Link::open`), as a capture shows
+//! them.
+//!
+//! A combination of settings is judged by reading: a message counts whole where the encoder would write the very bytes, and half
+//! where it would write others. Of two combinations the one that explains more is preferred, and the other is ruled out when what it does
+//! not explain is not likely to be corruption ([`evidence`]). Those that are left are undecided: they are all named, and which
+//! message would decide. Numbers that make no sense (a position of 10⁻⁴¹ mm) decide only where the bytes do not.
+
+mod combination;
+mod evidence;
+mod plausible;
+mod search;
+#[cfg(test)]
+mod tests;
+pub mod unknown;
+
+use serde_json::{Map, Value};
+
+use crate::link::Link;
+
+pub use search::identify;
+
+/// What one end sent.
+#[derive(Debug, Clone)]
+pub struct Stream {
+    /// What is known of who sent it.
+    pub sender: Sender,
+    /// Its bytes; between two parts some are missing.
+    pub parts: Vec<Vec<u8>>,
+}
+
+/// What is known of a sender.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Sender {
+    /// Nothing, or both ends on one line.
+    Unknown,
+    /// Its name, where a link has a side of that name.
+    Named(String),
+    /// Which end of a connection it seems to be, and the server's port.
+    Connected {
+        /// It seems to have opened the connection.
+        is_client: bool,
+        /// The server's port.
+        port: u16,
+    },
+    /// What a trace of the tool has as sent, or as received.
+    Traced {
+        /// The name of the trace.
+        name: String,
+        /// It was sent by the end that kept the trace.
+        sent: bool,
+    },
+}
+
+/// How a link explains bytes, with the settings that explain most.
+#[derive(Debug, Clone)]
+pub struct Finding {
+    /// The link.
+    pub link: &'static Link,
+    /// The settings, those that are undecided at the value that is likelier or the default.
+    pub settings: Map<String, Value>,
+    /// The settings that the source leaves open, one by one.
+    pub options: Vec<Open>,
+    /// How many messages were read, and how many of them are written as they were read.
+    pub messages: [usize; 2],
+    /// The bytes in messages, and all of them.
+    pub bytes: [u64; 2],
+    /// How sure it is that they are messages: chance explains as much once in 2 to the power of this.
+    pub bits: f64,
+    /// The sides that sent each stream.
+    pub senders: Vec<Vec<&'static str>>,
+}
+
+impl Finding {
+    /// Below that, what was read may have been read by chance.
+    pub const SURE: f64 = 20.0;
+    /// Below that share of the bytes, something else explains most of them. Where one byte of a hundred is corrupt, a third of the
+    /// messages of a hundred bytes is left, and of a few messages less.
+    pub const SHARE: f64 = 0.1;
+
+    /// The share of the bytes that are in messages.
+    pub fn share(&self) -> f64 {
+        let [explained, all] = self.bytes.map(|bytes| u32::try_from(bytes).map_or(f64::MAX, f64::from));
+        if all > 0.0 { explained / all } else { 0.0 }
+    }
+
+    /// What links are compared by: how much is explained, and how surely.
+    pub fn rank(&self) -> f64 {
+        self.share() * self.bits.min(100.0)
+    }
+
+    /// Whether what was read was not read by chance.
+    pub fn is_sure(&self) -> bool {
+        self.bits >= Self::SURE && self.share() >= Self::SHARE
+    }
+}
+
+/// A setting that the source leaves open.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Open {
+    /// Its name.
+    pub name: String,
+    /// The value that explains the bytes.
+    pub value: Value,
+    /// What decides it.
+    pub decided: Decided,
+}
+
+/// What decides a setting.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Decided {
+    /// Every other value leaves messages unexplained.
+    ByBytes,
+    /// Other values give numbers or texts that make no sense.
+    ByValues,
+    /// Nothing in these bytes.
+    Not {
+        /// The other values that explain them as well; none where any does.
+        others: Vec<Value>,
+        /// A message that would decide it; none where the setting makes no difference beside the others.
+        message: Option<String>,
+    },
+}

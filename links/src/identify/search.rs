@@ -1,0 +1,358 @@
+//! The search: every combination on a sample, those that explain enough of it exactly, and what is left of them on all bytes.
+
+use anyhow::Result;
+use serde_json::{Map, Value};
+
+use super::combination::{Combination, Level, Reading};
+use super::evidence::{ENOUGH, Random, evidence};
+use super::plausible::plausible;
+use super::{Decided, Finding, Open, Stream};
+use crate::link::{Guess, Link};
+use crate::settings::Setting;
+
+/// So many bytes of each stream are read with every combination.
+const SAMPLE: usize = 16 * 1024;
+/// So many combinations are read exactly.
+const KEPT: usize = 128;
+/// So many are read on all bytes.
+const WHOLE: usize = 24;
+/// Numbers that make no sense rule a combination out with so many bits.
+const SENSE: f64 = 20.0;
+/// The sense by which one message decides.
+const SENSE_OF_ONE: f64 = 5.0;
+/// So many bytes are shuffled to see what is read by chance.
+const SHUFFLED: usize = 64 * 1024;
+const MOST_SHUFFLES: usize = 1024;
+
+/// The settings of a link that explain most of what the ends of a conversation sent.
+///
+/// # Errors
+/// Where a decoder makes no progress: it is a defect.
+pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
+    let sample = sample(streams);
+    let mut kept = Vec::new();
+    for given in candidates(link, &sample)? {
+        let mut combination = Combination::new(link, given)?;
+        let weight = combination.read(&sample, false)?.weight();
+        kept.push((weight, combination));
+    }
+    kept.sort_by_key(|(weight, it)| (core::cmp::Reverse(*weight), changes(it)));
+    let most = kept.first().map_or(0, |(weight, _)| *weight);
+    kept.retain(|(weight, _)| weight * 2 >= most);
+    kept.truncate(if most > 0 { KEPT } else { 1 });
+    let mut read = Vec::new();
+    for (_, mut combination) in kept {
+        let reading = combination.read(&sample, true)?;
+        read.push((combination, reading));
+    }
+    let mut likely = group(read);
+    let bits = surely(likely.first_mut(), &sample)?;
+    sensible(&mut likely);
+    // The likeliest that the bytes allow: of equals the nearest to the defaults.
+    likely.sort_by_key(|it| (core::cmp::Reverse(it.makes_sense), changes(&it.combination)));
+    if streams.iter().any(|stream| stream.parts.concat().len() > SAMPLE) {
+        confirm(&mut likely, streams)?;
+    }
+    let first = likely.first().map(|it| it.combination.settings.clone()).unwrap_or_default();
+    let mut first = Combination::new(link, first)?;
+    let reading = first.read(streams, true)?;
+    let options =
+        if reading.pieces.is_empty() { Vec::new() } else { options(&mut first, &mut likely, &sample)? };
+    Ok(Finding {
+        link,
+        settings: first.settings,
+        options,
+        messages: [
+            reading.pieces.len(),
+            reading.pieces.iter().filter(|piece| piece.level == Level::Written).count(),
+        ],
+        bytes: [reading.explained(), reading.bytes],
+        bits,
+        senders: reading.senders,
+    })
+}
+
+/// A combination that the bytes do not rule out.
+struct Likely {
+    combination: Combination,
+    reading: Reading,
+    /// Neither do its numbers.
+    makes_sense: bool,
+}
+
+/// The beginnings of the streams.
+fn sample(streams: &[Stream]) -> Vec<Stream> {
+    let begin = |stream: &Stream| {
+        let mut left = SAMPLE;
+        let parts = stream.parts.iter().map_while(|part| {
+            let taken = part.get(..left.min(part.len())).filter(|taken| !taken.is_empty())?;
+            left -= taken.len();
+            Some(taken.to_vec())
+        });
+        Stream { sender: stream.sender.clone(), parts: parts.collect() }
+    };
+    streams.iter().map(begin).collect()
+}
+
+/// Every combination of the settings that the source leaves open.
+fn candidates(link: &Link, sample: &[Stream]) -> Result<Vec<Map<String, Value>>> {
+    let open = link.open;
+    let known = (link.settings)();
+    let mut all = vec![Map::new()];
+    for (name, value) in open.beside {
+        all.iter_mut().for_each(|given| drop(given.insert((*name).into(), (*value).into())));
+    }
+    let guessed = |name: &str| open.guess.is_some_and(|guess| guess.setting == name);
+    // What a guess needs comes first.
+    let needed = |name: &&&str| open.guess.is_some_and(|guess| guess.with.contains(name));
+    let first = open.settings.iter().filter(needed);
+    for name in first.chain(open.settings.iter().filter(|name| !needed(name) && !guessed(name))) {
+        let setting = known.iter().find(|setting| setting.name == *name);
+        all = with_each(&all, name, setting.map_or(&[], |setting| &setting.choices));
+        if open.guess.is_some_and(|guess| guess.with.last() == Some(name)) {
+            all = guess(link, &all, sample);
+        }
+    }
+    Ok(all)
+}
+
+fn with_each(all: &[Map<String, Value>], name: &str, values: &[Value]) -> Vec<Map<String, Value>> {
+    let with = |given: &Map<String, Value>, value: &Value| {
+        let mut given = given.clone();
+        given.insert(name.into(), value.clone());
+        given
+    };
+    all.iter().flat_map(|given| values.iter().map(|value| with(given, value)).collect::<Vec<_>>()).collect()
+}
+
+fn guess(link: &Link, all: &[Map<String, Value>], sample: &[Stream]) -> Vec<Map<String, Value>> {
+    let Some(Guess { setting, values, .. }) = link.open.guess else { return all.to_vec() };
+    let bytes: Vec<&[u8]> = sample.iter().flat_map(|stream| &stream.parts).map(Vec::as_slice).collect();
+    all.iter()
+        .flat_map(|given| with_each(core::slice::from_ref(given), setting, &values(given, &bytes)))
+        .collect()
+}
+
+/// How many settings are not at their defaults.
+fn changes(combination: &Combination) -> usize {
+    let known = (combination.link.settings)();
+    let is_changed =
+        |(name, value): (&String, &Value)| match known.iter().find(|setting| setting.name == *name) {
+            Some(Setting { default, .. }) => match (value, default) {
+                (Value::Object(value), Value::Object(default)) => {
+                    value.iter().filter(|(name, value)| default.get(*name) != Some(value)).count()
+                }
+                _ => usize::from(value != default),
+            },
+            None => 1,
+        };
+    combination.settings.iter().map(is_changed).sum()
+}
+
+/// The combination that no other one rules out, and behind it those that it does not rule out.
+fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
+    let key = |(combination, reading): &(Combination, Reading)| {
+        (core::cmp::Reverse(reading.weight()), changes(combination))
+    };
+    read.sort_by_key(key);
+    let mut best = 0;
+    for at in 1..read.len() {
+        if balance(&mut read, at, best) >= ENOUGH {
+            best = at;
+        }
+    }
+    let mut likely = Vec::new();
+    for at in 0..read.len() {
+        if at == best || balance(&mut read, best, at) < ENOUGH {
+            likely.push(at);
+        }
+    }
+    let all = read.into_iter().enumerate().filter(|(at, _)| likely.contains(at));
+    let mut likely: Vec<Likely> = Vec::new();
+    for (at, (combination, reading)) in all {
+        let place = if at == best { 0 } else { likely.len() };
+        likely.insert(place, Likely { combination, reading, makes_sense: true });
+    }
+    likely
+}
+
+/// The evidence for one combination against another, less that against it.
+fn balance(read: &mut [(Combination, Reading)], one: usize, other: usize) -> f64 {
+    let (low, high) = (one.min(other), one.max(other));
+    let Some((before, after)) = read.split_at_mut_checked(high) else { return 0.0 };
+    let (Some(low), Some(high)) = (before.get_mut(low), after.first_mut()) else { return 0.0 };
+    let (one, other) = if one < other { (low, high) } else { (high, low) };
+    match evidence(&mut one.0, &one.1, &mut other.0, &other.1) {
+        bits if bits < ENOUGH => 0.0,
+        bits => bits - evidence(&mut other.0, &other.1, &mut one.0, &one.1),
+    }
+}
+
+/// Marks those whose numbers and texts make no sense beside another's.
+fn sensible(likely: &mut [Likely]) {
+    let makes_less = |it: &Likely, other: &Likely| {
+        // Only of what both read: more messages make more sense.
+        let same =
+            it.reading.pieces.iter().filter_map(|piece| Some(other.reading.same(piece)?.sense - piece.sense));
+        same.sum::<f64>() >= SENSE
+    };
+    let senseless: Vec<bool> =
+        likely.iter().map(|it| likely.iter().any(|other| makes_less(it, other))).collect();
+    likely.iter_mut().zip(senseless).for_each(|(it, senseless)| it.makes_sense = !senseless);
+}
+
+/// Rules out what other bytes than those of the sample do, one setting at a time.
+fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
+    let Some(first) = likely.first() else { return Ok(()) };
+    let (link, settings) = (first.combination.link, first.combination.settings.clone());
+    let mut first = Combination::new(link, settings.clone())?;
+    let reading = first.read(streams, true)?;
+    let mut others: Vec<(String, Value)> = Vec::new();
+    for it in likely.iter() {
+        let differing =
+            it.combination.settings.iter().filter(|(name, value)| settings.get(*name) != Some(value));
+        for (name, value) in differing {
+            if others.len() < WHOLE && !others.iter().any(|(known, other)| known == name && other == value) {
+                others.push((name.clone(), value.clone()));
+            }
+        }
+    }
+    for (name, value) in others {
+        let mut given = settings.clone();
+        given.insert(name.clone(), value.clone());
+        let mut other = Combination::new(link, given)?;
+        let of_other = other.read(streams, true)?;
+        let bits = evidence(&mut first, &reading, &mut other, &of_other);
+        let against = evidence(&mut other, &of_other, &mut first, &reading);
+        if bits - against >= ENOUGH {
+            likely.retain(|it| it.combination.settings.get(&name) != Some(&value));
+        }
+    }
+    Ok(())
+}
+
+/// How sure it is that these are messages: the same bytes in another order hold as many once in 2 to the power of this.
+fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
+    let Some(best) = best else { return Ok(0.0) };
+    let found = best.reading.pieces.len();
+    let bytes: usize = sample.iter().flat_map(|stream| &stream.parts).map(Vec::len).sum();
+    if found == 0 || bytes == 0 {
+        return Ok(0.0);
+    }
+    let times = (SHUFFLED / bytes).clamp(2, MOST_SHUFFLES);
+    let (mut random, mut by_chance) = (Random(2), 0);
+    for _ in 0..times {
+        let mut shuffled = sample.to_vec();
+        for part in shuffled.iter_mut().flat_map(|stream| &mut stream.parts) {
+            for end in (1..part.len()).rev() {
+                part.swap(end, random.below(end + 1));
+            }
+        }
+        by_chance += best.combination.read(&shuffled, false)?.pieces.len();
+    }
+    let real = |count: usize| u32::try_from(count).map_or(f64::MAX, f64::from);
+    let usual = (real(by_chance) + 0.5) / real(times);
+    if real(found) <= usual {
+        return Ok(0.0);
+    }
+    Ok((1..=found).map(|count| (real(count) / usual).log2()).sum::<f64>().max(0.0))
+}
+
+/// The settings one by one, those in a table by themselves.
+fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) -> Result<Vec<Open>> {
+    let link = first.link;
+    let mut options = Vec::new();
+    for setting in link.open.settings {
+        let Some(value) = first.settings.get(*setting).cloned() else { continue };
+        let Value::Object(table) = value else {
+            options.push(option(first, likely, setting, None)?);
+            continue;
+        };
+        for name in table.keys() {
+            let mut found = option(first, likely, setting, Some(name))?;
+            if let Some(undecided) = any(first, setting, name, sample)? {
+                found.decided = undecided;
+            } else if let Decided::Not { others, .. } = &mut found.decided {
+                // Where another combination has it at a value that explains nothing, any would do there.
+                let of = |it: &Likely| it.combination.settings.get(*setting)?.get(name).cloned();
+                for it in likely
+                    .iter_mut()
+                    .filter(|it| it.makes_sense && of(it).is_some_and(|it| others.contains(&it)))
+                {
+                    if any(&mut it.combination, setting, name, sample)?.is_some() {
+                        others.clear();
+                        break;
+                    }
+                }
+            }
+            options.push(found);
+        }
+    }
+    Ok(options)
+}
+
+/// A setting, or a value of its table.
+fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Option<&str>) -> Result<Open> {
+    let of = |settings: &Map<String, Value>| {
+        let value = settings.get(setting)?;
+        inner.map_or(Some(value), |inner| value.get(inner)).cloned()
+    };
+    let value = of(&first.settings).unwrap_or_default();
+    let mut others: Vec<Value> = Vec::new();
+    for other in likely.iter().filter(|it| it.makes_sense).filter_map(|it| of(&it.combination.settings)) {
+        if other != value && !others.contains(&other) {
+            others.push(other);
+        }
+    }
+    let by_bytes = likely.iter().all(|it| of(&it.combination.settings).is_none_or(|other| other == value));
+    let decided = match others.first() {
+        None if by_bytes => Decided::ByBytes,
+        None => Decided::ByValues,
+        Some(other) => {
+            let settings = likely.iter().map(|it| &it.combination.settings);
+            // The one that is most like the first.
+            let nearest = settings.filter(|it| of(it).as_ref() == Some(other)).min_by_key(|it| {
+                it.iter().filter(|(name, value)| first.settings.get(*name) != Some(value)).count()
+            });
+            let message = match nearest.cloned() {
+                Some(settings) => deciding(first, &mut Combination::new(first.link, settings)?),
+                None => None,
+            };
+            Decided::Not { others, message }
+        }
+    };
+    let name = inner.map_or_else(|| setting.to_owned(), |inner| format!("{setting}.{inner}"));
+    Ok(Open { name, value, decided })
+}
+
+/// A value of a table of bytes that explains nothing: any other byte would do.
+fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) -> Result<Option<Decided>> {
+    let Some(Value::Object(table)) = first.settings.get(setting).cloned() else { return Ok(None) };
+    let Some(free) = (0..=u8::MAX).find(|byte| table.values().all(|used| used != byte)) else {
+        return Ok(None);
+    };
+    let mut settings = first.settings.clone();
+    let mut other = table;
+    other.insert(name.into(), free.into());
+    settings.insert(setting.into(), other.into());
+    let mut other = Combination::new(first.link, settings)?;
+    let (reading, of_other) = (first.read(sample, true)?, other.read(sample, true)?);
+    if evidence(first, &reading, &mut other, &of_other) >= ENOUGH {
+        return Ok(None);
+    }
+    Ok(Some(Decided::Not { others: Vec::new(), message: deciding(first, &mut other) }))
+}
+
+/// A message that only one of two combinations writes so, or makes sense of.
+fn deciding(first: &mut Combination, other: &mut Combination) -> Option<String> {
+    let decides = |side: &str, message: &Value, a: &mut Combination, b: &mut Combination| {
+        let Some(bytes) = a.encode(side, message.clone()) else { return false };
+        let read = b.within(side, &bytes);
+        read.level < Level::Written || plausible(message) - plausible(&read.message) >= SENSE_OF_ONE
+    };
+    let found = first.link.open.deciding.iter().find(|it| {
+        let message = serde_json::from_str(it.message).unwrap_or_default();
+        decides(it.side, &message, first, other) || decides(it.side, &message, other, first)
+    });
+    found.map(|it| it.about.to_owned())
+}

@@ -1,0 +1,196 @@
+//! Captures that the links' own encoders write, with options other than the defaults.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
+use serde_json::{Map, Value, json};
+
+use super::*;
+use crate::LINKS;
+
+/// What a side of a link sends with these settings.
+fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
+    let link = Link::by_name(link).unwrap();
+    let codec = (link.codec)(side, given.as_object().unwrap()).unwrap();
+    messages.iter().flat_map(|message| codec.encode(message.clone()).unwrap()).collect()
+}
+
+fn found(link: &str, streams: &[&[u8]]) -> Finding {
+    let stream = |bytes: &&[u8]| Stream { sender: Sender::Unknown, parts: vec![bytes.to_vec()] };
+    identify(Link::by_name(link).unwrap(), &streams.iter().map(stream).collect::<Vec<_>>()).unwrap()
+}
+
+fn option<'a>(finding: &'a Finding, name: &str) -> &'a Open {
+    finding.options.iter().find(|option| option.name == name).unwrap_or_else(|| panic!("{finding:?}"))
+}
+
+fn undecided(others: &[Value], message: &str) -> Decided {
+    Decided::Not { others: others.to_vec(), message: Some(message.into()) }
+}
+
+fn motions(count: u16) -> Vec<Value> {
+    let motion = |segment| {
+        json!({"kind": "motion", "phase": "running", "error": 0, "segment_status": 2, "segment": segment,
+            "percent": 50 * segment, "transform": null})
+    };
+    (0..count).map(motion).collect()
+}
+
+#[test]
+fn what_the_bytes_decide_is_named() {
+    let given = json!({"leading_dle": 1, "negated_sum": true});
+    let finding = found("val2-alter", &[&sent("val2-alter", "robot", &given, &motions(20))]);
+    assert!(finding.is_sure(), "{finding:?}");
+    assert_eq!((finding.messages, finding.senders.clone()), ([20, 20], vec![vec!["robot"]]));
+    assert_eq!(option(&finding, "leading_dle").value, 1);
+    assert_eq!(option(&finding, "leading_dle").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "negated_sum").value, true);
+    assert_eq!(option(&finding, "negated_sum").decided, Decided::ByBytes);
+    let message = "a message whose checksum is 10h";
+    assert_eq!(option(&finding, "stuffed_checksum").decided, undecided(&[json!(true)], message));
+}
+
+#[test]
+fn one_message_decides_where_nothing_is_corrupt() {
+    let mut messages = motions(20);
+    messages[10]["segment"] = json!(110);
+    messages[10]["percent"] = json!(32);
+    let given = json!({"stuffed_checksum": true});
+    let finding = found("val2-alter", &[&sent("val2-alter", "robot", &given, &messages)]);
+    assert_eq!(option(&finding, "stuffed_checksum").value, true);
+    assert_eq!(option(&finding, "stuffed_checksum").decided, Decided::ByBytes);
+}
+
+#[test]
+fn corrupt_bytes_and_a_cut_beginning_do_not_matter() {
+    let mut bytes = sent("val2-alter", "robot", &json!({"negated_sum": true}), &motions(40));
+    for at in (57..bytes.len()).step_by(101) {
+        bytes[at] ^= 0x21;
+    }
+    let finding = found("val2-alter", &[&bytes[5..]]);
+    assert!(finding.is_sure() && finding.share() < 1.0, "{finding:?}");
+    assert_eq!(option(&finding, "negated_sum").value, true);
+    assert_eq!(option(&finding, "negated_sum").decided, Decided::ByBytes);
+}
+
+#[test]
+fn tags_are_found_and_those_that_were_not_seen_are_not_made_up() {
+    let given =
+        json!({"tail": "etx", "tags": {"f32": 7, "i16": 200, "u8": 9, "char": 3}, "byte_order": "big"});
+    let moves = (0..20).map(|at| json!({"items": [{"i16": [257]}, {"f32": [at, 0.5, -250.25, 90, 0, 1]}]}));
+    let finding = found("laser-eb90", &[&sent("laser-eb90", "host", &given, &moves.collect::<Vec<_>>())]);
+    let value = |name| (option(&finding, name).value.clone(), option(&finding, name).decided.clone());
+    assert_eq!(value("tail"), (json!("etx"), Decided::ByBytes));
+    assert_eq!(value("tags.f32"), (json!(7), Decided::ByBytes));
+    assert_eq!(value("tags.i16"), (json!(200), Decided::ByBytes));
+    assert_eq!(value("tags.char").1, undecided(&[], "a frame with a text"));
+    assert_eq!(value("byte_order"), (json!("big"), Decided::ByValues));
+}
+
+#[test]
+fn both_ends_may_be_on_one_line() {
+    let (strict, stop) = (json!({}), json!({"itr": true}));
+    let mut bytes = Vec::new();
+    for _ in 0..10 {
+        bytes.extend(sent(
+            "mmacell-proto",
+            "central",
+            &stop,
+            &[json!({"command": "STP"}), json!({"command": "STA"})],
+        ));
+        let status = json!({"reply": "status", "moving": false, "axes": [1.0, 2.0, 3.0, 0.5], "servo": true,
+            "override": 80, "error": 0});
+        bytes.extend(sent("mmacell-proto", "robot", &strict, &[json!({"reply": "ok"}), status]));
+    }
+    let finding = found("mmacell-proto", &[&bytes]);
+    assert_eq!((finding.messages, finding.bytes[0]), ([40, 40], bytes.len() as u64));
+    assert_eq!(option(&finding, "itr").value, true);
+    assert_eq!(option(&finding, "blank").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "clos").decided, undecided(&[json!(true)], "a gripper that closes"));
+}
+
+#[test]
+fn bytes_of_no_link_are_none() {
+    let bytes: Vec<u8> =
+        (0..4000_u32).map(|at| u8::try_from(at.wrapping_mul(2_654_435_761) >> 24).unwrap()).collect();
+    for link in LINKS {
+        let finding = found(link.name, &[&bytes]);
+        assert!(!finding.is_sure(), "{finding:?}");
+    }
+}
+
+/// Each setting that a source leaves open has values to try, and each of them a message that shows it.
+#[test]
+fn every_open_setting_is_shown_by_a_message() {
+    for link in LINKS {
+        let known = (link.settings)();
+        for name in link.open.settings {
+            let setting = known.iter().find(|setting| setting.name == *name).unwrap();
+            let is_guessed = link.open.guess.is_some_and(|guess| guess.setting == *name);
+            assert!(is_guessed || setting.choices.len() > 1, "{}: {name}", link.name);
+            for value in setting.choices.iter().filter(|value| **value != setting.default) {
+                let mut given = Map::from_iter([((*name).to_owned(), value.clone())]);
+                given.extend(link.open.beside.iter().map(|(name, value)| ((*name).into(), (*value).into())));
+                let written = |it: &crate::link::Deciding, given: &Map<String, Value>| {
+                    let message = serde_json::from_str(it.message).unwrap();
+                    (link.codec)(it.side, given).unwrap().encode(message).ok()
+                };
+                let mut default = given.clone();
+                default.remove(*name);
+                // Those that only read more are written alike.
+                let reads_more = ["either", "ignore_spare_select"].iter().any(|it| value == it || name == it);
+                let shown = link.open.deciding.iter().any(|it| written(it, &given) != written(it, &default));
+                assert!(shown || reads_more, "{}: no message shows {name}={value}", link.name);
+            }
+        }
+    }
+}
+
+/// The expressions are Rust: each is the text of one that compiles.
+#[test]
+fn the_lines_of_rust_compile() {
+    macro_rules! is_rust {
+        ($link:literal, $given:tt, $expression:expr) => {
+            let link = Link::by_name($link).unwrap();
+            let _ = $expression;
+            let plain = |text: &str| text.split_whitespace().collect::<String>();
+            let text = (link.open.rust)(json!($given).as_object().unwrap()).unwrap();
+            assert_eq!(plain(&text), plain(stringify!($expression)), "{}", link.name);
+        };
+    }
+    {
+        use ::val2_alter::{Framing, LeadingDle};
+        is_rust!("val2-alter", {"leading_dle": 1}, Framing {
+            leading_dle: LeadingDle::One,
+            negated_sum: false,
+            stuffed_checksum: false,
+            ignore_spare_select: false
+        });
+    }
+    {
+        use ::laser_eb90::{ByteOrder, Flag, Profile, Tags, Tail, Width};
+        is_rust!("laser-eb90", {"tail": "etx"}, Profile {
+            tail: Tail::Etx,
+            flag: Flag::Separate,
+            tags: Tags::new(240, 241, 242, 243).expect("four different bytes"),
+            checksum: Width::U8,
+            checksum_negated: false,
+            checksum_with_flag: false,
+            byte_order: ByteOrder::Little
+        });
+    }
+    {
+        use ::fanuc_hmi_modbus::{Framing, WordOrder};
+        is_rust!("fanuc-hmi-modbus", {"framing": "rtu"}, (Framing::RTU_OVER_TCP, WordOrder::LowFirst));
+    }
+    use ::kawasaki_msg::Charset;
+    use ::mmacell_proto::Dialect;
+    is_rust!("kawasaki-msg", {"charset": "latin1"}, Charset::Latin1);
+    is_rust!("mmacell-proto", {"itr": true}, Dialect {
+        itr: true,
+        ovrd: false,
+        clos: false,
+        off: false,
+        lone_lf: false,
+        blank: false,
+        wide_integers: false
+    });
+}

@@ -1,0 +1,207 @@
+//! Which bytes of a message check which others.
+
+use serde::Serialize;
+
+use super::crc::ALL;
+use super::enough;
+
+/// Bytes that check others.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// What they are: `sum`, `negated sum`, `xor`, or a CRC by its name in the catalogue.
+    pub kind: String,
+    /// How many bytes they are; of hex digits, how many digits.
+    pub width: usize,
+    /// The order of their bytes: `little`, `big`, or `hex` digits.
+    pub order: &'static str,
+    /// How many bytes are between them and the end of the message.
+    pub from_end: usize,
+    /// The first byte that they check.
+    pub first: usize,
+    /// How many bytes are between the last that they check and them.
+    pub before: usize,
+    /// What is added, or of an XOR, what it is changed by, beside the bytes.
+    pub constant: u32,
+    /// The bytes that are doubled count once.
+    pub once: bool,
+}
+
+/// The places at which a check is searched for.
+const FROM_END: usize = 3;
+const FIRST: usize = 8;
+const BEFORE: usize = 3;
+/// So many messages try a guess before all do.
+const FEW: usize = 6;
+
+/// A sum or a CRC.
+#[derive(Clone, Copy)]
+enum Kind {
+    Sum,
+    Negated,
+    Xor,
+    Crc(&'static super::crc::Crc),
+}
+
+/// The check of messages that end with a mark of this length.
+pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Option<Check> {
+    let mut different: Vec<&[u8]> = Vec::new();
+    for message in messages {
+        if !different.contains(message) {
+            different.push(message);
+        }
+    }
+    if different.len() < 4 {
+        return None;
+    }
+    let sums = [Kind::Sum, Kind::Negated, Kind::Xor];
+    let kinds: Vec<Kind> = sums.into_iter().chain(ALL.iter().map(Kind::Crc)).collect();
+    let ends: Vec<usize> =
+        core::iter::once(end).chain((0..=FROM_END).filter(|other| *other != end)).collect();
+    let once: &[bool] = if doubled.is_some() { &[true, false] } else { &[false] };
+    let mut with_constant = None;
+    for from_end in ends {
+        for (width, order) in [
+            (2, "hex"),
+            (4, "hex"),
+            (4, "little"),
+            (4, "big"),
+            (3, "big"),
+            (3, "little"),
+            (2, "little"),
+            (2, "big"),
+            (1, "little"),
+        ] {
+            let values: Vec<Option<u32>> =
+                different.iter().map(|it| value(it, from_end, width, order)).collect();
+            if !is_check(&values) {
+                continue;
+            }
+            for before in 0..=BEFORE {
+                for first in 0..=FIRST {
+                    for once in once {
+                        let bodies: Vec<Vec<u8>> = different
+                            .iter()
+                            .map(|it| body(it, first, from_end + width + before, doubled.filter(|_| *once)))
+                            .collect();
+                        if bodies.iter().filter(|body| body.is_empty()).count() * 2 > bodies.len() {
+                            continue;
+                        }
+                        for kind in &kinds {
+                            if let Some((kind, constant)) = agrees(*kind, &bodies, &values, width, order) {
+                                let found = Check {
+                                    kind,
+                                    width,
+                                    order,
+                                    from_end,
+                                    first,
+                                    before,
+                                    constant,
+                                    once: *once,
+                                };
+                                // A constant may be bytes that were left out, or that do not belong to it.
+                                if constant == 0 {
+                                    return Some(found);
+                                }
+                                with_constant.get_or_insert(found);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    with_constant
+}
+
+/// The value of the check's bytes.
+fn value(message: &[u8], from_end: usize, width: usize, order: &str) -> Option<u32> {
+    let end = message.len().checked_sub(from_end)?;
+    let bytes = message.get(end.checked_sub(width)?..end)?;
+    match order {
+        "hex" => {
+            u32::from_str_radix(core::str::from_utf8(bytes).ok().filter(|text| !text.starts_with('+'))?, 16)
+                .ok()
+        }
+        "big" => Some(bytes.iter().fold(0, |value, byte| value << 8 | u32::from(*byte))),
+        _ => Some(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))),
+    }
+}
+
+/// A check is there in nearly every message, and has several values.
+fn is_check(values: &[Option<u32>]) -> bool {
+    let mut known: Vec<u32> = values.iter().flatten().copied().collect();
+    let there = enough(known.len(), values.len());
+    known.sort_unstable();
+    known.dedup();
+    there && known.len() >= 3
+}
+
+/// What is checked.
+fn body(message: &[u8], first: usize, behind: usize, once: Option<u8>) -> Vec<u8> {
+    let end = message.len().saturating_sub(behind);
+    let mut bytes = message.get(first..end).unwrap_or_default().iter();
+    let mut found = Vec::with_capacity(end);
+    while let Some(byte) = bytes.next() {
+        found.push(*byte);
+        if once == Some(*byte) {
+            bytes.next();
+        }
+    }
+    found
+}
+
+/// Whether nearly all values are those of their bodies, but for a constant.
+fn agrees(
+    kind: Kind,
+    bodies: &[Vec<u8>],
+    values: &[Option<u32>],
+    width: usize,
+    order: &str,
+) -> Option<(String, u32)> {
+    let bits = 8 * if order == "hex" { width / 2 } else { width };
+    let mask = u32::MAX >> (32 - bits);
+    let of = |body: &Vec<u8>| -> Option<u32> {
+        let sum = || body.iter().fold(0_u32, |sum, byte| sum.wrapping_add(u32::from(*byte)));
+        Some(match kind {
+            Kind::Sum => sum() & mask,
+            Kind::Negated => sum().wrapping_neg() & mask,
+            Kind::Xor if bits == 8 => u32::from(body.iter().fold(0, |xor, byte| xor ^ byte)),
+            Kind::Crc(crc) if usize::from(crc.bits) == bits => crc.of_bytes(body),
+            Kind::Xor | Kind::Crc(_) => return None,
+        })
+    };
+    let difference = |body: &Vec<u8>, value: u32| {
+        let of = of(body)?;
+        Some(match kind {
+            Kind::Sum | Kind::Negated => value.wrapping_sub(of) & mask,
+            Kind::Xor => value ^ of,
+            // Of messages of different lengths a CRC has no constant.
+            Kind::Crc(_) => u32::from(value != of),
+        })
+    };
+    let pairs = bodies.iter().zip(values).filter_map(|(body, value)| Some((body, (*value)?)));
+    let few: Vec<u32> = pairs.clone().take(FEW).filter_map(|(body, value)| difference(body, value)).collect();
+    let constant = few.iter().copied().max_by_key(|it| few.iter().filter(|other| *other == it).count())?;
+    if few.iter().filter(|it| **it == constant).count() * 2 < few.len()
+        || matches!(kind, Kind::Crc(_)) && constant != 0
+    {
+        return None;
+    }
+    let right = pairs.filter(|(body, value)| difference(body, *value) == Some(constant)).count();
+    if !enough(right, bodies.len()) {
+        return None;
+    }
+    let name = match kind {
+        Kind::Sum => "sum".into(),
+        Kind::Negated => "negated sum".into(),
+        Kind::Xor => "xor".into(),
+        Kind::Crc(crc) => crc
+            .name
+            .replace('_', "-")
+            .replacen("CRC-16-", "CRC-16/", 1)
+            .replacen("CRC-8-", "CRC-8/", 1)
+            .replacen("CRC-32-", "CRC-32/", 1)
+            .replacen("CRC-24-", "CRC-24/", 1),
+    };
+    Some((name, constant))
+}

@@ -1,0 +1,209 @@
+//! Fields of messages: lengths, counters, and numbers that change slowly.
+
+use serde::Serialize;
+
+use super::enough;
+use super::messages::usual;
+
+/// A field that says how long a message is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Length {
+    /// Its first byte; of decimal digits, the place of the number among the numbers of the message, from 0.
+    pub at: usize,
+    /// How many bytes it is; 0 of decimal digits.
+    pub width: usize,
+    /// The order of its bytes: `little`, `big`, or `digits`.
+    pub order: &'static str,
+    /// How many bytes the message has beside those that it counts.
+    pub beside: i64,
+}
+
+/// A number at a fixed place.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Number {
+    /// Its first byte.
+    pub at: usize,
+    /// Its type: `u8`, `u16`, `i16`, `i32` or `f32`; `digits` of a text, whose place is the number among those of the message.
+    #[serde(rename = "type")]
+    pub kind: &'static str,
+    /// The order of its bytes.
+    pub order: &'static str,
+}
+
+/// The places at which fields are searched for.
+const PLACES: usize = 24;
+/// Fewer messages do not show that a number changes slowly.
+const FEWEST: usize = 8;
+
+/// A field that grows with the length of its message.
+pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
+    let usual = messages
+        .iter()
+        .map(|it| it.len())
+        .max_by_key(|len| messages.iter().filter(|it| it.len() == *len).count())?;
+    let others = messages.iter().filter(|it| it.len() != usual).count();
+    // One length alone says nothing, nor do a few corrupt messages.
+    if others < 3 || others * 10 < messages.len() {
+        return None;
+    }
+    let field = |at: usize, width: usize, order: &'static str, read: &dyn Fn(&[u8]) -> Option<i64>| {
+        let beside: Vec<i64> =
+            messages.iter().filter_map(|it| Some(i64::try_from(it.len()).ok()? - read(it)?)).collect();
+        let most =
+            beside.iter().copied().max_by_key(|it| beside.iter().filter(|other| *other == it).count())?;
+        let right = beside.iter().filter(|it| **it == most).count();
+        (enough(right, messages.len()) && (-8..=64).contains(&most)).then_some(Length {
+            at,
+            width,
+            order,
+            beside: most,
+        })
+    };
+    for at in 0..PLACES {
+        let found = field(at, 2, "big", &|it| whole(it, at, 2, false))
+            .or_else(|| field(at, 2, "little", &|it| whole(it, at, 2, true)))
+            .or_else(|| field(at, 1, "big", &|it| whole(it, at, 1, false)))
+            .or_else(|| field(at, 0, "digits", &|it| digits(it).nth(at)));
+        if found.is_some() {
+            return found;
+        }
+    }
+    None
+}
+
+/// Numbers that are one more in nearly every message.
+pub(super) fn counters(messages: &[&[u8]], end: usize, begin: usize) -> Vec<Number> {
+    let shortest = messages.iter().map(|it| it.len()).min().unwrap_or_default();
+    let mut found: Vec<Number> = Vec::new();
+    let counts = |read: &dyn Fn(&[u8]) -> Option<i64>, modulus: i64| {
+        let values: Vec<Option<i64>> = messages.iter().map(|it| read(it)).collect();
+        let pairs = values.iter().zip(values.iter().skip(1));
+        let ones = pairs
+            .filter(|(a, b)| matches!((a, b), (Some(a), Some(b)) if (b - a).rem_euclid(modulus) == 1))
+            .count();
+        // Corrupt messages are missing between those that are there.
+        values.len() > 4 && ones * 100 >= (values.len() - 1) * 70
+    };
+    for at in begin..PLACES.min(shortest.saturating_sub(end)) {
+        for (width, order, kind) in [(2, "little", "u16"), (2, "big", "u16"), (1, "big", "u8")] {
+            let room = at + width <= shortest.saturating_sub(end);
+            let is_new = found.iter().all(|it| at >= it.at + if it.kind == "u8" { 1 } else { 2 });
+            if room && is_new && counts(&|it| whole(it, at, width, order == "little"), 1 << (8 * width)) {
+                // The high byte of a wide one has to be a part of it: here it is constant, and may be anything.
+                let high = if order == "little" { at + 1 } else { at };
+                let values: Vec<&u8> = messages.iter().filter_map(|it| it.get(high)).collect();
+                let moves = values.iter().any(|it| **it != 0 && width == 2) || width == 1;
+                if moves || values.iter().all(|it| **it == 0) {
+                    found.push(Number { at, kind, order });
+                }
+            }
+        }
+    }
+    for at in 0..6 {
+        if counts(&|it| text(it).then(|| digits(it).nth(at)).flatten(), i64::MAX) {
+            found.push(Number { at, kind: "digits", order: "big" });
+        }
+    }
+    found
+}
+
+/// Numbers at fixed places that change slowly, of messages of the usual length.
+pub(super) fn numbers(messages: &[&[u8]], begin: usize, end: usize, counters: &[Number]) -> Vec<Number> {
+    let Some(length) = messages
+        .iter()
+        .map(|it| it.len())
+        .max_by_key(|len| messages.iter().filter(|it| it.len() == *len).count())
+    else {
+        return Vec::new();
+    };
+    let alike: Vec<&[u8]> = messages.iter().copied().filter(|it| it.len() == length).collect();
+    if alike.len() < FEWEST || alike.iter().all(|it| text(it)) {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    let mut at = begin;
+    while at + 2 <= length.saturating_sub(end) {
+        if counters
+            .iter()
+            .any(|it| it.kind != "digits" && (it.at == at || it.kind != "u8" && it.at + 1 == at))
+        {
+            at += 1;
+            continue;
+        }
+        let wide = at + 4 <= length.saturating_sub(end);
+        let real = ["little", "big"].into_iter().find(|order| wide && are_reals(&alike, at, order));
+        if let Some(order) = real {
+            found.push(Number { at, kind: "f32", order });
+            at += 4;
+        } else if let Some(order) = are_slow(&alike, at) {
+            found.push(Number { at, kind: "i16", order });
+            at += 2;
+        } else {
+            at += 1;
+        }
+    }
+    found
+}
+
+/// The bytes behind the begin that are the same in nearly all messages.
+pub(super) fn constant(messages: &[&[u8]], begin: usize) -> Vec<(usize, u8)> {
+    let shortest = messages.iter().map(|it| it.len()).min().unwrap_or_default();
+    let same = |at: usize| {
+        let usual = usual(messages.iter().filter_map(|it| it.get(at)))?;
+        let count = messages.iter().filter(|it| it.get(at) == Some(&usual)).count();
+        enough(count, messages.len()).then_some((at, usual))
+    };
+    (begin..shortest.min(PLACES)).filter_map(same).collect()
+}
+
+fn are_reals(messages: &[&[u8]], at: usize, order: &str) -> bool {
+    let read = |message: &&[u8]| {
+        let bytes: [u8; 4] = message.get(at..at + 4)?.try_into().ok()?;
+        Some(if order == "little" { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) })
+    };
+    let values: Vec<f32> = messages.iter().filter_map(read).collect();
+    let sense = |value: &&f32| **value == 0.0 || (1e-3..1e5).contains(&value.abs());
+    let different = values.iter().filter(|value| Some(*value) != values.first()).count();
+    enough(values.iter().filter(sense).count(), values.len()) && different * 2 > values.len()
+}
+
+/// The order in which two bytes are a number that changes by little, and by much less than in the other.
+fn are_slow(messages: &[&[u8]], at: usize) -> Option<&'static str> {
+    let steps = |little: bool| {
+        let read = |message: &&[u8]| {
+            let bytes = message.get(at..at + 2)?.try_into().ok()?;
+            Some(if little { i16::from_le_bytes(bytes) } else { i16::from_be_bytes(bytes) })
+        };
+        let values: Vec<i16> = messages.iter().filter_map(read).collect();
+        let pairs = values.iter().zip(values.iter().skip(1));
+        let mut steps: Vec<i64> = pairs.map(|(a, b)| (i64::from(*a) - i64::from(*b)).abs()).collect();
+        steps.sort_unstable();
+        let moves = steps.iter().filter(|step| **step > 0).count() * 2 > steps.len();
+        steps.get(steps.len() / 2).copied().filter(|_| moves)
+    };
+    let (little, big) = (steps(true)?, steps(false)?);
+    match () {
+        () if little < 1024 && little * 8 < big => Some("little"),
+        () if big < 1024 && big * 8 < little => Some("big"),
+        () => None,
+    }
+}
+
+fn whole(message: &[u8], at: usize, width: usize, little: bool) -> Option<i64> {
+    let bytes = message.get(at..at + width)?;
+    let join = |value: i64, byte: &u8| value << 8 | i64::from(*byte);
+    Some(if little { bytes.iter().rev().fold(0, join) } else { bytes.iter().fold(0, join) })
+}
+
+fn text(message: &[u8]) -> bool {
+    message.iter().filter(|byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace()).count() * 10
+        >= message.len() * 9
+}
+
+/// The numbers of a text.
+fn digits(message: &[u8]) -> impl Iterator<Item = i64> {
+    message
+        .split(|byte| !byte.is_ascii_digit())
+        .filter(|run| !run.is_empty() && run.len() < 10)
+        .map(|run| run.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
+}

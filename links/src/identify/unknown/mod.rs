@@ -1,0 +1,96 @@
+//! What can be seen of bytes that no combination of options explains: where messages begin and end, what is constant in them, which bytes
+//! check which others, lengths, counters, numbers that change slowly, and which link comes nearest.
+
+mod checks;
+mod crc;
+mod fields;
+mod messages;
+mod nearest;
+#[cfg(test)]
+mod tests;
+
+use serde::Serialize;
+
+use super::Stream;
+
+pub use checks::Check;
+pub use fields::{Length, Number};
+pub use nearest::{Nearest, nearest};
+
+/// What can be seen of what one end sent.
+#[derive(Debug, Clone, Serialize)]
+pub struct Seen {
+    /// How many messages.
+    pub messages: usize,
+    /// The shortest and the longest of them, in bytes.
+    pub lengths: [usize; 2],
+    /// The bytes that all of them begin with.
+    #[serde(serialize_with = "hex")]
+    pub begin: Vec<u8>,
+    /// The bytes that all of them end with.
+    #[serde(serialize_with = "hex")]
+    pub end: Vec<u8>,
+    /// The byte that is doubled inside of them.
+    pub doubled: Option<u8>,
+    /// The bytes that are the same in all of them beside the marks: their places, and what they are.
+    pub constant: Vec<(usize, u8)>,
+    /// The bytes that check others.
+    pub check: Option<Check>,
+    /// A field with the length.
+    pub length: Option<Length>,
+    /// Numbers that grow by one from message to message.
+    pub counters: Vec<Number>,
+    /// Numbers that change slowly.
+    pub numbers: Vec<Number>,
+}
+
+/// So many messages of a stream are looked at.
+const MOST: usize = 200;
+/// A capture may have corrupt bytes: so much of the messages has to have what is found, in percent.
+pub(crate) const SHARE: usize = 85;
+
+/// What can be seen of each stream in which there is anything.
+pub fn look(streams: &[Stream]) -> Vec<Seen> {
+    streams.iter().filter_map(seen).collect()
+}
+
+fn seen(stream: &Stream) -> Option<Seen> {
+    let found = messages::divide(&stream.parts)?;
+    let messages: Vec<&[u8]> = found.messages.iter().map(Vec::as_slice).take(MOST).collect();
+    let (begin, end) = (found.begin, found.end);
+    let doubled = messages::doubled(&messages, begin.len(), &end);
+    let check = checks::find(&messages, end.len(), doubled);
+    let taken = check.as_ref().map_or(end.len(), |check| check.from_end + check.width);
+    let length = fields::length(&messages);
+    let mut counters = fields::counters(&messages, taken, begin.len());
+    if let Some(length) = &length {
+        counters.retain(|it| it.at != length.at);
+    }
+    let numbers = fields::numbers(&messages, begin.len(), taken, &counters);
+    let constant = fields::constant(&messages, begin.len());
+    let shortest = messages.iter().map(|it| it.len()).min()?;
+    let longest = messages.iter().map(|it| it.len()).max()?;
+    let lengths = [shortest, longest];
+    Some(Seen {
+        messages: found.messages.len(),
+        lengths,
+        begin,
+        end,
+        doubled,
+        constant,
+        check,
+        length,
+        counters,
+        numbers,
+    })
+}
+
+/// Whether so many of all are enough.
+fn enough(found: usize, all: usize) -> bool {
+    found > 0 && found * 100 >= all * SHARE
+}
+
+fn hex<S: serde::Serializer>(bytes: &[u8], out: S) -> Result<S::Ok, S::Error> {
+    let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    out.serialize_str(&pairs.join(" "))
+}

@@ -1,0 +1,101 @@
+//! Which link comes nearest to bytes that none explains: whose decoder finds the beginnings of messages in them, and what it says then.
+
+use std::collections::HashMap;
+
+use anyhow::Result;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::super::Stream;
+use crate::codec;
+use crate::link::Link;
+
+/// What a decoder says of bytes in which it finds no beginning of a message.
+const NOTHING: [&str; 9] = [
+    "garbage",
+    "start_mark",
+    "noise",
+    "no_head",
+    "incomplete",
+    "unknown_command",
+    "unknown_reply",
+    "too_long",
+    "short",
+];
+
+/// How near a link comes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Nearest {
+    /// Its name.
+    pub link: &'static str,
+    /// The settings with which it comes nearest, where they are not the defaults.
+    pub settings: Map<String, Value>,
+    /// The side.
+    pub side: &'static str,
+    /// How many messages begin as its own.
+    pub begin: usize,
+    /// How many of them are whole.
+    pub whole: usize,
+    /// What is wrong with most of the others: the kind of the error.
+    pub wrong: Option<String>,
+}
+
+/// How near each link comes with its defaults, or one setting changed; the nearest first.
+///
+/// # Errors
+/// Where a decoder makes no progress: it is a defect.
+pub fn nearest(links: &[&'static Link], streams: &[Stream]) -> Result<Vec<Nearest>> {
+    let mut found = Vec::new();
+    for link in links {
+        let mut best: Option<Nearest> = None;
+        for settings in one_changed(link) {
+            for stream in streams {
+                for side in stream.sides(link) {
+                    let near = near(link, side, &settings, stream)?;
+                    if near.begin > best.as_ref().map_or(0, |best| best.begin) {
+                        best = Some(near);
+                    }
+                }
+            }
+        }
+        found.extend(best);
+    }
+    found.sort_by_key(|near| core::cmp::Reverse(near.begin));
+    Ok(found)
+}
+
+/// The defaults, and each of them changed alone.
+fn one_changed(link: &Link) -> Vec<Map<String, Value>> {
+    let known = (link.settings)();
+    let open = known.iter().filter(|setting| link.open.settings.contains(&setting.name.as_str()));
+    let others = open.flat_map(|setting| {
+        let values = setting.choices.iter().filter(|value| **value != setting.default);
+        values.map(|value| Map::from_iter([(setting.name.clone(), value.clone())]))
+    });
+    core::iter::once(Map::new()).chain(others).collect()
+}
+
+fn near(
+    link: &'static Link,
+    side: &'static str,
+    settings: &Map<String, Value>,
+    stream: &Stream,
+) -> Result<Nearest> {
+    let parts: Vec<Vec<&[u8]>> = stream.parts.iter().map(|part| vec![part.as_slice()]).collect();
+    let (mut whole, mut kinds) = (0, HashMap::<String, usize>::new());
+    for item in codec::items((link.codec)(side, settings)?, &parts)? {
+        match item.value()? {
+            Ok(_) => whole += 1,
+            Err(error) => {
+                let kind = error.get("kind").and_then(Value::as_str).unwrap_or_default();
+                if !NOTHING.contains(&kind) {
+                    *kinds.entry(kind.to_owned()).or_default() += 1;
+                }
+            }
+        }
+    }
+    let begin = whole + kinds.values().sum::<usize>();
+    let wrong = kinds.into_iter().max_by_key(|(kind, count)| (*count, core::cmp::Reverse(kind.clone())));
+    let wrong = wrong.map(|(kind, _)| kind);
+    Ok(Nearest { link: link.name, settings: settings.clone(), side, begin, whole, wrong })
+}

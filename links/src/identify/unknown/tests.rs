@@ -1,0 +1,45 @@
+//! Messages that no link has.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing)]
+
+use super::super::Sender;
+use super::*;
+
+fn look_at(messages: impl Iterator<Item = Vec<u8>>) -> Seen {
+    let stream = Stream { sender: Sender::Unknown, parts: vec![messages.flatten().collect()] };
+    look(&[stream]).remove(0)
+}
+
+/// Numbers that repeat in no short time.
+fn noise(at: u32) -> u8 {
+    u8::try_from(at.wrapping_mul(2_654_435_761).rotate_left(9) >> 24).unwrap()
+}
+
+#[test]
+fn marks_lengths_counters_and_a_crc_are_seen() {
+    let message = |at: u8| {
+        let data: Vec<u8> = (0..4 + at % 5).map(|byte| noise(u32::from(at) * 16 + u32::from(byte))).collect();
+        let body = [&[u8::try_from(data.len()).unwrap(), at], data.as_slice()].concat();
+        let crc = crc::ALL[0].of_bytes(&body).to_le_bytes();
+        [&[0xAA, 0x55], body.as_slice(), &crc[..2]].concat()
+    };
+    let seen = look_at((0..40).map(message));
+    assert_eq!(seen.begin, [0xAA, 0x55], "{seen:?}");
+    assert_eq!(seen.length, Some(Length { at: 2, width: 1, order: "big", beside: 6 }));
+    assert_eq!(seen.counters, [Number { at: 3, kind: "u8", order: "big" }]);
+    let check = seen.check.unwrap();
+    assert_eq!((check.kind.as_str(), check.order, check.from_end), ("CRC-16/MODBUS", "little", 0));
+    assert_eq!((check.first, check.before), (2, 0));
+}
+
+#[test]
+fn a_line_ends_with_its_end_and_a_check_in_digits() {
+    let message = |at: u32| {
+        let body = format!("$T,{},{}", at * 37 % 1000, noise(at));
+        let xor = body.bytes().skip(1).fold(0, |xor, byte| xor ^ byte);
+        format!("{body}*{xor:02X}\r\n").into_bytes()
+    };
+    let seen = look_at((0..40).map(message));
+    assert_eq!((seen.begin.as_slice(), seen.end.as_slice()), (&b"$T,"[..], &b"\r\n"[..]), "{seen:?}");
+    let check = seen.check.unwrap();
+    assert_eq!((check.kind.as_str(), check.order, check.first, check.before), ("xor", "hex", 1, 1));
+}

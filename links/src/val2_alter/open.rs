@@ -1,0 +1,43 @@
+//! What the source leaves open of the framing.
+
+use val2_alter::Framing;
+
+use crate::link::{Deciding, Open};
+use crate::settings;
+
+pub(super) const OPEN: Open = Open {
+    settings: &["leading_dle", "negated_sum", "stuffed_checksum", "ignore_spare_select"],
+    beside: &[],
+    guess: None,
+    deciding: &[
+        Deciding {
+            side: "robot",
+            about: "a message whose checksum is neither 00h nor 80h",
+            message: r#"{"kind":"start","mode":23,"data":[]}"#,
+        },
+        Deciding {
+            side: "robot",
+            about: "a message whose checksum is 10h",
+            message: r#"{"kind":"motion","phase":"running","error":0,"segment_status":2,"segment":110,"percent":32,"transform":null}"#,
+        },
+        Deciding {
+            side: "host",
+            about: "a message whose checksum is 10h",
+            message: r#"{"kind":"reply","exception":0,"values":[15,null,null,null,null,null]}"#,
+        },
+        Deciding {
+            side: "robot",
+            about: "a message whose checksum is 10h",
+            message: r#"{"kind":"motion","phase":"running","error":0,"segment_status":2,"segment":110,"percent":0,"transform":null}"#,
+        },
+        Deciding {
+            side: "host",
+            about: "a message whose checksum is 10h",
+            message: r#"{"kind":"reply","exception":0,"values":[239,null,null,null,null,null]}"#,
+        },
+    ],
+    rust: |given| {
+        let framing = settings::read("val2-alter", Framing::DEFAULT, given)?;
+        Ok(format!("{framing:?}").replace("leading_dle: ", "leading_dle: LeadingDle::"))
+    },
+};

@@ -125,6 +125,11 @@ impl Ledger {
         self.jobs.get(job).is_some_and(|job| job.reported.is_some())
     }
 
+    /// Whether it has been executed.
+    pub fn is_executed(&self, job: usize) -> bool {
+        self.jobs.get(job).is_some_and(|job| job.times > 0)
+    }
+
     /// How many jobs were sent.
     pub fn len(&self) -> usize {
         self.jobs.len()

@@ -143,7 +143,11 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                             log.line(now, format_args!("!!! it was received before"));
                             invented += 1;
                         }
-                        None => aliens.push(packet),
+                        None => {
+                            aliens.push(packet);
+                            // Nobody has measured these.
+                            using = using.filter(|_| !is_new);
+                        }
                     }
                     (!matches!(event, HostEvent::Unasked(_))).then_some(Reported::Done)
                 }

@@ -338,8 +338,9 @@ impl Cell {
                     self.interrupted = true;
                     let job = self.exceptions.iter().rfind(|job| exception(**job) == found);
                     match job {
-                        Some(job) => _ = self.ledger.execute(*job),
-                        None => {
+                        Some(job) if !self.ledger.is_executed(*job) => _ = self.ledger.execute(*job),
+                        // Nobody sent it, or it comes again: only corruption explains that.
+                        _ => {
                             let reply = Reply { exception: found, ..Reply::NOTHING };
                             self.aliens.push(HostMessage::Reply(reply));
                         }

@@ -12,7 +12,7 @@ use tool::{cellwire, run};
 /// Messages of ALTER with one DLE and a negated sum, as hex.
 fn alter(count: u16) -> String {
     let message = |segment: u16| {
-        let data = [0x80, 2, (segment % 13) as u8 + 1, 0, 0, 0x20];
+        let data = [0x80, 2, u8::try_from(segment % 13).unwrap() + 1, 0, 0, 0x20];
         let sum = data.iter().fold(0_u8, |sum, byte| sum.wrapping_sub(*byte));
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X} ")).collect::<String>();
         format!("10 02 {}10 03 {sum:02X}\n", hex(&data))

@@ -1,5 +1,5 @@
 //! Captures that the links' own encoders write, with options other than the defaults.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic)]
 
 use serde_json::{Map, Value, json};
 

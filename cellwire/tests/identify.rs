@@ -1,5 +1,6 @@
 //! `cellwire identify`: every format that `decode` reads, what it prints and writes, and what it says where it cannot.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
 mod tool;
 

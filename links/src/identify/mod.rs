@@ -3,7 +3,7 @@
 //!
 //! A combination of settings is judged by reading: a message counts whole where the encoder would write the very bytes, and half
 //! where it would write others. Of two combinations the one that explains more is preferred, and the other is ruled out when what it does
-//! not explain is not likely to be corruption ([`evidence`]). Those that are left are undecided: they are all named, and which
+//! not explain is not likely to be corruption (see `evidence`). Those that are left are undecided: they are all named, and which
 //! message would decide. Numbers that make no sense (a position of 10⁻⁴¹ mm) decide only where the bytes do not.
 
 mod combination;

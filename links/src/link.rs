@@ -59,6 +59,8 @@ pub struct Open {
     pub guess: Option<Guess>,
     /// Messages whose bytes differ from setting to setting.
     pub deciding: &'static [Deciding],
+    /// Values with which more is read, and the same is written: the setting, the value, and which bytes would decide.
+    pub reads_more: &'static [(&'static str, &'static str, &'static str)],
     /// The settings of the codec as an expression of the crate's configuration.
     pub rust: fn(&Map<String, Value>) -> Result<String>,
 }
@@ -87,8 +89,14 @@ pub struct Deciding {
 
 impl Open {
     /// Nothing.
-    pub const NOTHING: Self =
-        Self { settings: &[], beside: &[], guess: None, deciding: &[], rust: |_| Ok(String::new()) };
+    pub const NOTHING: Self = Self {
+        settings: &[],
+        beside: &[],
+        guess: None,
+        deciding: &[],
+        reads_more: &[],
+        rust: |_| Ok(String::new()),
+    };
 }
 
 /// A message that was accepted, and is not written as it was read.

@@ -23,6 +23,7 @@ pub(super) const OPEN: Open = Open {
             message: r#"{"unit":1,"function":3,"telemetry":{"life_counter":100000,"override":100,"position":[123.456,-50.0,300.25],"wpr":[180.0,0.0,45.0],"quaternion":[0.0,0.9238795,0.3826834,0.0],"velocity":[12.5,0.0,-3.75],"quaternion_rate":[0.0,0.01,-0.02,0.0]}}"#,
         },
     ],
+    reads_more: &[],
     rust: |given| {
         let settings = settings::read("fanuc-hmi-modbus", ViewSettings::default(), given)?;
         let framing = match settings.frames {

@@ -318,6 +318,7 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
                 Some(settings) => deciding(first, &mut Combination::new(first.link, settings)?),
                 None => None,
             };
+            let message = message.or_else(|| reads_more(first.link, setting, [&value, other]));
             Decided::Not { others, message }
         }
     };
@@ -341,6 +342,14 @@ fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) ->
         return Ok(None);
     }
     Ok(Some(Decided::Not { others: Vec::new(), message: deciding(first, &mut other) }))
+}
+
+/// The bytes that only the decoder with one of two values reads.
+fn reads_more(link: &Link, setting: &str, values: [&Value; 2]) -> Option<String> {
+    let is_one =
+        |value: &str| values.iter().any(|it| it.as_str().map_or(it.to_string() == value, |it| it == value));
+    let found = link.open.reads_more.iter().find(|(name, value, _)| *name == setting && is_one(value));
+    found.map(|(.., about)| (*about).to_owned())
 }
 
 /// A message that only one of two combinations writes so, or makes sense of.

@@ -13,6 +13,7 @@ pub(super) const OPEN: Open = Open {
         about: "a name or field with a letter beyond ASCII",
         message: r#"{"name":"Määrä","fields":["1"]}"#,
     }],
+    reads_more: &[],
     rust: |given| {
         let settings = settings::read("kawasaki-msg", CodecSettings::default(), given)?;
         Ok(format!("Charset::{:?}", settings.plant.charset))

@@ -28,6 +28,7 @@ pub(super) const OPEN: Open = Open {
             message: r#"{"items":[{"u8":[0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15]}]}"#,
         },
     ],
+    reads_more: &[("tail", "either", "a frame that ends 90 83")],
     rust: |given| {
         let profile = settings::read("laser-eb90", Profile::default(), given)?;
         let enums = [("tail", "Tail"), ("flag", "Flag"), ("checksum", "Width"), ("byte_order", "ByteOrder")];

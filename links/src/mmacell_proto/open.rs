@@ -28,5 +28,6 @@ pub(super) const OPEN: Open = Open {
             message: r#"{"reply":"error","error":40000}"#,
         },
     ],
+    reads_more: &[],
     rust: |given| Ok(format!("{:?}", settings::read("mmacell-proto", Dialect::STRICT, given)?)),
 };

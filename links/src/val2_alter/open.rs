@@ -36,6 +36,7 @@ pub(super) const OPEN: Open = Open {
             message: r#"{"kind":"reply","exception":0,"values":[239,null,null,null,null,null]}"#,
         },
     ],
+    reads_more: &[("ignore_spare_select", "true", "a reply whose select byte has bit 6 or 7")],
     rust: |given| {
         let framing = settings::read("val2-alter", Framing::DEFAULT, given)?;
         Ok(format!("{framing:?}").replace("leading_dle: ", "leading_dle: LeadingDle::"))

@@ -69,6 +69,10 @@ robot_session::rules! {
         InTime,
         /// An error code counts only in the message that follows the reply directly.
         InSequence,
+        /// A reply counts as not read only in the message that follows it directly.
+        Rejected,
+        /// Where a reply may be late for its window, a word counts as zero only when none that is not can come any more.
+        WordsLate,
         /// A reply that was not read may be late: the message after shows whether its exception was executed.
         Unread,
         /// An exception that was read is not sent again.
@@ -114,6 +118,14 @@ impl HostConfig {
     /// reply to that.
     pub(super) fn is_in_time(&self) -> bool {
         self.max_delay < timing::CYCLE.saturating_sub(timing::window(self.mode.accumulation()))
+    }
+
+    /// When all is read that was sent before `now`, and a message says so, where replies are late: a reply, the message behind its window,
+    /// and two cycles. A line that is later than a controller is silent has no such time: then ALTER is over before.
+    pub(super) fn settles_at(&self, now: Duration) -> Duration {
+        let most = timing::CYCLE.saturating_mul(self.silence_cycles);
+        let late = self.max_delay.min(most);
+        now.saturating_add(late.saturating_add(timing::CYCLE).saturating_mul(2))
     }
 
     /// The length of a reply with this many values and no doubled DLE.

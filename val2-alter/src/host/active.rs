@@ -71,7 +71,6 @@ impl Active {
         let is_interrupted = phase == MotionPhase::Interrupted || self.stage == Stage::Interrupted;
         if is_interrupted && config.rules.keeps(Rule::WordsInterrupted) {
             self.sent = self.kept;
-            self.settles_at = Some(config.settles_at(now));
         } else if error == ErrorCode::None && self.settles_at.is_some_and(|at| is_due(at, now)) {
             (self.kept, self.sent) = (self.sent, 0);
             self.settles_at = Some(config.settles_at(now));
@@ -148,6 +147,10 @@ impl Active {
     /// Bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
         self.follows_until = Duration::ZERO;
+        if self.settles_at.is_some() {
+            // It may have been the one that says that ALTER is interrupted.
+            self.sent |= self.kept;
+        }
         if let Pending::Unread { follows_until, .. } = &mut self.exception {
             *follows_until = Duration::ZERO;
         }

@@ -51,9 +51,9 @@ pub(super) const RULES: Terms = Terms {
     ],
 };
 pub(super) const LATER: Terms = Terms {
-    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, replies no later than a cycle",
-    free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what it makes of words that come in \
-           an interruption, what is lost or corrupt, when it interrupts and ends",
+    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
+    free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what is lost or corrupt, when it \
+           interrupts and ends",
     properties: &[WORDS, ZEROS, FITS, SILENT, SILENCE, ANSWERED, EXPECTED],
 };
 pub(super) const LATE: Terms = Terms {

@@ -108,6 +108,8 @@ impl Known {
         }
         if matches!(self.up, [Some((_, ticks)), _] if ticks <= self.most_late(peer)) {
             let each = [(false, false), (false, true), (true, false)];
+            // Where two replies are under way, one may come in an interruption of which no message has come.
+            let each = each.into_iter().filter(|(corrupt, takes)| peer.delay <= DELAY || *corrupt || *takes);
             words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
         }
         // A reply that is late by a cycle could be one of the ALTER before.

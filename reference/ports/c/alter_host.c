@@ -86,13 +86,37 @@ static uint64_t follows_from(const struct alter_host *host, uint64_t arrival)
     return end > host->config.max_delay ? end - host->config.max_delay : 0;
 }
 
+/* No reply comes in the window of another message. */
+static bool is_in_time(const struct alter_host *host) { return host->config.max_delay < CYCLE - window(host); }
+
+/* AL-95 */
+static uint64_t settles_from(const struct alter_host *host, uint64_t now)
+{
+    uint64_t late = sooner(host->config.max_delay, CYCLE * host->config.silence_cycles);
+    return after(now, 2 * (late + CYCLE));
+}
+
+/* AL-95 */
+static void keep_late(struct alter_host *host, uint64_t now, const struct val2_alter_message *message)
+{
+    host->kept |= host->sent;
+    if (message->kind == VAL2_ALTER_INTERRUPTED || host->phase == ALTER_HOST_INTERRUPTED) {
+        host->sent = host->kept;
+    } else if (message->code == 0 && now >= host->settles_at) {
+        host->kept = host->sent;
+        host->sent = 0;
+        host->settles_at = settles_from(host, now);
+    }
+}
+
 /* A standard message has come. */
 static void judge_exception(struct alter_host *host, uint64_t now, const struct val2_alter_message *message)
 {
-    bool follows = now < host->follows_until;
+    bool is_unread = host->exception == ALTER_HOST_UNREAD;
+    bool follows = now < (is_unread ? host->unread_until : host->follows_until);
     if (host->exception == ALTER_HOST_NO_EXCEPTION || host->exception == ALTER_HOST_UNSENT)
         return;
-    if (host->config.max_delay >= CYCLE - window(host)) {
+    if (!is_in_time(host)) {
         settle_exception(host, "unknown", "out_of_sequence");
     } else if (host->exception == ALTER_HOST_SENT && message->code == 0) {
         settle_exception(host, "done", NULL);
@@ -100,7 +124,7 @@ static void judge_exception(struct alter_host *host, uint64_t now, const struct 
         settle_exception(host, "unknown", "unclear");
     } else if (host->exception == ALTER_HOST_SENT) {
         host->exception = ALTER_HOST_UNREAD;
-        host->follows_until = follows ? follows_from(host, now) : 0;
+        host->unread_until = follows ? follows_from(host, now) : 0;
     } else if (!follows) {
         settle_exception(host, "unknown", "out_of_sequence");
     } else if (host->phase == ALTER_HOST_STOPPING) {
@@ -154,7 +178,7 @@ static void restart(struct alter_host *host)
     host->is_fresh = false;
     host->kept = host->sent = 0;
     host->exception = ALTER_HOST_NO_EXCEPTION;
-    host->follows_until = 0;
+    host->follows_until = host->unread_until = host->settles_at = 0;
 }
 
 void alter_host_init(struct alter_host *host, const struct alter_host_config *config)
@@ -181,11 +205,19 @@ void alter_host_disconnected(struct alter_host *host, uint64_t now)
     host->has_gap = false;
 }
 
+/* AL-68, AL-95: a message may have been among the bytes. */
+static void lose_sequence(struct alter_host *host)
+{
+    host->follows_until = host->unread_until = 0;
+    if (!is_in_time(host))
+        host->sent |= host->kept;
+}
+
 /* AL-47, AL-68 */
 static void take_corrupt_frame(struct alter_host *host, uint64_t now)
 {
     bool may_ask = host->phase == ALTER_HOST_IDLE || (host->phase == ALTER_HOST_REPEATING && !host->is_due);
-    host->follows_until = 0;
+    lose_sequence(host);
     if (!may_ask || host->policy != ALTER_HOST_ACCEPT)
         return;
     host->asked = host->phase == ALTER_HOST_REPEATING ? host->asked + 1 : 1;
@@ -208,10 +240,17 @@ static void take_motion(struct alter_host *host, uint64_t now, const struct val2
         report(host, ALTER_HOST_DELAYED); /* AL-93 */
     if (message->code > 0) {
         report(host, ALTER_HOST_REJECTED)->code = message->code;
-        alter_limiter_rejected(&host->limiter);
+        if (is_in_time(host) && now < host->follows_until) /* AL-94 */
+            alter_limiter_rejected(&host->limiter);
+        else
+            alter_limiter_missed(&host->limiter);
     }
-    host->kept = message->code > 0 ? host->kept | host->sent : host->sent; /* AL-64 */
-    host->sent = host->kept;
+    if (is_in_time(host)) {
+        host->kept = message->code > 0 ? host->kept | host->sent : host->sent; /* AL-64 */
+        host->sent = host->kept;
+    } else {
+        keep_late(host, now, message);
+    }
     judge_exception(host, now, message);
     if (host->phase != ALTER_HOST_STOPPING) {
         host->phase = message->kind == VAL2_ALTER_RUNNING ? ALTER_HOST_RUNNING : ALTER_HOST_INTERRUPTED;
@@ -262,7 +301,7 @@ static void read_items(struct alter_host *host, uint64_t now)
             return;
         if (item.is_error) {
             if (item.error.kind == VAL2_ALTER_START_MARK)
-                host->follows_until = 0;
+                lose_sequence(host);
             report(host, ALTER_HOST_CORRUPT)->error = item.error;
         } else {
             take_message(host, now, &item);
@@ -378,6 +417,7 @@ static size_t transmit_start_reply(struct alter_host *host, uint64_t now, uint8_
         host->phase = ALTER_HOST_ACCEPTED;
         host->lost_at = silence(host, now);
         restart(host);
+        host->settles_at = settles_from(host, now);
     }
     return length;
 }
@@ -444,11 +484,11 @@ static size_t transmit_reply(struct alter_host *host, uint64_t now, uint8_t *out
     bool is_uncertain = host->is_interrupted || host->exception == ALTER_HOST_UNREAD;
     if (is_uncertain)
         host->kept |= moved;
-    host->sent = is_uncertain ? host->kept : moved;
-    if (has_exception) {
+    uint8_t sent = is_uncertain ? host->kept : moved;
+    host->sent = is_in_time(host) ? sent : host->sent | sent;
+    host->follows_until = follows_from(host, host->arrival);
+    if (has_exception)
         host->exception = ALTER_HOST_SENT;
-        host->follows_until = follows_from(host, host->arrival);
-    }
     host->is_due = false;
     host->zeros_sent = moved == 0 && alter_limiter_is_at_rest(&limiter);
     return length;

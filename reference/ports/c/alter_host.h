@@ -83,7 +83,9 @@ struct alter_host {
     uint8_t kept, sent; /* sets of axes, a bit each (AL-64) */
     enum alter_host_sent exception;
     uint8_t exception_code;
-    uint64_t follows_until;
+    uint64_t follows_until; /* a message is about the last reply */
+    uint64_t unread_until;  /* the same for an exception that was not read */
+    uint64_t settles_at;    /* where replies may be late */
     struct alter_host_event events[ALTER_HOST_EVENTS];
     size_t event_count;
 };

@@ -25,15 +25,15 @@ impl Active {
         let missed = self.request.is_some();
         let lost_at = config.lost_from(now);
         let delayed = lost_at < after(self.lost_at, CYCLE_NANOS) && self.was_delayed(lost_at, config);
-        let rejected = (error != ErrorCode::None).then_some(error);
+        let rejected = (error != ErrorCode::None).then(|| (error, self.follows(now, config)));
         self.lost_at = lost_at;
-        if error == ErrorCode::None {
-            self.kept = self.sent;
+        if self.settles_at.is_some() {
+            self.keep_late(now, phase, error, config);
         } else {
-            self.kept =
-                if config.rules.keeps(Rule::WordsUntilRead) { self.kept | self.sent } else { self.sent };
+            let uncertain = error != ErrorCode::None && config.rules.keeps(Rule::WordsUntilRead);
+            self.kept = if uncertain { self.kept | self.sent } else { self.sent };
+            self.sent = self.kept;
         }
-        self.sent = self.kept;
         let outcome = self.judge_exception(now, phase, error, config);
         let judged = Judged { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
@@ -63,6 +63,27 @@ impl Active {
             && lost_at.saturating_add(config.max_delay) < after(self.lost_at, CYCLE_NANOS)
     }
 
+    /// Where replies may be late, a message does not say which one was read: an axis leaves `kept` when all replies that can have come in
+    /// its window had a zero for it.
+    #[cold]
+    fn keep_late(&mut self, now: Duration, phase: MotionPhase, error: ErrorCode, config: &HostConfig) {
+        self.kept |= self.sent;
+        let is_interrupted = phase == MotionPhase::Interrupted || self.stage == Stage::Interrupted;
+        if is_interrupted && config.rules.keeps(Rule::WordsInterrupted) {
+            self.sent = self.kept;
+        } else if error == ErrorCode::None && self.settles_at.is_some_and(|at| is_due(at, now)) {
+            (self.kept, self.sent) = (self.sent, 0);
+            self.settles_at = Some(config.settles_at(now));
+        }
+    }
+
+    /// Whether an error code is about the last reply. Behind a message that was not answered it is about the reply to that, and where
+    /// replies may be late, about any.
+    #[cold]
+    fn follows(&self, now: Duration, config: &HostConfig) -> bool {
+        config.is_in_time() && now < self.follows_until || !config.rules.keeps(Rule::Rejected)
+    }
+
     /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
     /// may still be late, and the message after that says whether it has started the subroutine all the same.
     fn judge_exception(
@@ -74,7 +95,7 @@ impl Active {
     ) -> Outcome {
         let (exception, follows_until, is_first) = match self.exception {
             Pending::None | Pending::Unsent(_) => return None,
-            Pending::Sent { exception, follows_until } => (exception, follows_until, true),
+            Pending::Sent(exception) => (exception, self.follows_until, true),
             Pending::Unread { exception, follows_until } => (exception, follows_until, false),
         };
         let follows = now < follows_until || !config.rules.keeps(Rule::InSequence);
@@ -102,7 +123,7 @@ impl Active {
     pub(super) fn replied(&mut self, moving: u8, at_rest: bool, config: &HostConfig) -> Action {
         let exception = self.to_send(config);
         let Some(request) = self.request.take() else { return Action::Nothing };
-        self.sent = moving;
+        self.sent = if self.settles_at.is_some() { self.sent | moving } else { moving };
         // Nobody knows whether a controller keeps the words that come while its subroutine runs. An exception that was not read may
         // come late and have started it since the message.
         let is_interrupted =
@@ -113,8 +134,9 @@ impl Active {
             self.kept |= self.sent;
             self.sent = self.kept;
         }
+        self.follows_until = request.follows_until;
         if exception != Exception::None {
-            self.exception = Pending::Sent { exception, follows_until: request.follows_until };
+            self.exception = Pending::Sent(exception);
         }
         if let Stage::Stopping { zeros_sent } = &mut self.stage {
             *zeros_sent = at_rest;
@@ -124,9 +146,12 @@ impl Active {
 
     /// Bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
-        if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
-            &mut self.exception
-        {
+        self.follows_until = Duration::ZERO;
+        if self.settles_at.is_some() {
+            // It may have been the one that says that ALTER is interrupted.
+            self.sent |= self.kept;
+        }
+        if let Pending::Unread { follows_until, .. } = &mut self.exception {
             *follows_until = Duration::ZERO;
         }
     }
@@ -135,7 +160,7 @@ impl Active {
         match self.exception {
             Pending::None => None,
             Pending::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
-            Pending::Sent { exception, .. } | Pending::Unread { exception, .. } => {
+            Pending::Sent(exception) | Pending::Unread { exception, .. } => {
                 Some((exception, ExceptionOutcome::Unknown(UnknownReason::Ended)))
             }
         }

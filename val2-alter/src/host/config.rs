@@ -44,7 +44,8 @@ pub struct HostConfig {
     /// line: an assumption. A reply has no number, and one that is later than this may be taken for the reply to the next
     /// message; an exception that it carries could then be executed twice. From what the window leaves of a cycle on (13 ms
     /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
-    /// again, and its outcome is unknown; a late reply may bring back a word that was left out because it was zero. [`HostEvent::Delayed`] shows that it is wrong for messages,
+    /// again, and its outcome is unknown; a word is sent, as zero too, until no reply can come any more in which it was not zero
+    /// (a tenth of a second and more), and a stop takes as long. [`HostEvent::Delayed`] shows that it is wrong for messages,
     /// [`HostEvent::Rejected`] with a timeout that it may be for replies. Default: 10 ms.
     pub max_delay: Duration,
     /// The rules that its machine keeps.
@@ -69,6 +70,10 @@ robot_session::rules! {
         InTime,
         /// An error code counts only in the message that follows the reply directly.
         InSequence,
+        /// A reply counts as not read only in the message that follows it directly.
+        Rejected,
+        /// Where a reply may be late for its window, a word counts as zero only when none that is not can come any more.
+        WordsLate,
         /// A reply that was not read may be late: the message after shows whether its exception was executed.
         Unread,
         /// An exception that was read is not sent again.
@@ -114,6 +119,14 @@ impl HostConfig {
     /// reply to that.
     pub(super) fn is_in_time(&self) -> bool {
         self.max_delay < timing::CYCLE.saturating_sub(timing::window(self.mode.accumulation()))
+    }
+
+    /// When all is read that was sent before `now`, and a message says so, where replies are late: a reply, the message behind its window,
+    /// and two cycles. A line that is later than a controller is silent has no such time: then ALTER is over before.
+    pub(super) fn settles_at(&self, now: Duration) -> Duration {
+        let most = timing::CYCLE.saturating_mul(self.silence_cycles);
+        let late = self.max_delay.min(most);
+        now.saturating_add(late.saturating_add(timing::CYCLE).saturating_mul(2))
     }
 
     /// The length of a reply with this many values and no doubled DLE.
@@ -202,7 +215,7 @@ pub enum HostEvent {
     /// controller sends them. Exceptions may be executed twice on such a line; its adapter, or this setting, is to be changed.
     Delayed,
     /// The controller could not read the last reply, and why. Behind a message that was lost or corrupt, and so not answered, it may be
-    /// about that one.
+    /// about that one: then offsets go on from that of the last reply.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].

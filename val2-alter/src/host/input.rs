@@ -154,8 +154,8 @@ pub struct Judged {
     pub missed: bool,
     /// It was read later than the host assumes that anything is.
     pub delayed: bool,
-    /// The controller could not read the reply: the arm did not move by it.
-    pub rejected: Option<ErrorCode>,
+    /// The controller could not read a reply, and whether that was the last one: the arm did not move by it.
+    pub rejected: Option<(ErrorCode, bool)>,
     /// The exception's.
     pub outcome: Outcome,
 }

@@ -168,11 +168,11 @@ impl Machine for HostMachine {
                 if let Target::Fresh { until } = &mut active.target {
                     f(until);
                 }
-                if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
-                    &mut active.exception
-                {
+                if let Pending::Unread { follows_until, .. } = &mut active.exception {
                     f(follows_until);
                 }
+                f(&mut active.follows_until);
+                active.settles_at.iter_mut().for_each(&mut f);
                 f(&mut active.lost_at);
             }
         }
@@ -296,6 +296,7 @@ impl HostMachine {
         }
         match code {
             StartCode::Accept => {
+                let is_late = !config.is_in_time() && config.rules.keeps(Rule::WordsLate);
                 self.phase = HostPhase::Active(Active {
                     stage: Stage::Accepted,
                     request: None,
@@ -304,6 +305,8 @@ impl HostMachine {
                     exception: Pending::None,
                     kept: 0,
                     sent: 0,
+                    settles_at: is_late.then(|| config.settles_at(now)),
+                    follows_until: Duration::ZERO,
                 });
             }
             StartCode::Repeat => {}
@@ -386,7 +389,7 @@ impl HostMachine {
         match &mut self.phase {
             HostPhase::Active(active) if active.stage == Stage::Running => match active.exception {
                 Pending::Unsent(pending)
-                | Pending::Sent { exception: pending, .. }
+                | Pending::Sent(pending)
                 | Pending::Unread { exception: pending, .. } => {
                     Err(SessionError::ExceptionPending { pending: pending.into() })
                 }

@@ -210,8 +210,12 @@ impl Host {
         if delayed {
             self.delayed();
         }
-        if let Some(error) = rejected {
-            self.limiter.rejected();
+        if let Some((error, follows)) = rejected {
+            if follows {
+                self.limiter.rejected();
+            } else {
+                self.limiter.rest();
+            }
             self.core.statistics.rejected += 1;
             self.core.events.push_notice(HostEvent::Rejected(error));
         }

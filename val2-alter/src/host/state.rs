@@ -69,8 +69,12 @@ pub struct Active {
     pub exception: Pending,
     /// Bit *i*: the controller may hold a word *i* that is not zero, whatever it makes of words that are left out.
     pub kept: u8,
-    /// The same if it has read the last reply.
+    /// The same if it has read the last reply. Where replies may be late: what any reply had since `settles_at` was set.
     pub sent: u8,
+    /// Where replies may be late: when none from before it was set comes any more.
+    pub settles_at: Option<Duration>,
+    /// Until when an error code is about the last reply.
+    pub follows_until: Duration,
 }
 
 /// How far an ALTER is.
@@ -111,12 +115,7 @@ pub enum Pending {
     /// To be sent with the next reply.
     Unsent(Exception),
     /// Sent with the last reply.
-    Sent {
-        /// The code.
-        exception: Exception,
-        /// Until when the message that comes next is the one that follows directly.
-        follows_until: Duration,
-    },
+    Sent(Exception),
     /// Sent with the reply before the last message, which said that no reply was read: it may have come late since.
     Unread {
         /// The code.

@@ -69,6 +69,11 @@ class Config:
         """W (section 7.5)."""
         return (15 if self.is_cumulative else 17) * MS
 
+    @property
+    def is_in_time(self) -> bool:
+        """No reply comes in the window of another message."""
+        return self.max_delay < CYCLE - self.window
+
     def span(self, length: int) -> int:
         return span(length, max(self.baud, 1))
 
@@ -110,7 +115,8 @@ class Host(Session):
         self.kept: set[int] = set()
         self.sent: set[int] = set()
         self.exception: tuple[int, Sent] | None = None
-        self.follows_until = 0
+        self.follows_until = self.unread_until = 0
+        self.settles_at = 0  # where replies may be late
 
     # What becomes of an exception (section 7.6)
 
@@ -131,8 +137,8 @@ class Host(Session):
         if self.exception is None or self.exception[1] is Sent.UNSENT:
             return
         code, sent = self.exception
-        follows = now < self.follows_until
-        if self.config.max_delay >= CYCLE - self.config.window:
+        follows = now < (self.unread_until if sent is Sent.UNREAD else self.follows_until)
+        if not self.config.is_in_time:
             self.settle_exception({"unknown": "out_of_sequence"})
         elif sent is Sent.SENT and message["error"] == 0:
             self.settle_exception("done")
@@ -140,7 +146,7 @@ class Host(Session):
             self.settle_exception({"unknown": "unclear"})
         elif sent is Sent.SENT:
             self.exception = (code, Sent.UNREAD)
-            self.follows_until = self.follows_from(now) if follows else 0
+            self.unread_until = self.follows_from(now) if follows else 0
         elif not follows:
             self.settle_exception({"unknown": "out_of_sequence"})
         elif self.phase is Phase.STOPPING:
@@ -190,14 +196,20 @@ class Host(Session):
                 return
             if item.error is not None:
                 if item.error["kind"] == "start_mark":
-                    self.follows_until = 0
+                    self.lose_sequence()
                 self.report("corrupt", error=item.error)
             else:
                 self.take(now, item)
 
+    def lose_sequence(self) -> None:
+        """AL-68, AL-95: a message may have been among the bytes."""
+        self.follows_until = self.unread_until = 0
+        if not self.config.is_in_time:
+            self.sent |= self.kept
+
     def corrupt(self, now: int) -> None:
         """AL-47, AL-68"""
-        self.follows_until = 0
+        self.lose_sequence()
         if self.phase not in (Phase.IDLE, Phase.REPEATING) or self.due is not None or self.policy != "accept":
             return
         self.asked = self.asked + 1 if self.phase is Phase.REPEATING else 1
@@ -244,9 +256,15 @@ class Host(Session):
         code = message["error"]
         if code > 0:
             self.report("rejected", error=code)
-            self.limiter.rejected()
-        self.kept = self.kept | self.sent if code > 0 else set(self.sent)  # AL-64
-        self.sent = set(self.kept)
+            if self.config.is_in_time and now < self.follows_until:  # AL-94
+                self.limiter.rejected()
+            else:
+                self.limiter.missed()
+        if self.config.is_in_time:
+            self.kept = self.kept | self.sent if code > 0 else set(self.sent)  # AL-64
+            self.sent = set(self.kept)
+        else:
+            self.keep_late(now, message)
         self.judge_exception(now, message)
         if self.phase is Phase.STOPPING:
             if code == 0 and self.zeros_sent and not self.kept:
@@ -260,6 +278,20 @@ class Host(Session):
         shortest = self.config.span(self.framing.leading_dle + 6 + 2 * len(self.kept))
         is_interrupted = message["phase"] == "interrupted"
         self.due = Due(now, max(end_by - shortest, now + 1), end_by, is_interrupted)
+
+    def keep_late(self, now: int, message: Json) -> None:
+        """AL-95"""
+        self.kept |= self.sent
+        if message["phase"] == "interrupted" or self.phase is Phase.INTERRUPTED:
+            self.sent = set(self.kept)
+        elif message["error"] == 0 and now >= self.settles_at:
+            self.kept, self.sent = self.sent, set()
+            self.settles_at = self.settles_from(now)
+
+    def settles_from(self, now: int) -> int:
+        """AL-95"""
+        late = min(self.config.max_delay, CYCLE * self.config.silence_cycles)
+        return after(now, 2 * (late + CYCLE))
 
     def miss(self) -> None:
         """An answer was not sent in time."""
@@ -342,6 +374,7 @@ class Host(Session):
             self.phase = Phase.ACCEPTED
             self.lost_at = after(now, CYCLE * self.config.silence_cycles)
             self.restart()
+            self.settles_at = self.settles_from(now)
         elif reply != "repeat":
             self.phase = Phase.IDLE
         return frame or None
@@ -390,10 +423,10 @@ class Host(Session):
         if due.is_interrupted or is_unread:
             self.kept |= moved
             moved = self.kept
-        self.sent = set(moved)
+        self.sent = set(moved) if self.config.is_in_time else self.sent | moved
+        self.follows_until = self.follows_from(due.arrival)
         if code:
             self.exception = (code, Sent.SENT)
-            self.follows_until = self.follows_from(due.arrival)
         self.due = None
         self.zeros_sent = not any(values[axis] for axis in axes) and limiter.is_at_rest()
         return frame(axes)

@@ -25,6 +25,7 @@ use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 const NOW: Duration = Duration::ZERO;
 pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
 pub(super) const INTERRUPTED: &str = "no exception is sent in an interruption";
+pub(super) const REJECTED: &str = "an error code is not taken for the last reply's when that was read";
 pub(super) const DELAYED: &str = "a message is not reported as delayed when it is not";
 pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
 
@@ -44,9 +45,16 @@ pub(super) const RULES: Terms = Terms {
         SILENCE,
         ANSWERED,
         INTERRUPTED,
+        REJECTED,
         DELAYED,
         EXPECTED,
     ],
+};
+pub(super) const LATER: Terms = Terms {
+    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
+    free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what is lost or corrupt, when it \
+           interrupts and ends",
+    properties: &[WORDS, ZEROS, FITS, SILENT, SILENCE, ANSWERED, EXPECTED],
 };
 pub(super) const LATE: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
@@ -94,6 +102,8 @@ pub struct AnyController {
     pub keeps_rules: bool,
     /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
     pub takes_late: bool,
+    /// Ticks: how late a reply may be. From a cycle on, two are on the line; then no exception is sent.
+    pub delay: u8,
 }
 
 /// What happens.
@@ -172,8 +182,9 @@ impl Peer for AnyController {
             since_sent: CYCLE,
             window: Window::Nothing,
             held: false,
+            taken: false,
             down: None,
-            up: None,
+            up: [None; 2],
             late: 0,
             asked: None,
             started: None,
@@ -188,7 +199,7 @@ impl Peer for AnyController {
 
     fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
         if self.keeps_rules {
-            known.robot_words(words);
+            known.robot_words(self, words);
             if end.phase != HostPhase::Disconnected && known.down.is_some() && !known.sending {
                 words.push(Word::Read { corrupt: false });
                 if !(self.takes_late && matches!(known.down, Some(Frame::Start { .. }))) {
@@ -213,7 +224,7 @@ impl Peer for AnyController {
             words.push(Word::Target);
         }
         words.push(Word::Stop);
-        if end.name() == "running" && active.exception == Pending::None {
+        if end.name() == "running" && active.exception == Pending::None && self.delay <= DELAY {
             words.push(Word::Ask);
         }
     }
@@ -314,10 +325,12 @@ impl Peer for AnyController {
             Action::Stopped(judged) => {
                 known.stopped = true;
                 must(!self.keeps_rules || !known.held, ZEROS);
+                must(!known.is_misjudged(self, judged.rejected), REJECTED);
                 known.end_job(self, judged.outcome, &mut must);
             }
             Action::Asked(judged) => {
                 must(!(self.keeps_rules && judged.delayed), DELAYED);
+                must(!known.is_misjudged(self, judged.rejected), REJECTED);
                 known.end_job(self, judged.outcome, &mut must);
             }
             Action::Missed if cause == Cause::Due => (known.asked, known.started) = (None, None),
@@ -352,15 +365,19 @@ impl Peer for AnyController {
         if self.takes_late {
             known.since_read = 0;
         }
-        known.up = known.up.and_then(|(reply, ticks)| Some((reply, ticks.checked_sub(1)?)));
-        if known.up.is_none() && known.asked.is_none() && known.started.is_none() {
+        known.up = known.up.map(|up| up.and_then(|(reply, ticks)| Some((reply, ticks.checked_sub(1)?))));
+        if known.up[0].is_none() {
+            known.up.swap(0, 1);
+        }
+        if known.up[0].is_none() && known.asked.is_none() && known.started.is_none() {
             known.late = 0;
         }
     }
 
     fn restarted(&self, known: &mut Known) {
-        let Known { robot, sending, since_sent, window, held, down, up, late, wrong, .. } = *known;
-        *known = Known { robot, sending, since_sent, window, held, down, up, late, wrong, ..self.known() };
+        let Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, .. } = *known;
+        *known =
+            Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, ..self.known() };
     }
 
     fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {

@@ -26,9 +26,11 @@ pub struct Known {
     pub(super) window: Window,
     /// The word that it holds may be other than zero.
     pub(super) held: bool,
+    /// It has read the last reply.
+    pub(super) taken: bool,
     /// On the line to the host, and to the controller with the ticks until it arrives.
     pub(super) down: Option<Frame>,
-    pub(super) up: Option<(Reply, u8)>,
+    pub(super) up: [Option<(Reply, u8)>; 2],
     /// By how many ticks the host has read the message late.
     pub(super) late: u8,
     /// The host may answer; the message says so of the phase; ticks since it was read.
@@ -100,15 +102,18 @@ pub struct Job {
 
 impl Known {
     /// What a controller that keeps the rules may do.
-    pub(super) fn robot_words(&self, words: &mut Vec<Word>) {
+    pub(super) fn robot_words(&self, peer: &AnyController, words: &mut Vec<Word>) {
         if self.down.is_some() {
             words.push(Word::Lose);
         }
-        if matches!(self.up, Some((_, ticks)) if ticks <= DELAY - self.late) {
+        if matches!(self.up, [Some((_, ticks)), _] if ticks <= self.most_late(peer)) {
             let each = [(false, false), (false, true), (true, false)];
+            // Where two replies are under way, one may come in an interruption of which no message has come.
+            let each = each.into_iter().filter(|(corrupt, takes)| peer.delay <= DELAY || *corrupt || *takes);
             words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
         }
-        if self.robot != Robot::Off {
+        // A reply that is late by a cycle could be one of the ALTER before.
+        if self.robot != Robot::Off && peer.delay <= DELAY {
             words.push(Word::Restart);
         }
         let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
@@ -145,22 +150,37 @@ impl Known {
         (self.down, self.sending, self.window) = (Some(frame), true, Window::Nothing);
     }
 
+    /// Ticks: the answer to the message that was read last is late by no more.
+    fn most_late(&self, peer: &AnyController) -> u8 {
+        if peer.delay > DELAY { peer.delay } else { DELAY - self.late }
+    }
+
     /// The host has sent an answer.
     pub(super) fn answered(&mut self, peer: &AnyController, reply: Reply) {
         if peer.keeps_rules {
-            self.up = Some((reply, 1 + DELAY - self.late));
+            let answer = Some((reply, 1 + self.most_late(peer)));
+            // Of three, the first has arrived when nothing was looked at.
+            self.up = match self.up {
+                [None, _] => [answer, None],
+                [first, None] if peer.delay > DELAY => [first, answer],
+                [_, second] if peer.delay > DELAY => [second, answer],
+                _ => [answer, None],
+            };
         }
+        self.taken = false;
     }
 
     /// The answer arrives at the controller.
     pub(super) fn arrive(&mut self, takes_late: bool, corrupt: bool, takes: bool) {
-        let Some((reply, _)) = self.up.take() else { return };
+        let Some((reply, _)) = self.up[0].take() else { return };
+        self.up.swap(0, 1);
         self.late = 0;
         let in_window = !self.sending && self.since_sent <= WINDOW && self.window == Window::Nothing;
         if corrupt {
             self.window = if in_window { Window::Fault } else { self.window };
             return;
         }
+        self.taken |= in_window && matches!(reply, Reply::Values { .. });
         match (reply, self.robot) {
             (Reply::Accept, Robot::Starting) if in_window => {
                 (self.robot, self.window, self.held) = (Robot::Running, Window::Good, false);
@@ -186,6 +206,11 @@ impl Known {
             }
             (Reply::Accept | Reply::Values { .. }, _) => {}
         }
+    }
+
+    /// Whether the host takes an error code for the last reply's, and that was read.
+    pub(super) fn is_misjudged(&self, peer: &AnyController, rejected: Option<(ErrorCode, bool)>) -> bool {
+        peer.keeps_rules && !peer.takes_late && self.taken && matches!(rejected, Some((_, true)))
     }
 
     pub(super) fn execute(&mut self) {

@@ -48,11 +48,12 @@ pub const ANY_CONTROLLER: Pair = Pair {
         vec![
             Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
             Setting::new(TAKES_LATE, late_controller()).on(any_controller::LATE),
+            Setting::new(LATER, later_controller()).on(any_controller::LATER),
             Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
         ]
     },
     must_fail: || {
-        use any_controller::{AGAIN, DELAYED, INTERRUPTED};
+        use any_controller::{AGAIN, DELAYED, INTERRUPTED, REJECTED};
         use host::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
@@ -64,6 +65,12 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: words in an interruption are uncertain", WORDS, true, Rule::WordsInterrupted),
             without("host: words that may not be zero are sent", WORDS, true, Rule::WordsKept),
             without("host: an error code counts in sequence", ONCE, true, Rule::InSequence),
+            without(
+                "host: a reply is rejected by the message that follows it",
+                REJECTED,
+                true,
+                Rule::Rejected,
+            ),
             without("host: an exception that was read is not sent again", ONCE, true, Rule::SendOnce),
             without("host: no exception in an interruption", INTERRUPTED, true, Rule::NotInterrupted),
             without("host: a stop is done when zeros were read", ZEROS, true, Rule::ZerosRead),
@@ -90,6 +97,10 @@ pub const ANY_CONTROLLER: Pair = Pair {
             late(words, ZEROS, Rule::WordsUnread),
             late(words, WORDS, Rule::WordsUnread),
         ]);
+        let mut unknowing = later_controller();
+        unknowing.peer.config.rules = Rules::without(Rule::WordsLate);
+        let name = "host: where replies may be late, a word is zero when no other comes";
+        cases.push(MustFail::new(name, WORDS, LATER, unknowing));
         let mut hasty = any_controller(true);
         hasty.peer.config.max_delay = core::time::Duration::ZERO;
         cases.push(MustFail::new("assumption: no delay above max_delay", DELAYED, at(true), hasty));
@@ -131,19 +142,32 @@ pub const ANY_HOST: Pair = Pair {
 
 const TAKES_LATE: &str = "keeps them, takes late replies";
 
+const LATER: &str = "keeps the rules, replies are late by a cycle";
+
 fn any_controller(keeps_rules: bool) -> Against<AnyController> {
     let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(18)).host };
     // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
     let config = HostConfig { target_timeout, ..host };
     // With one that keeps the rules each answer is sent at once, and may be late on the line.
-    Against { late: !keeps_rules, ..Against::new(AnyController { config, keeps_rules, takes_late: false }) }
+    Against {
+        late: !keeps_rules,
+        ..Against::new(AnyController { config, keeps_rules, takes_late: false, delay: 1 })
+    }
 }
 
 /// Replies that are sent late, too, to a controller that takes them.
 fn late_controller() -> Against<AnyController> {
     let system = any_controller(true);
     Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
+}
+
+/// A line on which two replies may be under way, and the host knows.
+fn later_controller() -> Against<AnyController> {
+    let system = any_controller(true);
+    // A message is late by one tick besides.
+    let config = HostConfig { max_delay: TICK * 5, ..system.peer.config };
+    Against { breaks: false, peer: AnyController { config, delay: 4, ..system.peer }, ..system }
 }
 
 fn any_host(keeps_rules: bool) -> Against<AnyHost> {

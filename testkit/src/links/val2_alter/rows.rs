@@ -129,7 +129,7 @@ impl Rows for Host {
             HostPhase::Repeating { answer: Some(_), .. } => "repeating, an answer is due",
             HostPhase::Active(active) => match (active.stage, active.request, active.exception) {
                 (Stage::Running, _, Pending::Unsent(_)) => "running, an exception to be sent",
-                (Stage::Running, _, Pending::Sent { .. }) => "running, an exception sent",
+                (Stage::Running, _, Pending::Sent(_)) => "running, an exception sent",
                 (Stage::Running, _, Pending::Unread { .. }) => "running, an exception not read",
                 (Stage::Running, Some(_), Pending::None) => "running, a reply is due",
                 (Stage::Running, None, Pending::None) => "running",

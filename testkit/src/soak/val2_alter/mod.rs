@@ -132,7 +132,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         mode: config.mode,
         limits: Limits::NONE,
         subroutine: true,
-        max_delay: if in_time { HostConfig::default().max_delay } else { timing::CYCLE },
+        max_delay: if in_time { HostConfig::default().max_delay } else { Duration::MAX },
         ..HostConfig::default()
     };
     let mut cell = Cell {

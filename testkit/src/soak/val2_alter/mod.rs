@@ -219,7 +219,7 @@ impl Cell {
         if faults && rng.chance(0.001) {
             self.restart_host();
         }
-        if faults && rng.chance(0.001) {
+        if faults && rng.chance(0.001) && self.other_controller.is_none() {
             self.log.line(self.now, format_args!("the controller loses its memory"));
             self.controller = Controller::new(*self.controller.config()).expect("it worked before");
             self.controller.handle_connected(self.now);

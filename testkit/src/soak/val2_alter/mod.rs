@@ -151,7 +151,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         astray: false,
         interrupted: false,
         dead: None,
-        again_at: Some(Duration::ZERO),
+        again_at: (peer != Peer::Any(End::A)).then_some(Duration::ZERO),
         cause: Mark::default(),
         in_time,
         reply: None,

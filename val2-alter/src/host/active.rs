@@ -25,8 +25,9 @@ impl Active {
         let missed = self.request.is_some();
         let lost_at = config.lost_from(now);
         let delayed = lost_at < after(self.lost_at, CYCLE_NANOS) && self.was_delayed(lost_at, config);
-        let rejected = (error != ErrorCode::None).then(|| (error, self.follows(now, config)));
-        self.lost_at = lost_at;
+        let rejected = (error != ErrorCode::None).then(|| (error, self.follows(lost_at, config)));
+        let outcome = self.judge_exception(lost_at, phase, error, config);
+        (self.lost_at, self.in_sequence) = (lost_at, false);
         if self.settles_at.is_some() {
             self.keep_late(now, phase, error, config);
         } else {
@@ -34,7 +35,6 @@ impl Active {
             self.kept = if uncertain { self.kept | self.sent } else { self.sent };
             self.sent = self.kept;
         }
-        let outcome = self.judge_exception(now, phase, error, config);
         let judged = Judged { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
@@ -48,11 +48,7 @@ impl Active {
             (_, MotionPhase::Running) => Stage::Running,
             (_, MotionPhase::Interrupted) => Stage::Interrupted,
         };
-        self.request = Some(Request {
-            due: Due::reply(now, len, self.kept.count_ones(), config),
-            phase,
-            follows_until: config.follows_until(now),
-        });
+        self.request = Some(Request { due: Due::reply(now, len, self.kept.count_ones(), config), phase });
         Action::Asked(judged)
     }
 
@@ -80,25 +76,31 @@ impl Active {
     /// Whether an error code is about the last reply. Behind a message that was not answered it is about the reply to that, and where
     /// replies may be late, about any.
     #[cold]
-    fn follows(&self, now: Duration, config: &HostConfig) -> bool {
-        config.is_in_time() && now < self.follows_until || !config.rules.keeps(Rule::Rejected)
+    fn follows(&self, lost_at: Duration, config: &HostConfig) -> bool {
+        config.is_in_time() && self.in_sequence && self.is_next(lost_at, config)
+            || !config.rules.keeps(Rule::Rejected)
+    }
+
+    /// Whether no message was lost since the one before. The time when it counts as lost tells when it came.
+    fn is_next(&self, lost_at: Duration, config: &HostConfig) -> bool {
+        lost_at.saturating_add(config.max_delay) < after(self.lost_at, 2 * CYCLE_NANOS)
     }
 
     /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
     /// may still be late, and the message after that says whether it has started the subroutine all the same.
     fn judge_exception(
         &mut self,
-        now: Duration,
+        lost_at: Duration,
         phase: MotionPhase,
         error: ErrorCode,
         config: &HostConfig,
     ) -> Outcome {
-        let (exception, follows_until, is_first) = match self.exception {
+        let (exception, in_sequence, is_first) = match self.exception {
             Pending::None | Pending::Unsent(_) => return None,
-            Pending::Sent(exception) => (exception, self.follows_until, true),
-            Pending::Unread { exception, follows_until } => (exception, follows_until, false),
+            Pending::Sent(exception) => (exception, self.in_sequence, true),
+            Pending::Unread { exception, in_sequence } => (exception, in_sequence, false),
         };
-        let follows = now < follows_until || !config.rules.keeps(Rule::InSequence);
+        let follows = in_sequence && self.is_next(lost_at, config) || !config.rules.keeps(Rule::InSequence);
         let outcome = if !config.is_in_time() && config.rules.keeps(Rule::InTime) {
             Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
         } else if is_first && error == ErrorCode::None {
@@ -106,8 +108,7 @@ impl Active {
         } else if phase == MotionPhase::Interrupted {
             Some(ExceptionOutcome::Unknown(UnknownReason::Unclear))
         } else if is_first && config.rules.keeps(Rule::Unread) {
-            let follows_until = if follows { config.follows_until(now) } else { Duration::ZERO };
-            self.exception = Pending::Unread { exception, follows_until };
+            self.exception = Pending::Unread { exception, in_sequence: follows };
             return None;
         } else if !follows {
             Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
@@ -134,7 +135,7 @@ impl Active {
             self.kept |= self.sent;
             self.sent = self.kept;
         }
-        self.follows_until = request.follows_until;
+        self.in_sequence = true;
         if exception != Exception::None {
             self.exception = Pending::Sent(exception);
         }
@@ -146,13 +147,13 @@ impl Active {
 
     /// Bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
-        self.follows_until = Duration::ZERO;
+        self.in_sequence = false;
         if self.settles_at.is_some() {
             // It may have been the one that says that ALTER is interrupted.
             self.sent |= self.kept;
         }
-        if let Pending::Unread { follows_until, .. } = &mut self.exception {
-            *follows_until = Duration::ZERO;
+        if let Pending::Unread { in_sequence, .. } = &mut self.exception {
+            *in_sequence = false;
         }
     }
 

@@ -110,11 +110,6 @@ impl HostConfig {
         if self.rules.keeps(Rule::Lost) { self.lost_at(now) } else { Duration::MAX }
     }
 
-    /// Until when a message is the one that follows a message which arrived at `now`.
-    pub(super) fn follows_until(&self, now: Duration) -> Duration {
-        now.saturating_add((timing::CYCLE * 2).saturating_sub(self.max_delay))
-    }
-
     /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the
     /// reply to that.
     pub(super) fn is_in_time(&self) -> bool {

@@ -163,15 +163,10 @@ impl Machine for HostMachine {
             HostPhase::Active(active) => {
                 if let Some(request) = &mut active.request {
                     due(&mut request.due);
-                    f(&mut request.follows_until);
                 }
                 if let Target::Fresh { until } = &mut active.target {
                     f(until);
                 }
-                if let Pending::Unread { follows_until, .. } = &mut active.exception {
-                    f(follows_until);
-                }
-                f(&mut active.follows_until);
                 active.settles_at.iter_mut().for_each(&mut f);
                 f(&mut active.lost_at);
             }
@@ -306,7 +301,7 @@ impl HostMachine {
                     kept: 0,
                     sent: 0,
                     settles_at: is_late.then(|| config.settles_at(now)),
-                    follows_until: Duration::ZERO,
+                    in_sequence: false,
                 });
             }
             StartCode::Repeat => {}

@@ -73,8 +73,8 @@ pub struct Active {
     pub sent: u8,
     /// Where replies may be late: when none from before it was set comes any more.
     pub settles_at: Option<Duration>,
-    /// Until when an error code is about the last reply.
-    pub follows_until: Duration,
+    /// The last message was answered, and nothing corrupt has come since.
+    pub in_sequence: bool,
 }
 
 /// How far an ALTER is.
@@ -120,8 +120,8 @@ pub enum Pending {
     Unread {
         /// The code.
         exception: Exception,
-        /// Until when the message that comes next is the one that follows directly.
-        follows_until: Duration,
+        /// That message followed directly, and nothing corrupt has come since.
+        in_sequence: bool,
     },
 }
 
@@ -133,8 +133,6 @@ pub struct Request {
     pub due: Due,
     /// Whether ALTER is interrupted.
     pub phase: MotionPhase,
-    /// Until when a message is the next one.
-    pub follows_until: Duration,
 }
 
 impl HostMachine {

@@ -151,7 +151,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         astray: false,
         interrupted: false,
         dead: None,
-        again_at: Some(Duration::ZERO),
+        again_at: (peer != Peer::Any(End::A)).then_some(Duration::ZERO),
         cause: Mark::default(),
         in_time,
         reply: None,
@@ -219,7 +219,7 @@ impl Cell {
         if faults && rng.chance(0.001) {
             self.restart_host();
         }
-        if faults && rng.chance(0.001) {
+        if faults && rng.chance(0.001) && self.other_controller.is_none() {
             self.log.line(self.now, format_args!("the controller loses its memory"));
             self.controller = Controller::new(*self.controller.config()).expect("it worked before");
             self.controller.handle_connected(self.now);

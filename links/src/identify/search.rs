@@ -346,9 +346,13 @@ fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) ->
 
 /// The bytes that only the decoder with one of two values reads.
 fn reads_more(link: &Link, setting: &str, values: [&Value; 2]) -> Option<String> {
-    let is_one =
-        |value: &str| values.iter().any(|it| it.as_str().map_or(it.to_string() == value, |it| it == value));
-    let found = link.open.reads_more.iter().find(|(name, value, _)| *name == setting && is_one(value));
+    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let values = values.map(text);
+    let found = link
+        .open
+        .reads_more
+        .iter()
+        .find(|(name, value, _)| *name == setting && values.iter().any(|it| it == value));
     found.map(|(.., about)| (*about).to_owned())
 }
 

@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 /// Bytes as upper-case hex, separated by spaces.
-fn hex(bytes: &[u8]) -> String {
+pub(super) fn hex(bytes: &[u8]) -> String {
     let pairs: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
     pairs.join(" ")
 }

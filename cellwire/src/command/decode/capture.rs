@@ -56,12 +56,7 @@ struct Decoded {
 impl Directions for Decoding<'_> {
     type Direction = Box<Decoded>;
 
-    fn begin(
-        &mut self,
-        flow: Flow,
-        is_client: Option<bool>,
-        connection: u64,
-    ) -> Result<Option<Box<Decoded>>> {
+    fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Box<Decoded>>> {
         begin(self.args, flow, is_client, connection)
     }
 
@@ -81,12 +76,10 @@ impl Directions for Decoding<'_> {
 }
 
 /// How a direction begins: which side sends, and what its lines are called.
-fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Result<Option<Box<Decoded>>> {
+fn begin(args: &Args, flow: Flow, is_client: bool, number: u64) -> Result<Option<Box<Decoded>>> {
     let wanted = args.codec.from.as_deref();
     let (side, mut label) = match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
-            // If the capture lacks the beginning of the connection, the lower port counts as the server's.
-            let is_client = is_client.unwrap_or(from.port() > to.port());
             let server = if is_client { to.port() } else { from.port() };
             // Which of the two polls is not sure enough to leave its bytes out.
             let side = (args.codec.of.link.sender)(is_client, server)

@@ -137,11 +137,9 @@ struct Collected {
 impl Directions for Collecting<'_> {
     type Direction = Collected;
 
-    fn begin(&mut self, flow: Flow, is_client: Option<bool>, _: u64) -> Result<Option<Collected>> {
+    fn begin(&mut self, flow: Flow, is_client: bool, _: u64) -> Result<Option<Collected>> {
         let (name, sender) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
-                // If the capture lacks the beginning of the connection, the lower port counts as the server's.
-                let is_client = is_client.unwrap_or(from.port() > to.port());
                 let server = if is_client { to } else { from };
                 let kind = if let Flow::Tcp(..) = flow { "TCP" } else { "UDP" };
                 (format!("{kind} {server}"), Sender::Connected { is_client, port: server.port() })

@@ -10,6 +10,7 @@ use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::{Value, json};
 
+use super::super::encode::hex;
 use super::input::Conversation;
 use super::settings::{or, plain, would_decide};
 use crate::io::output::log;
@@ -133,11 +134,6 @@ fn lines(seen: &Seen) -> Vec<String> {
         lines.push(format!("the same in all: {}", constant.join(", ")));
     }
     lines
-}
-
-fn hex(bytes: &[u8]) -> String {
-    let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    pairs.join(" ")
 }
 
 /// The expression for the crate's configuration.

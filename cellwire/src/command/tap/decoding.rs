@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::SystemTime;
 
 use anyhow::Result;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::split::{Said, Split};
 use crate::command::codec::LinkArgs;
@@ -221,6 +221,6 @@ fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
 }
 
 /// Bytes as text.
-pub(super) fn hex(bytes: &[u8]) -> Value {
-    json!(bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>())
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

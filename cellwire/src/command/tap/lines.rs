@@ -60,9 +60,9 @@ fn line(entry: Entry) -> Value {
             put("length", json!(bytes.len()));
             put("error", error);
             put("clause", json!(clause));
-            put("bytes", hex(&bytes));
+            put("bytes", json!(hex(&bytes)));
         }
-        Told::Bytes(bytes) => put("bytes", hex(&bytes)),
+        Told::Bytes(bytes) => put("bytes", json!(hex(&bytes))),
         Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),
         Told::Closed(why) => {
             put("event", json!("closed"));

@@ -18,17 +18,12 @@ pub trait Directions {
     /// What is known of a direction that is taken.
     type Direction;
 
-    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client` is known
-    /// where the capture has the beginning of the connection.
+    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
+    /// says whether the client sends them: where the capture lacks the beginning of the connection, the lower port counts as the server's.
     ///
     /// # Errors
     /// They end the reading.
-    fn begin(
-        &mut self,
-        flow: Flow,
-        is_client: Option<bool>,
-        connection: u64,
-    ) -> Result<Option<Self::Direction>>;
+    fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Self::Direction>>;
 
     /// The next piece of a direction.
     ///
@@ -149,7 +144,7 @@ impl<D: Directions> Table<'_, D> {
         let Connection { number, client, directions, .. } = connection;
         let Some(direction) = directions.get_mut(sender) else { return Ok(()) };
         if let State::Silent = direction.state {
-            let is_client = client.map(|client| client == sender);
+            let is_client = client.map_or_else(|| is_likely_client(packet.flow), |client| client == sender);
             let begun = self.to.begin(packet.flow, is_client, *number)?;
             direction.state = begun.map_or(State::Ignored, State::Taken);
         }
@@ -249,5 +244,13 @@ impl<T> Connection<T> {
             }
         }
         Ok(())
+    }
+}
+
+/// Whether the sender is the client, by the ports alone.
+fn is_likely_client(flow: Flow) -> bool {
+    match flow {
+        Flow::Tcp(from, to) | Flow::Udp(from, to) => from.port() > to.port(),
+        Flow::Serial(_) => false,
     }
 }

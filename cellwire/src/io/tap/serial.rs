@@ -9,6 +9,7 @@ use anyhow::{Result, anyhow};
 use serialport::SerialPort;
 
 use super::{CHUNK, End, Place, Watch, What};
+use crate::io::tcp::is_silence;
 
 /// A port by its name.
 pub type Named = (String, Box<dyn SerialPort>);
@@ -96,8 +97,4 @@ fn write(to: &mut impl Write, mut bytes: &[u8], is_over: &AtomicBool) -> io::Res
         }
     }
     Ok(())
-}
-
-fn is_silence(error: &io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }

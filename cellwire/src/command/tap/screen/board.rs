@@ -98,12 +98,12 @@ impl Board {
                 let board = self.end(end);
                 board.corrupt += 1;
                 board.bytes += bytes.len() as u64;
-                (format!("{name} {}", plain(bytes)), true)
+                (format!("{name} {}", hex(bytes)), true)
             }
             Told::Bytes(bytes) => {
                 self.end(end).bytes += bytes.len() as u64;
                 self.answer(*at, *connection, end);
-                (plain(bytes), false)
+                (hex(bytes), false)
             }
             Told::Missed(missing) => {
                 self.missed += missing;
@@ -187,8 +187,4 @@ impl EndBoard {
             _ => self.seconds.iter().take(whole).sum::<u64>() as f64 / whole as f64,
         }
     }
-}
-
-fn plain(bytes: &[u8]) -> String {
-    hex(bytes).as_str().unwrap_or_default().to_owned()
 }

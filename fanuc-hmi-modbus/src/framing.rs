@@ -13,8 +13,8 @@ pub enum Framing {
     },
     /// RTU frames through a TCP connection ("RTU over TCP"), where a gap shows nothing of the line beyond it.
     RtuOverTcp {
-        /// After how long without a byte a frame that is not whole counts as cut, and a server reads on behind what is no frame. Longer than
-        /// any delay of the network.
+        /// After how long without a byte a client takes a reply that is not whole as cut, and a server reads on behind what is no frame.
+        /// Longer than any delay of the network.
         stall: Duration,
     },
 }

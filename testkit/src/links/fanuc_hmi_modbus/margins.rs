@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, Frame, Registers, Reply, Request, Server, ServerConfig, Words,
+    Client, ClientConfig, ClientEvent, Frame, Framing, Registers, Reply, Request, Server, ServerConfig, Words,
 };
 use robot_session::{Encode as _, Session as _};
 
@@ -19,6 +19,7 @@ const READ: Request<'static> = Request::ReadHoldingRegisters { address: 0, quant
 pub fn margins() -> Vec<Margin> {
     let rtu = ClientConfig::rtu(BAUD);
     let silence = ServerConfig::rtu(1, BAUD).framing.silence().unwrap_or_default();
+    let stall = through().framing.silence().unwrap_or_default();
     vec![
         Margin::around(
             [CLIENT, "timeout (TCP)", "a reply takes so long"],
@@ -39,8 +40,23 @@ pub fn margins() -> Vec<Margin> {
             rtu.turnaround,
             is_heard,
         ),
+        Margin::around([CLIENT, "stall (RTU over TCP)", "a reply pauses for so long"], stall, goes_on),
         Margin::around([SERVER, "silence", "a request pauses for so long"], silence, is_whole),
+        Margin::around(
+            [SERVER, "stall (RTU over TCP)", "a request pauses for so long"],
+            stall,
+            goes_on_through,
+        ),
     ]
+}
+
+/// A client of RTU over TCP, which waits for long enough.
+fn through() -> ClientConfig {
+    ClientConfig {
+        framing: Framing::RTU_OVER_TCP,
+        timeout: Duration::from_secs(10),
+        ..ClientConfig::rtu(BAUD)
+    }
 }
 
 /// The time at which it sends, from `from` on.
@@ -110,13 +126,34 @@ fn is_heard(deaf: Duration) -> Option<&'static str> {
     (sends(&mut client, announced) < announced + deaf).then_some("the request after a broadcast is heard")
 }
 
+fn goes_on(pause: Duration) -> Option<&'static str> {
+    let mut client = Client::<1>::new(through()).expect("it can work");
+    client.handle_connected(START);
+    client.request(1, &READ).expect("there is a place");
+    let asked = sends(&mut client, START);
+    let (reply, length) = reply(None, 7);
+    client.handle_input(asked, &reply[..3]);
+    client.handle_timeout(asked + pause);
+    client.handle_input(asked + pause, &reply[3..length]);
+    let is_replied = |it| matches!(it, ClientEvent::Replied { .. });
+    let is_read = core::iter::from_fn(|| client.poll_event()).any(is_replied);
+    (!is_read).then_some("a reply is read")
+}
+
 struct Nothing;
 
 impl Registers for Nothing {}
 
 fn is_whole(pause: Duration) -> Option<&'static str> {
-    let mut server: Server<_> =
-        Server::new(ServerConfig::rtu(1, BAUD), Nothing).expect("the default can work");
+    is_read(ServerConfig::rtu(1, BAUD), pause)
+}
+
+fn goes_on_through(pause: Duration) -> Option<&'static str> {
+    is_read(ServerConfig { framing: Framing::RTU_OVER_TCP, ..ServerConfig::rtu(1, BAUD) }, pause)
+}
+
+fn is_read(config: ServerConfig, pause: Duration) -> Option<&'static str> {
+    let mut server: Server<_> = Server::new(config, Nothing).expect("it can work");
     server.handle_connected(START);
     let mut out = [0; Frame::MAX_LEN];
     let length =

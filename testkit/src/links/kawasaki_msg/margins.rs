@@ -6,7 +6,7 @@ use kawasaki_msg::{JobSource, LargePc, Line, PcConfig, PcEvent, RobotConfig, Rob
 use robot_session::Session as _;
 
 use crate::controller::{Controller as _, Native};
-use crate::model::Margin;
+use crate::model::{Margin, Step};
 
 const PC: &str = "kawasaki-msg pc";
 const ROBOT: &str = "kawasaki-msg robot";
@@ -14,6 +14,12 @@ const ROBOT: &str = "kawasaki-msg robot";
 /// What the ends assume about time.
 pub fn margins() -> Vec<Margin> {
     let (robot, pc) = (RobotConfig::TCP, PcConfig::TCP);
+    // Three resends, three pauses, a clear, and the alarm.
+    let assumed = 8 * robot.patience + 3 * robot.pause;
+    let step = |tenths: u32| {
+        let real = assumed - robot.patience / 2 + tenths * robot.patience / 10;
+        Step::new(assumed, real, move || recovers(real))
+    };
     vec![
         Margin::around([PC, "silence", "the robot says nothing for so long"], pc.silence, speaks),
         Margin::around(
@@ -23,6 +29,12 @@ pub fn margins() -> Vec<Margin> {
         ),
         Margin::around([ROBOT, "reply_timeout", "an answer takes so long"], robot.reply_timeout, is_answered),
         Margin::around([ROBOT, "patience", "no job comes for so long"], robot.patience, waits),
+        Margin {
+            end: ROBOT,
+            setting: "patience of each step, and pause",
+            real: "no job comes for so long, and then all of them",
+            steps: (0..=15).map(step).collect(),
+        },
         Margin::around(
             [ROBOT, "timing::LATEST_DATAGRAM", "the start of an earlier run is so late"],
             timing::LATEST_DATAGRAM,
@@ -94,21 +106,29 @@ fn is_answered(after: Duration) -> Option<&'static str> {
 }
 
 fn waits(without: Duration) -> Option<&'static str> {
+    reports(without, |event| matches!(event, RobotEvent::Recovery { .. }))
+        .then_some("the recovery does not begin while the PC will send jobs")
+}
+
+fn recovers(without: Duration) -> Option<&'static str> {
+    reports(without, |event| matches!(event, RobotEvent::Alarm { .. }))
+        .then_some("there is no alarm while the PC will send jobs")
+}
+
+/// Whether a robot reports this, whose PC answers at once, and has no job for so long.
+fn reports(without: Duration, event: fn(&RobotEvent) -> bool) -> bool {
     let (mut robot, asked) = asking();
-    // The PC answers at once, and has no job yet.
     let mut now = asked;
     while now <= asked + without {
         robot.handle_input(now, b"<Huuhaa$0##>");
         robot.handle_timeout(now.min(asked + without));
-        if core::iter::from_fn(|| robot.poll_event())
-            .any(|event| matches!(event, RobotEvent::Recovery { .. }))
-        {
-            return Some("the recovery does not begin while the PC will send jobs");
+        if core::iter::from_fn(|| robot.poll_event()).any(|it| event(&it)) {
+            return true;
         }
         robot.poll_transmit(now, &mut [0; 4096]);
         now += Duration::from_micros(100);
     }
-    None
+    false
 }
 
 /// A robot that was just started, over datagrams, and whose program reads them at once.

@@ -40,19 +40,21 @@ pub struct AnyController {
     pub real: Times,
 }
 
-/// How long a controller and its line take, in ticks: a frame's pauses, its execution, an answer, and an error code.
+/// How long a controller and its line take, in ticks: a frame's pauses, its execution, an answer, an error code, and the frame of an
+/// earlier host on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Times {
     pub(super) pause: u8,
     pub(super) execution: u8,
     pub(super) settle: u8,
     pub(super) reply: u8,
+    pub(super) earlier: u8,
 }
 
 impl Times {
     /// What the host assumes.
     pub(super) const ASSUMED: Self =
-        Self { pause: PAUSE, execution: EXECUTION, settle: SETTLE, reply: REPLY };
+        Self { pause: PAUSE, execution: EXECUTION, settle: SETTLE, reply: REPLY, earlier: LINE };
 }
 
 /// What is known of the controller, of the line and of the frames.
@@ -325,6 +327,11 @@ impl Peer for AnyController {
     }
 
     fn restarted(&self, known: &mut Known) {
+        let is_coming = |frame: &&mut Frame| matches!(frame.stage, Stage::Coming | Stage::Half);
+        // It is a frame of an earlier host from now on.
+        for frame in known.frames.iter_mut().filter(|frame| !frame.is_old).filter(is_coming) {
+            frame.left = (frame.left + self.real.earlier).saturating_sub(LINE);
+        }
         if let Some(job) = known.job.take() {
             known.leave(false, job.executed);
         }

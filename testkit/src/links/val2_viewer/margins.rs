@@ -17,11 +17,21 @@ const WORKSTATION: &str = "val2-viewer workstation";
 pub fn margins() -> Vec<Margin> {
     let (host, workstation) = (HostConfig::default(), WorkstationConfig::default());
     vec![
+        Margin::around(
+            [HOST, "interval", "requests that have piled up are read for so long"],
+            host.interval,
+            is_one_pile,
+        ),
         Margin::around([HOST, "max_age", "ALTER gives no pose for so long"], host.max_age, is_aged),
         Margin::around(
             [HOST, "max_hold", "the workstation holds the line for so long"],
             host.max_hold,
             is_held,
+        ),
+        Margin::around(
+            [WORKSTATION, "max_hold", "the host holds the line for so long"],
+            workstation.max_hold,
+            is_quiet,
         ),
         Margin::around(
             [WORKSTATION, "stale_after", "an answer takes so long"],
@@ -63,6 +73,13 @@ fn sent(inputs: &[(Duration, u8)], until: Duration, end: Duration) -> Vec<Durati
     sent
 }
 
+fn is_one_pile(long: Duration) -> Option<&'static str> {
+    let requests = (0..=long.as_millis() as u32).map(|at| (MS * at, ENQ));
+    let pile: Vec<_> = requests.chain([(long, ENQ)]).collect();
+    let sent = sent(&pile, Duration::MAX, long + Duration::from_secs(1));
+    (sent.len() > 1).then_some("a pile of requests has one packet")
+}
+
 fn is_aged(silent: Duration) -> Option<&'static str> {
     // The pose of 980 ms is the last one.
     let asked = 980 * MS + silent;
@@ -83,6 +100,22 @@ fn asking() -> Workstation {
     workstation.draw(Duration::ZERO);
     assert!(workstation.poll_transmit(Duration::ZERO, &mut [0; 8]).is_some());
     workstation
+}
+
+fn is_quiet(held: Duration) -> Option<&'static str> {
+    let mut workstation = Workstation::new(WorkstationConfig::default()).expect("the default can work");
+    workstation.handle_connected(Duration::ZERO);
+    workstation.handle_input(Duration::ZERO, &[XOFF]);
+    let mut now = Duration::ZERO;
+    while now < held {
+        workstation.draw(now);
+        workstation.handle_timeout(now);
+        if workstation.poll_transmit(now, &mut [0; 8]).is_some() {
+            return Some("nothing is sent while the other holds it");
+        }
+        now += MS / 20;
+    }
+    None
 }
 
 fn is_answered(after: Duration) -> Option<&'static str> {

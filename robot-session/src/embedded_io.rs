@@ -8,7 +8,8 @@ use core::time::Duration;
 
 use ::embedded_io::{Read, ReadReady, Write, WriteReady};
 
-use crate::turn::{Clock, Left, Turn};
+use crate::left::Left;
+use crate::turn::{Clock, Outgoing, Passed, Turn};
 use crate::{Ended, Session};
 
 /// The loop over a port, which [`poll`](Self::poll) goes on with as far as it can without a wait.
@@ -46,7 +47,7 @@ where
     /// they have one priority, or from one that they trigger.
     ///
     /// The port sends what it was given by itself: it is not flushed. While the session does not
-    /// [want input](Session::wants_input), or the port has no room for all that is to be sent, bytes stay in the port.
+    /// [want input](Session::wants_input), bytes stay in the port.
     ///
     /// # Errors
     /// The port's.
@@ -68,9 +69,7 @@ where
                 Poll::Ready(Ok(ControlFlow::Continue(()))) => {}
                 Poll::Ready(Ok(ControlFlow::Break(ended))) => return Ok(ControlFlow::Break(ended)),
                 Poll::Ready(Err(error)) => return Err(error),
-                // Nothing becomes due before the port has room.
-                Poll::Pending if self.left.is_some() => return Ok(ControlFlow::Continue(None)),
-                Poll::Pending => return Ok(ControlFlow::Continue(session.poll_timeout())),
+                Poll::Pending => return Ok(ControlFlow::Continue(left.due(session, now.now()))),
             }
         }
     }
@@ -96,26 +95,29 @@ struct Ready<P>(P);
 impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for Ready<P> {
     type Error = P::Error;
 
-    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, P::Error> {
-        poll_fn(|_| match self.0.read_ready() {
-            Ok(false) => Poll::Pending,
-            Ok(true) => Poll::Ready(self.0.read(buffer)),
-            Err(error) => Poll::Ready(Err(error)),
+    async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> Result<Passed, P::Error> {
+        let Self(port) = self;
+        poll_fn(|_| {
+            let read = match &mut input {
+                None => Poll::Pending,
+                Some(input) => match port.read_ready() {
+                    Ok(false) => Poll::Pending,
+                    Ok(true) => Poll::Ready(port.read(input)),
+                    Err(error) => Poll::Ready(Err(error)),
+                },
+            };
+            let written = match out {
+                Outgoing::Nothing => Poll::Pending,
+                Outgoing::Bytes(bytes) => match port.write_ready() {
+                    Ok(false) => Poll::Pending,
+                    Ok(true) => Poll::Ready(port.write(bytes)),
+                    Err(error) => Poll::Ready(Err(error)),
+                },
+                Outgoing::Flush => Poll::Ready(Ok(0)),
+            };
+            Passed::both(read, written)
         })
         .await
-    }
-
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, P::Error> {
-        poll_fn(|_| match self.0.write_ready() {
-            Ok(false) => Poll::Pending,
-            Ok(true) => Poll::Ready(self.0.write(bytes)),
-            Err(error) => Poll::Ready(Err(error)),
-        })
-        .await
-    }
-
-    async fn flush(&mut self) -> Result<(), P::Error> {
-        Ok(())
     }
 }
 

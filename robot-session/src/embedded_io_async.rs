@@ -1,15 +1,17 @@
 //! For Embassy and other executors: the loop over any `embedded-io-async` port, without an allocator.
 
-use core::future::pending;
+use core::future::{pending, poll_fn};
 use core::ops::ControlFlow;
+use core::pin::pin;
 
 use ::embedded_io_async::{Read, Write};
 
-use crate::ended::wind_down;
-use crate::turn::{Left, Turn};
+use crate::ended::{Connection, keep_first};
+use crate::left::Left;
+use crate::turn::{Outgoing, Passed, Turn};
 use crate::{Clock, Ended, Session};
 
-/// The loop over a port, one turn at a time.
+/// The loop over both halves of a port, one turn at a time.
 ///
 /// `INPUT` bytes are read at once, up to the session's [`MAX_INPUT`](Session::MAX_INPUT); `OUT` is its
 /// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) or more: a shorter buffer does not compile.
@@ -17,22 +19,28 @@ use crate::{Clock, Ended, Session};
 /// It owns what is not written yet, so that a dropped future loses nothing, if the port's own are cancel-safe, as those of Embassy's
 /// buffered ports are: [`turn`](Self::turn) may be one branch of a `select`.
 #[derive(Debug)]
-pub struct Driver<P, C, const INPUT: usize, const OUT: usize> {
-    port: Port<P>,
+pub struct Driver<R, W, C, const INPUT: usize, const OUT: usize> {
+    port: Port<R, W>,
     clock: C,
     input: [u8; INPUT],
     out: [u8; OUT],
     left: Left,
 }
 
-impl<P: Read + Write, C: Clock, const INPUT: usize, const OUT: usize> Driver<P, C, INPUT, OUT> {
-    /// A loop over `port`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
-    pub fn new(port: P, clock: C) -> Self {
-        Self { port: Port(port), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
+impl<R, W, C, const INPUT: usize, const OUT: usize> Driver<R, W, C, INPUT, OUT>
+where
+    R: Read,
+    W: Write<Error = R::Error>,
+    C: Clock,
+{
+    /// A loop over a port that is split: both halves are waited for at once. The caller calls [`Session::handle_connected`] and
+    /// [`Session::handle_disconnected`].
+    pub fn new(reader: R, writer: W, clock: C) -> Self {
+        Self { port: Port(reader, writer), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
 
-    /// The port.
-    pub fn port_mut(&mut self) -> &mut P {
+    /// The half that reads.
+    pub fn reader_mut(&mut self) -> &mut R {
         &mut self.port.0
     }
 
@@ -55,7 +63,7 @@ impl<P: Read + Write, C: Clock, const INPUT: usize, const OUT: usize> Driver<P, 
         session: &mut S,
         wake: impl Future<Output = ()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
         let Self { port, clock, input, out, left } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
@@ -63,44 +71,55 @@ impl<P: Read + Write, C: Clock, const INPUT: usize, const OUT: usize> Driver<P, 
     }
 
     /// Runs a session that works with nothing but bytes and time until `handler` breaks or the peer closes the connection. The session
-    /// is connected before, and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the
-    /// one returned.
+    /// is connected before, and disconnected after, also by a dropped future; `handler` gets the events of that too, but the first value
+    /// that it breaks with is the one returned.
     ///
     /// # Errors
     /// The port's.
     pub async fn drive<S: Session, B>(
         &mut self,
         session: &mut S,
-        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<Ended<B>, P::Error> {
-        session.handle_connected(self.clock.now());
-        let ended = loop {
-            match self.turn(session, pending(), &mut handler).await {
-                Ok(ControlFlow::Continue(())) => {}
-                Ok(ControlFlow::Break(ended)) => break Ok(ended),
-                Err(error) => break Err(error),
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<Ended<B>, R::Error> {
+        let mut value = None;
+        let note = keep_first(&mut value, handler);
+        self.left = Left::NOTHING;
+        let Self { port, clock, input, out, left } = self;
+        let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
+        let mut connection = Connection::begin(session, || clock.now(), note);
+        loop {
+            let turn = Turn { port, clock, input, out, left };
+            if turn.run(connection.session, pending(), &mut connection.handler).await?.is_break() {
+                break;
             }
-        };
-        session.handle_disconnected(self.clock.now());
-        wind_down(session, &mut handler, ended)
+        }
+        drop(connection);
+        Ok(value.map_or(Ended::ByPeer, Ended::ByHandler))
     }
 }
 
+/// The two halves of a port.
 #[derive(Debug)]
-struct Port<P>(P);
+struct Port<R, W>(R, W);
 
-impl<P: Read + Write> crate::turn::Port for Port<P> {
-    type Error = P::Error;
+impl<R: Read, W: Write<Error = R::Error>> crate::turn::Port for Port<R, W> {
+    type Error = R::Error;
 
-    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, P::Error> {
-        self.0.read(buffer).await
-    }
-
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, P::Error> {
-        self.0.write(bytes).await
-    }
-
-    async fn flush(&mut self) -> Result<(), P::Error> {
-        self.0.flush().await
+    async fn pass(&mut self, input: Option<&mut [u8]>, out: Outgoing<'_>) -> Result<Passed, R::Error> {
+        let Self(reader, writer) = self;
+        let mut read = pin!(async {
+            match input {
+                Some(input) => reader.read(input).await,
+                None => pending().await,
+            }
+        });
+        let mut written = pin!(async {
+            match out {
+                Outgoing::Nothing => pending().await,
+                Outgoing::Bytes(bytes) => writer.write(bytes).await,
+                Outgoing::Flush => writer.flush().await.map(|()| 0),
+            }
+        });
+        poll_fn(|context| Passed::both(read.as_mut().poll(context), written.as_mut().poll(context))).await
     }
 }

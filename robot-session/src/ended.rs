@@ -1,6 +1,8 @@
 //! How a loop ends, and what is reported then.
 
 use core::ops::ControlFlow;
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+use core::time::Duration;
 
 use crate::session::Session;
 
@@ -13,25 +15,47 @@ pub enum Ended<B> {
     ByPeer,
 }
 
-#[cfg(any(feature = "std", feature = "embedded-io-async"))]
-/// Gives the events of the end to `handler`, all of them: what ended the loop first stays its end.
-pub(crate) fn wind_down<S: Session, B, E>(
-    session: &mut S,
-    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ended: Result<Ended<B>, E>,
-) -> Result<Ended<B>, E> {
-    let mut value = None;
-    while let Some(event) = session.poll_event() {
-        let broke = handler(session, event).break_value();
-        value = value.or(broke);
-    }
-    match (ended, value) {
-        (Ok(Ended::ByPeer), Some(value)) => Ok(Ended::ByHandler(value)),
-        (ended, _) => ended,
+/// A session with a connection. Where this is dropped before the loop has ended, as with the future of a `drive`, the connection ends all
+/// the same: what was in flight has an outcome, and the next connection begins with nothing of this one.
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+pub(crate) struct Connection<'a, S, N, H>
+where
+    S: Session,
+    N: Fn() -> Duration,
+    H: FnMut(&mut S, S::Event) -> ControlFlow<()>,
+{
+    pub(crate) session: &'a mut S,
+    pub(crate) handler: H,
+    now: N,
+}
+
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+impl<'a, S, N, H> Connection<'a, S, N, H>
+where
+    S: Session,
+    N: Fn() -> Duration,
+    H: FnMut(&mut S, S::Event) -> ControlFlow<()>,
+{
+    pub(crate) fn begin(session: &'a mut S, now: N, handler: H) -> Self {
+        session.handle_connected(now());
+        Self { session, handler, now }
     }
 }
 
-/// Gives every event to `handler`.
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+impl<S, N, H> Drop for Connection<'_, S, N, H>
+where
+    S: Session,
+    N: Fn() -> Duration,
+    H: FnMut(&mut S, S::Event) -> ControlFlow<()>,
+{
+    fn drop(&mut self) {
+        self.session.handle_disconnected((self.now)());
+        report_all(self.session, &mut self.handler);
+    }
+}
+
+/// Gives every event to `handler`, until it breaks.
 pub(crate) fn report<S: Session, B>(
     session: &mut S,
     handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
@@ -40,4 +64,26 @@ pub(crate) fn report<S: Session, B>(
         handler(session, event)?;
     }
     ControlFlow::Continue(())
+}
+
+/// Gives every event of the end to `handler`.
+#[cfg(any(feature = "std", feature = "embedded-io-async"))]
+pub(crate) fn report_all<S: Session>(
+    session: &mut S,
+    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<()>,
+) {
+    while report(session, handler).is_break() {}
+}
+
+/// A handler that goes on with the events of the end, and keeps the first value that `handler` broke with.
+#[cfg(any(feature = "std", feature = "embedded-io-async"))]
+pub(crate) fn keep_first<S: Session, B>(
+    value: &mut Option<B>,
+    mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+) -> impl FnMut(&mut S, S::Event) -> ControlFlow<()> {
+    move |session, event| {
+        handler(session, event).map_break(|first| {
+            value.get_or_insert(first);
+        })
+    }
 }

@@ -18,6 +18,8 @@ mod end;
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
 mod ended;
 mod event;
+#[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
+mod left;
 mod machine;
 mod rules;
 mod session;

@@ -2,15 +2,15 @@
 
 use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read as _};
 use std::net::TcpStream;
 use std::sync::OnceLock;
 use std::time::Instant;
 use std::vec::Vec;
 
-use crate::ended::{Ended, report, wind_down};
+use crate::ended::{Ended, keep_first, report, report_all};
+use crate::left::Left;
 use crate::session::Session;
-use crate::settle::{Output, settle};
 use crate::wait::{Wait, Waker};
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
@@ -29,11 +29,21 @@ pub trait Transport {
     /// The transport's own. Nothing in time is no error: [`Received::Nothing`].
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received>;
 
-    /// Sends all of `bytes`.
+    /// Sends as many of `bytes` as it can without a wait. One that always sends them all may wait for a line that takes every byte in
+    /// its time, and not for a peer that may not read.
     ///
     /// # Errors
     /// The transport's own; a connection that is lost in the middle is one.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
+
+    /// Waits until it takes bytes again, and reads none: [`Wait::writable`] is that wait for all that has a socket. For a transport that
+    /// sends [a part](Sent::Part).
+    ///
+    /// # Errors
+    /// The transport's own.
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        wait.pause()
+    }
 }
 
 /// What [`Transport::receive`] brought.
@@ -50,7 +60,9 @@ pub enum Received {
 /// Where the bytes are when [`Transport::send`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sent {
-    /// In a buffer of the system.
+    /// So many of them, perhaps none, are in a buffer of the system: there is no room for the others. They are given again.
+    Part(usize),
+    /// All of them are in a buffer of the system.
     Buffered,
     /// The last one has left the port: the driver calls [`Session::handle_transmitted`].
     Transmitted,
@@ -71,19 +83,23 @@ pub fn now() -> Duration {
 pub fn drive<S: Session, B>(
     session: &mut S,
     transport: impl Transport,
-    mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
 ) -> io::Result<Ended<B>> {
+    let mut value = None;
+    let mut note = keep_first(&mut value, handler);
     let mut driver = Driver::new(transport);
     session.handle_connected(driver.transport.now());
     let ended = loop {
-        match driver.turn(session, None, &mut handler) {
+        match driver.turn(session, None, &mut note) {
             Ok(ControlFlow::Continue(())) => {}
-            Ok(ControlFlow::Break(ended)) => break Ok(ended),
+            Ok(ControlFlow::Break(_)) => break Ok(()),
             Err(error) => break Err(error),
         }
     };
     session.handle_disconnected(driver.transport.now());
-    wind_down(session, &mut handler, ended)
+    report_all(session, &mut note);
+    drop(note);
+    ended.map(|()| value.map_or(Ended::ByPeer, Ended::ByHandler))
 }
 
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
@@ -92,15 +108,14 @@ pub struct Driver<T> {
     transport: T,
     input: Vec<u8>,
     out: Vec<u8>,
+    left: Left,
     waker: Option<Waker>,
-    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
-    woken: bool,
 }
 
 impl<T: Transport> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: Vec::new(), out: Vec::new(), waker: None, woken: false }
+        Self { transport, input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker: None }
     }
 
     /// What ends the wait of a turn, or its next one.
@@ -112,9 +127,10 @@ impl<T: Transport> Driver<T> {
         Ok(self.waker.insert(waker).clone())
     }
 
-    /// One turn: events, then what is to be sent, then one wait for bytes, until the session's timeout at most and no longer
-    /// than `wait`, then the events of that. When it returns, every event was given to `handler`, unless that broke. While the
-    /// session does not [want input](Session::wants_input), bytes stay in the transport.
+    /// One turn: events and what is to be sent, until there is neither or the transport has no room, then one wait for bytes or for
+    /// room, until the session's timeout at most and no longer than `wait`, then the events of that. When it returns, every event was
+    /// given to `handler`, unless that broke. While the session does not [want input](Session::wants_input), bytes stay in the
+    /// transport.
     ///
     /// After a turn that was [woken](Self::waker) the next one does not wait: between the two the caller hands over what it was
     /// woken for.
@@ -127,26 +143,14 @@ impl<T: Transport> Driver<T> {
         wait: Option<Duration>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        let Self { transport, input, out, waker, woken } = self;
-        out.resize(S::MAX_TRANSMIT, 0);
-        let settled = settle(session, transport.now(), out, |session, output| match output {
-            Output::Event(event) => handler(session, event).map_break(|value| Ok(Ended::ByHandler(value))),
-            Output::Transmit(bytes) => match transport.send(bytes) {
-                Ok(sent) => {
-                    if sent == Sent::Transmitted {
-                        session.handle_transmitted(transport.now());
-                    }
-                    ControlFlow::Continue(())
-                }
-                Err(error) => ControlFlow::Break(Err(error)),
-            },
-        });
-        if let ControlFlow::Break(ended) = settled {
-            return ended.map(ControlFlow::Break);
+        if let ControlFlow::Break(value) = self.settle(session, &mut handler)? {
+            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
         }
-        let due = session.poll_timeout().map(|at| at.saturating_sub(transport.now()));
-        let limit = if *woken { Some(Duration::ZERO) } else { due.into_iter().chain(wait).min() };
-        let wait = Wait::new(limit, waker.as_ref());
+        let Self { transport, input, left, waker, .. } = self;
+        let now = transport.now();
+        let due = left.due(session, now).map(|at| at.saturating_sub(now));
+        let limit = if left.woken { due } else { due.into_iter().chain(wait).min() };
+        let wait = Wait::new(limit, waker.as_ref(), left.is_some());
         if session.wants_input() {
             input.resize(S::MAX_INPUT, 0);
             match transport.receive(input, wait)? {
@@ -156,12 +160,55 @@ impl<T: Transport> Driver<T> {
                 Received::Nothing => {}
                 Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
             }
+        } else if left.is_some() {
+            transport.wait_for_room(wait)?;
         } else {
             wait.pause()?;
         }
-        *woken = waker.as_ref().is_some_and(Waker::take);
+        left.woken = waker.as_ref().is_some_and(Waker::take);
         session.handle_timeout(transport.now());
         Ok(report(session, &mut handler).map_break(Ended::ByHandler))
+    }
+
+    /// Events and what is to be sent, until there is neither, or there is no room for it.
+    fn settle<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<B>> {
+        let Self { transport, out, left, .. } = self;
+        out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
+        loop {
+            if let ControlFlow::Break(value) = report(session, handler) {
+                return Ok(ControlFlow::Break(value));
+            }
+            let mut idle = true;
+            while left.is_some()
+                || session.poll_transmit(transport.now(), out).is_some_and(|length| left.begin_with(length))
+            {
+                idle = false;
+                let bytes = left.of(out);
+                match transport.send(bytes)? {
+                    Sent::Part(length) => {
+                        left.take(length);
+                        return Ok(report(session, handler));
+                    }
+                    Sent::Buffered => left.take(bytes.len()),
+                    Sent::Transmitted => {
+                        left.take(bytes.len());
+                        session.handle_transmitted(transport.now());
+                    }
+                }
+            }
+            // Also where nothing is to be sent, something may have expired, or was read.
+            if idle {
+                match session.poll_event().map(|event| handler(session, event)) {
+                    None => return Ok(ControlFlow::Continue(())),
+                    Some(ControlFlow::Continue(())) => {}
+                    Some(broken) => return Ok(broken),
+                }
+            }
+        }
     }
 
     /// The transport.
@@ -182,6 +229,10 @@ impl<T: Transport + ?Sized> Transport for &mut T {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         (**self).send(bytes)
     }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        (**self).wait_for_room(wait)
+    }
 }
 
 impl Transport for TcpStream {
@@ -198,8 +249,39 @@ impl Transport for TcpStream {
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.write_all(bytes).map(|()| Sent::Buffered)
+        match send_some(self, bytes) {
+            Ok(length) if length == bytes.len() => Ok(Sent::Buffered),
+            Ok(0) => Err(ErrorKind::WriteZero.into()),
+            Ok(length) => Ok(Sent::Part(length)),
+            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+            Err(error) => Err(error),
+        }
     }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        wait.writable(&*self).map(drop)
+    }
+}
+
+/// What there is room for; a socket that blocks does not wait for the rest.
+#[cfg(unix)]
+fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
+    use rustix::net::{SendFlags, send};
+    // Where there is no such flag, the standard library has turned the signal off.
+    #[cfg(not(target_vendor = "apple"))]
+    const FLAGS: SendFlags = SendFlags::DONTWAIT.union(SendFlags::NOSIGNAL);
+    #[cfg(target_vendor = "apple")]
+    const FLAGS: SendFlags = SendFlags::DONTWAIT;
+    Ok(send(stream, bytes, FLAGS)?)
+}
+
+#[cfg(not(unix))]
+fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
+    use std::io::Write as _;
+    stream.set_nonblocking(true)?;
+    let sent = stream.write(bytes);
+    stream.set_nonblocking(false)?;
+    sent
 }
 
 /// A read that ended because nothing came in time, or a signal did.

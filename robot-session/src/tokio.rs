@@ -1,19 +1,23 @@
 //! For tokio: a decoder under `tokio_util`'s framed transports, and the loop of [`drive`](crate::drive) over any
 //! `AsyncRead + AsyncWrite`.
 
+use core::future::poll_fn;
 use core::ops::ControlFlow;
+use core::pin::Pin;
+use core::task::Poll;
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
 use std::vec::Vec;
 
-use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
+use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::sync::Notify;
 use ::tokio::time::sleep;
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
-use crate::ended::wind_down;
-use crate::turn::{Left, Turn};
+use crate::ended::{Connection, keep_first};
+use crate::left::Left;
+use crate::turn::{Outgoing, Passed, Turn};
 use crate::{Clock, Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
@@ -148,25 +152,23 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Turn { port, clock: &Process, input, out, left }.run(session, waker.0.notified(), handler).await
     }
 
-    /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does.
+    /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does. A dropped future
+    /// disconnects the session, and `handler` gets the events of that.
     ///
     /// # Errors
     /// The transport's.
     pub async fn drive<S: Session, B>(
         &mut self,
         session: &mut S,
-        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<Ended<B>> {
-        session.handle_connected(now());
-        let ended = loop {
-            match self.turn(session, &mut handler).await {
-                Ok(ControlFlow::Continue(())) => {}
-                Ok(ControlFlow::Break(ended)) => break Ok(ended),
-                Err(error) => break Err(error),
-            }
-        };
-        session.handle_disconnected(now());
-        wind_down(session, &mut handler, ended)
+        let mut value = None;
+        let note = keep_first(&mut value, handler);
+        self.left = Left::NOTHING;
+        let mut connection = Connection::begin(session, now, note);
+        while self.turn(connection.session, &mut connection.handler).await?.is_continue() {}
+        drop(connection);
+        Ok(value.map_or(Ended::ByPeer, Ended::ByHandler))
     }
 }
 
@@ -189,18 +191,27 @@ struct Port<T>(T);
 impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
     type Error = io::Error;
 
-    async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.0.read(buffer).await
-    }
-
-    async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self.0.write(bytes).await? {
-            0 => Err(io::ErrorKind::WriteZero.into()),
-            length => Ok(length),
-        }
-    }
-
-    async fn flush(&mut self) -> io::Result<()> {
-        self.0.flush().await
+    async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> io::Result<Passed> {
+        let mut port = Pin::new(&mut self.0);
+        poll_fn(|context| {
+            let read = match &mut input {
+                None => Poll::Pending,
+                Some(input) => {
+                    let mut buffer = ReadBuf::new(input);
+                    let read = port.as_mut().poll_read(context, &mut buffer);
+                    read.map_ok(|()| buffer.filled().len())
+                }
+            };
+            let written = match out {
+                Outgoing::Nothing => Poll::Pending,
+                Outgoing::Bytes(bytes) => match port.as_mut().poll_write(context, bytes) {
+                    Poll::Ready(Ok(0)) => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
+                    written => written,
+                },
+                Outgoing::Flush => port.as_mut().poll_flush(context).map_ok(|()| 0),
+            };
+            Passed::both(read, written)
+        })
+        .await
     }
 }

@@ -3,25 +3,63 @@
 
 use core::future::{pending, poll_fn};
 use core::ops::ControlFlow;
-use core::pin::pin;
+use core::pin::{Pin, pin};
 use core::task::Poll;
 use core::time::Duration;
 
 use crate::ended::{Ended, report};
+use crate::left::Left;
 use crate::session::Session;
 
 /// What carries the bytes.
 pub(crate) trait Port {
     type Error;
 
-    /// How many bytes have come; none at the end. A dropped future has taken none.
-    fn read(&mut self, buffer: &mut [u8]) -> impl Future<Output = Result<usize, Self::Error>>;
+    /// Waits until bytes have come into `input`, if it is given, or until `out` has gone on. A dropped future has done neither.
+    fn pass(
+        &mut self,
+        input: Option<&mut [u8]>,
+        out: Outgoing<'_>,
+    ) -> impl Future<Output = Result<Passed, Self::Error>>;
+}
 
-    /// How many of the bytes it has taken; none at the end. A dropped future has taken none.
-    fn write(&mut self, bytes: &[u8]) -> impl Future<Output = Result<usize, Self::Error>>;
+/// What is to be written.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Outgoing<'a> {
+    /// Nothing.
+    Nothing,
+    /// Some of these bytes.
+    Bytes(&'a [u8]),
+    /// What was taken goes out.
+    Flush,
+}
 
-    /// Sends what it has taken.
-    fn flush(&mut self) -> impl Future<Output = Result<(), Self::Error>>;
+/// What a port has done.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Passed {
+    /// How many bytes have come; none at the end.
+    pub(crate) read: Option<usize>,
+    /// How many bytes were taken; none at the end, and of a flush.
+    pub(crate) written: Option<usize>,
+}
+
+impl Passed {
+    /// Of both directions what is done. What has come is looked at before an error of writing, which comes again.
+    pub(crate) fn both<E>(
+        read: Poll<Result<usize, E>>,
+        written: Poll<Result<usize, E>>,
+    ) -> Poll<Result<Self, E>> {
+        let (read, written) = match (read, written) {
+            (Poll::Pending, Poll::Pending) => return Poll::Pending,
+            (Poll::Ready(Err(error)), _) | (Poll::Pending, Poll::Ready(Err(error))) => {
+                return Poll::Ready(Err(error));
+            }
+            (Poll::Ready(Ok(read)), Poll::Ready(Ok(written))) => (Some(read), Some(written)),
+            (Poll::Ready(Ok(read)), _) => (Some(read), None),
+            (Poll::Pending, Poll::Ready(Ok(written))) => (None, Some(written)),
+        };
+        Poll::Ready(Ok(Self { read, written }))
+    }
 }
 
 /// The time, and a wait for it.
@@ -49,26 +87,6 @@ pub trait Clock {
     fn sleep_until(&self, at: Duration) -> impl Future<Output = ()>;
 }
 
-/// What is left of a turn that was dropped, or has ended.
-#[derive(Debug)]
-pub(crate) struct Left {
-    /// What is not written yet is in `out` from here,
-    begin: usize,
-    /// to here.
-    end: usize,
-    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
-    woken: bool,
-}
-
-impl Left {
-    pub(crate) const NOTHING: Self = Self { begin: 0, end: 0, woken: false };
-
-    /// Bytes are left to be written.
-    pub(crate) const fn is_some(&self) -> bool {
-        self.begin < self.end
-    }
-}
-
 /// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, C> {
     pub(crate) port: &'a mut P,
@@ -80,53 +98,76 @@ pub(crate) struct Turn<'a, P, C> {
 
 impl<P: Port, C: Clock> Turn<'_, P, C> {
     /// Events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`, then the
-    /// events of that.
+    /// events of that. What is to be sent is written in that wait: a peer that does not read holds up nothing else.
     pub(crate) async fn run<S: Session, B>(
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, P::Error> {
-        let mut idle = false;
-        while !core::mem::replace(&mut idle, true) {
-            while let Some(event) = session.poll_event() {
+        let mut wake = pin!(wake);
+        let mut sending = false;
+        loop {
+            loop {
+                // As in `settle`: all that is to be sent, then the events of that.
+                if !sending && let ControlFlow::Break(value) = report(session, &mut handler) {
+                    return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+                }
+                // What a dropped future has left comes first.
+                if self.left.is_some() {
+                    break;
+                }
+                if let Some(length) = session.poll_transmit(self.clock.now(), self.out) {
+                    self.left.begin_with(length);
+                    break;
+                }
+                if core::mem::take(&mut sending) {
+                    continue;
+                }
+                // Also where nothing is to be sent, something may have expired, or was read.
+                let Some(event) = session.poll_event() else { break };
                 if let ControlFlow::Break(value) = handler(session, event) {
                     return Ok(ControlFlow::Break(Ended::ByHandler(value)));
                 }
-                idle = false;
             }
-            // What a dropped future has left comes first.
-            while self.write().await? {
-                let Some(length) = session.poll_transmit(self.clock.now(), self.out) else { break };
-                (self.left.begin, self.left.end) = (0, length);
-                idle = false;
+            let Passed { read, written } = self.wait(session, wake.as_mut()).await?;
+            match written {
+                Some(0) if self.left.is_some() => return Ok(ControlFlow::Break(Ended::ByPeer)),
+                Some(taken) => {
+                    self.left.take(taken);
+                    self.left.unflushed = taken > 0;
+                }
+                None => {}
             }
-            if self.left.is_some() {
-                return Ok(ControlFlow::Break(Ended::ByPeer));
+            match read {
+                Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
+                Some(length) => {
+                    session.handle_input(self.clock.now(), self.input.get(..length).unwrap_or_default());
+                }
+                None => {}
+            }
+            session.handle_timeout(self.clock.now());
+            sending = !self.left.is_some();
+            if read.is_some() || written.is_none() {
+                return Ok(report(session, &mut handler).map_break(Ended::ByHandler));
             }
         }
-        let at = if self.left.woken { Some(Duration::ZERO) } else { session.poll_timeout() };
-        match self.receive(session.wants_input(), at, wake).await? {
-            Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
-            Some(length) => {
-                session.handle_input(self.clock.now(), self.input.get(..length).unwrap_or_default());
-            }
-            None => {}
-        }
-        session.handle_timeout(self.clock.now());
-        Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
 
-    /// How many bytes have come; `None` if the time is over, or the driver was woken.
-    async fn receive(
+    /// What the port has done until the time is over, or the driver is woken.
+    async fn wait<S: Session>(
         &mut self,
-        wants_input: bool,
-        at: Option<Duration>,
-        wake: impl Future<Output = ()>,
-    ) -> Result<Option<usize>, P::Error> {
-        let Self { port, clock, input, left, .. } = self;
-        let mut arrival = pin!(async { if wants_input { port.read(input).await } else { pending().await } });
-        let mut wake = pin!(wake);
+        session: &S,
+        mut wake: Pin<&mut impl Future<Output = ()>>,
+    ) -> Result<Passed, P::Error> {
+        let Self { port, clock, input, out, left } = self;
+        let at = left.due(session, clock.now());
+        let outgoing = match left.of(out) {
+            bytes @ [_, ..] => Outgoing::Bytes(bytes),
+            [] if left.unflushed => Outgoing::Flush,
+            [] => Outgoing::Nothing,
+        };
+        let mut passed = pin!(port.pass(session.wants_input().then_some(input), outgoing));
         let mut time = pin!(async {
             match at {
                 // The latest time of all is never.
@@ -134,29 +175,17 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
                 Some(at) => clock.sleep_until(at).await,
             }
         });
-        let (is_woken, read) = poll_fn(|context| {
-            if let Poll::Ready(read) = arrival.as_mut().poll(context) {
-                return Poll::Ready((false, read.map(Some)));
+        let (is_woken, passed) = poll_fn(|context| {
+            if let Poll::Ready(passed) = passed.as_mut().poll(context) {
+                return Poll::Ready((false, passed));
             }
             if wake.as_mut().poll(context).is_ready() {
-                return Poll::Ready((true, Ok(None)));
+                return Poll::Ready((true, Ok(Passed::default())));
             }
-            time.as_mut().poll(context).map(|()| (false, Ok(None)))
+            time.as_mut().poll(context).map(|()| (false, Ok(Passed::default())))
         })
         .await;
         left.woken = is_woken;
-        read
-    }
-
-    /// Writes what is left, cancel-safe: what a write has taken is no longer left. False: it takes nothing more.
-    async fn write(&mut self) -> Result<bool, P::Error> {
-        while let Some(bytes @ [_, ..]) = self.out.get(self.left.begin..self.left.end) {
-            match self.port.write(bytes).await? {
-                0 => return Ok(false),
-                taken => self.left.begin += taken,
-            }
-        }
-        self.port.flush().await?;
-        Ok(true)
+        passed
     }
 }

@@ -17,17 +17,19 @@ pub struct Wait<'a> {
     /// No longer than this; `None` is without limit.
     pub limit: Option<Duration>,
     waker: Option<&'a Waker>,
+    /// Room for what is to be sent ends it as well.
+    room: bool,
 }
 
 impl<'a> Wait<'a> {
-    pub(crate) fn new(limit: Option<Duration>, waker: Option<&'a Waker>) -> Self {
-        Self { limit, waker }
+    pub(crate) fn new(limit: Option<Duration>, waker: Option<&'a Waker>, room: bool) -> Self {
+        Self { limit, waker, room }
     }
 
     /// A wait that nothing ends but a time.
     #[must_use]
     pub fn limited(limit: Duration) -> Self {
-        Self::new(Some(limit), None)
+        Self::new(Some(limit), None, false)
     }
 
     /// The same wait, no longer than `limit`.
@@ -36,19 +38,34 @@ impl<'a> Wait<'a> {
         Self { limit: Some(self.limit.map_or(limit, |own| own.min(limit))), ..self }
     }
 
-    /// Waits until there is something to read, an end or an error, and says whether there is. The wait is exact, where a socket's own
-    /// time limit is rounded up to 4 ms and more on many systems. A signal may end it early.
+    /// Waits until there is something to read, an end or an error, and says whether there is; while the driver has bytes to send, room
+    /// for them ends the wait too. The wait is exact, where a socket's own time limit is rounded up to 4 ms and more on many systems. A
+    /// signal may end it early.
     ///
     /// # Errors
     /// The system's.
     pub fn readable(self, socket: impl AsFd) -> io::Result<bool> {
+        let room = if self.room { PollFlags::OUT } else { PollFlags::empty() };
+        Ok(!self.poll(socket, PollFlags::IN | room)?.difference(PollFlags::OUT).is_empty())
+    }
+
+    /// Waits until there is room for something to send, or an error, and says whether there is.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn writable(self, socket: impl AsFd) -> io::Result<bool> {
+        Ok(!self.poll(socket, PollFlags::OUT)?.is_empty())
+    }
+
+    /// What of it the socket is ready for.
+    fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
         // What no system can express is as good as no limit.
         let limit = self.limit.and_then(|limit| Timespec::try_from(limit).ok());
-        let of = |socket| PollFd::from_borrowed_fd(socket, PollFlags::IN);
-        let socket = of(socket.as_fd());
+        let of = PollFd::from_borrowed_fd;
+        let socket = of(socket.as_fd(), flags);
         let (socket, outcome) = match self.waker {
             Some(Waker(waker)) => {
-                let mut both = [socket, of(waker.socket.as_fd())];
+                let mut both = [socket, of(waker.socket.as_fd(), PollFlags::IN)];
                 let outcome = poll(&mut both, limit.as_ref());
                 let [socket, _] = both;
                 (socket, outcome)
@@ -61,8 +78,8 @@ impl<'a> Wait<'a> {
             }
         };
         match outcome {
-            Ok(_) => Ok(!socket.revents().is_empty()),
-            Err(rustix::io::Errno::INTR) => Ok(false),
+            Ok(_) => Ok(socket.revents()),
+            Err(rustix::io::Errno::INTR) => Ok(PollFlags::empty()),
             Err(error) => Err(error.into()),
         }
     }
@@ -73,7 +90,7 @@ impl<'a> Wait<'a> {
     /// The system's.
     pub fn pause(self) -> io::Result<()> {
         match self.waker {
-            Some(Waker(waker)) => Self::new(self.limit, None).readable(&waker.socket).map(drop),
+            Some(Waker(waker)) => Self::new(self.limit, None, false).readable(&waker.socket).map(drop),
             None => {
                 thread::sleep(self.limit.unwrap_or(Duration::MAX));
                 Ok(())

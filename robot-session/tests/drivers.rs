@@ -116,6 +116,59 @@ fn the_timeout_of_the_session_ends_a_wait() {
     assert_eq!(seen[1..3], [Event::NoAnswer("hush".into()), answer("two")]);
 }
 
+/// Whoever does not read holds up no deadline, and what he sends is read.
+#[test]
+fn a_peer_that_does_not_read_holds_up_nothing_else() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let mut stream = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let mut peer = listener.accept().unwrap().0;
+    // As much as both systems hold for him.
+    let mut held = 0;
+    stream.set_nonblocking(true).unwrap();
+    loop {
+        match stream.write(&[b'x'; 4096]) {
+            Ok(length) => held += length,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+            Err(error) => panic!("{error}"),
+        }
+    }
+    stream.set_nonblocking(false).unwrap();
+    let (mut driver, mut session) = (Driver::new(stream), Asker::new(&["1234567"]));
+    session.timeout = Duration::from_millis(100);
+    let begin = now();
+    let mut end = |_: &mut Asker, event| ControlFlow::Break(event);
+    let mut turn = |session: &mut Asker| loop {
+        if let ControlFlow::Break(Ended::ByHandler(event)) = driver.turn(session, None, &mut end).unwrap() {
+            break event;
+        }
+    };
+    assert_eq!(turn(&mut session), Event::NoAnswer("1234567".into()));
+    assert!((Duration::from_millis(100)..Duration::from_secs(5)).contains(&(now() - begin)));
+    // What it sends is read meanwhile, and answered behind what was begun.
+    let mut session = Echo::new(Duration::ZERO);
+    session.handle_connected(now());
+    peer.write_all(b"a").unwrap();
+    let mut received = vec![0; held];
+    let reader = thread::spawn(move || {
+        thread::sleep(Duration::from_millis(100));
+        peer.read_exact(&mut received).unwrap();
+        assert!(received.iter().all(|byte| *byte == b'x'));
+        let mut rest = [0; 9];
+        peer.read_exact(&mut rest).unwrap();
+        (peer, rest)
+    });
+    let mut answered = false;
+    while !(answered && reader.is_finished()) {
+        let handler = |_: &mut Echo, event| {
+            answered |= event == EchoEvent::Answered(b'a');
+            ControlFlow::<()>::Continue(())
+        };
+        let wait = Some(Duration::from_millis(10));
+        assert!(driver.turn(&mut session, wait, handler).unwrap().is_continue());
+    }
+    assert_eq!(&reader.join().unwrap().1, b"1234567\na");
+}
+
 #[test]
 fn a_turn_waits_no_longer_than_it_is_told() {
     let mut driver = Driver::new(TcpStream::connect(peer()).unwrap());

@@ -16,27 +16,27 @@ use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event};
 use embedded_io::{ErrorType, ReadReady, WriteReady};
 use robot_session::{Clock, Ended, Session, embedded_io as blocking, embedded_io_async as waiting};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf};
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
 const SHORT: Duration = Duration::from_millis(20);
 const LONG: Duration = Duration::from_secs(20);
 
-/// tokio's pipe as a port, and tokio's clock.
-struct Pipe(DuplexStream);
+/// One half of tokio's pipe, and tokio's clock.
+struct Half<T>(T);
 
-impl ErrorType for Pipe {
+impl<T> ErrorType for Half<T> {
     type Error = io::Error;
 }
 
-impl embedded_io_async::Read for Pipe {
+impl embedded_io_async::Read for Half<ReadHalf<DuplexStream>> {
     async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.0.read(buffer).await
     }
 }
 
-impl embedded_io_async::Write for Pipe {
+impl embedded_io_async::Write for Half<WriteHalf<DuplexStream>> {
     async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.write(bytes).await
     }
@@ -59,11 +59,12 @@ impl Clock for Process {
     }
 }
 
-type Driver = waiting::Driver<Pipe, Process, 64, 8>;
+type Driver = waiting::Driver<Half<ReadHalf<DuplexStream>>, Half<WriteHalf<DuplexStream>>, Process, 64, 8>;
 
 fn driver(room: usize) -> (Driver, DuplexStream) {
     let (near, far) = tokio::io::duplex(room);
-    (Driver::new(Pipe(near), Process), far)
+    let (reader, writer) = tokio::io::split(near);
+    (Driver::new(Half(reader), Half(writer), Process), far)
 }
 
 fn go_on<S, E>(_: &mut S, _: E) -> ControlFlow<()> {
@@ -144,8 +145,7 @@ async fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
 
 #[tokio::test]
 async fn what_a_session_does_not_want_yet_stays_in_the_port() {
-    let (near, mut far) = tokio::io::duplex(64);
-    let mut driver = Driver::new(Pipe(near), Process);
+    let (mut driver, mut far) = driver(64);
     let mut session = Echo::new(3 * SHORT);
     session.handle_connected(driver.clock().now());
     far.write_all(b"ab").await.unwrap();
@@ -156,7 +156,7 @@ async fn what_a_session_does_not_want_yet_stays_in_the_port() {
     assert!(driver.turn(&mut session, pending(), go_on).await.unwrap().is_continue());
     assert!(driver.clock().now() - begin >= 2 * SHORT, "it waits for the deadline");
     let mut byte = [0; 2];
-    assert_eq!(driver.port_mut().0.read(&mut byte).await.unwrap(), 2);
+    assert_eq!(driver.reader_mut().0.read(&mut byte).await.unwrap(), 2);
     assert_eq!(&byte, b"cd");
     let mut session = Echo::new(Duration::MAX);
     session.handle_connected(driver.clock().now());
@@ -233,9 +233,9 @@ fn a_poll_goes_on_as_far_as_it_can_and_says_when_it_must_be_called_again() {
         };
         driver.poll(session, note).unwrap().continue_value().unwrap()
     };
-    // The port takes three bytes at a time: until it has taken all, no deadline matters.
+    // The port takes three bytes at a time, and the deadline holds meanwhile.
     for sent in [&b""[..], b"123", b"123456"] {
-        assert_eq!(poll(&mut session), None);
+        assert_eq!(poll(&mut session), Some(Duration::from_secs(2)));
         assert_eq!(line.borrow().sent, sent);
         line.borrow_mut().room = 3;
     }

@@ -77,6 +77,35 @@ async fn a_dropped_turn_loses_nothing() {
     assert!(dropped > 3, "{dropped}");
 }
 
+/// Whoever does not read holds up no deadline, and his bytes are read.
+#[tokio::test]
+async fn a_peer_that_does_not_read_holds_up_nothing_else() {
+    let (near, mut far) = tokio::io::duplex(4);
+    let (mut driver, mut session) = (Driver::new(near), Asker::new(&["1234567", "second"]));
+    session.timeout = SHORT;
+    let begin = now();
+    let end = |_: &mut Asker, event| ControlFlow::Break(event);
+    let ended = tokio::time::timeout(LONG, driver.drive(&mut session, end)).await.unwrap().unwrap();
+    assert_eq!(ended, Ended::ByHandler(Event::Connected));
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, end)).await.unwrap().unwrap();
+    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("1234567".into()))));
+    assert!(now() - begin >= SHORT);
+    // Its answer comes while most of the next request is not written.
+    let mut session = Asker::new(&["second"]);
+    let mut arrived = Vec::new();
+    far.write_all(b"sec").await.unwrap();
+    let turn = tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue(), "it is read");
+    while !arrived.ends_with(b"second\n") {
+        let _ = tokio::time::timeout(Duration::ZERO, driver.turn(&mut session, go_on)).await;
+        let mut bytes = [0; 3];
+        if let Ok(length) = tokio::time::timeout(SHORT, far.read(&mut bytes)).await {
+            arrived.extend(&bytes[..length.unwrap()]);
+        }
+    }
+    assert_eq!(arrived, b"1234567\nsecond\n", "what was begun is written before");
+}
+
 #[tokio::test]
 async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
     let (near, far) = tokio::io::duplex(7);
@@ -109,6 +138,28 @@ async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
     let ended = driver.drive(&mut Echo::new(Duration::ZERO), handler).await.unwrap();
     assert_eq!(ended, Ended::ByHandler(()));
     assert_eq!(peer.await.unwrap().0, requests);
+}
+
+/// What was in flight is reported, and the next connection begins with nothing of this one.
+#[tokio::test]
+async fn a_dropped_drive_ends_its_connection() {
+    let (near, mut far) = tokio::io::duplex(4);
+    let (mut driver, mut session, mut seen) = (Driver::new(near), Asker::new(&["1234567"]), Vec::new());
+    let mut note = |_: &mut Asker, event: Event| {
+        seen.push(event);
+        ControlFlow::<()>::Continue(())
+    };
+    let drive = driver.drive(&mut session, &mut note);
+    assert!(tokio::time::timeout(SHORT, drive).await.is_err());
+    session.requests.push_back("two".into());
+    let drive = driver.drive(&mut session, &mut note);
+    assert!(tokio::time::timeout(SHORT, drive).await.is_err());
+    let no_answer = |text: &str| Event::NoAnswer(text.into());
+    let first = [Event::Connected, no_answer("1234567"), Event::Disconnected];
+    assert_eq!(seen, [&first[..], &[Event::Connected, no_answer("two"), Event::Disconnected]].concat());
+    let mut arrived = [0; 4];
+    far.read_exact(&mut arrived).await.unwrap();
+    assert_eq!(&arrived, b"1234", "what had no room is not written any more");
 }
 
 const LONG: Duration = Duration::from_secs(20);

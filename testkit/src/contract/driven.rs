@@ -40,7 +40,7 @@ impl Driven {
     /// The same under the loop over `embedded-io-async`: woken, then until it waits.
     pub(super) fn turn(&mut self, end: &mut dyn End, now: Duration) {
         let shared = RefCell::new(self);
-        let mut driver = waiting::Driver::<_, _, MOST, MOST>::new(Port(&shared), Now(now));
+        let mut driver = waiting::Driver::<_, _, _, MOST, MOST>::new(Port(&shared), Port(&shared), Now(now));
         let mut woken = true;
         loop {
             let wake = poll_fn(|_| if core::mem::take(&mut woken) { Poll::Ready(()) } else { Poll::Pending });

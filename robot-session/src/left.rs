@@ -1,0 +1,62 @@
+//! What a turn has not written yet.
+
+use core::time::Duration;
+
+use crate::session::Session;
+
+/// While bytes wait to be written, what is due next may be the next bytes: other deadlines are looked for as often as this.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// What is left of a turn that has ended, or was dropped.
+#[derive(Debug)]
+pub(crate) struct Left {
+    /// What is not written yet is in the driver's buffer from here,
+    begin: usize,
+    /// to here.
+    end: usize,
+    /// The port holds what was written.
+    #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+    pub(crate) unflushed: bool,
+    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
+    pub(crate) woken: bool,
+}
+
+impl Left {
+    pub(crate) const NOTHING: Self = Self {
+        begin: 0,
+        end: 0,
+        #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+        unflushed: false,
+        woken: false,
+    };
+
+    /// Bytes are left to be written.
+    pub(crate) const fn is_some(&self) -> bool {
+        self.begin < self.end
+    }
+
+    /// The first bytes of the buffer are to be written; whether there are any.
+    pub(crate) fn begin_with(&mut self, length: usize) -> bool {
+        (self.begin, self.end) = (0, length);
+        self.is_some()
+    }
+
+    /// The next bytes are written.
+    pub(crate) fn take(&mut self, length: usize) {
+        self.begin = self.begin.saturating_add(length).min(self.end);
+    }
+
+    /// Those bytes of the driver's buffer.
+    pub(crate) fn of<'a>(&self, buffer: &'a [u8]) -> &'a [u8] {
+        buffer.get(self.begin..self.end).unwrap_or_default()
+    }
+
+    /// When the session is to be called again at the latest.
+    pub(crate) fn due<S: Session>(&self, session: &S, now: Duration) -> Option<Duration> {
+        if self.woken {
+            return Some(Duration::ZERO);
+        }
+        let is_hidden = |at: &Duration| self.is_some() && *at <= now;
+        session.poll_timeout().map(|at| if is_hidden(&at) { now.saturating_add(LOOK) } else { at })
+    }
+}

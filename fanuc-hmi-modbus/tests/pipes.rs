@@ -26,7 +26,8 @@ async fn four_requests_in_flight_go_through_a_pipe_of_seven_bytes() {
         Driver::new(far).drive(&mut server, go_on).await.unwrap()
     };
     let ask = async move {
-        let mut client = Client::<4>::new(ClientConfig::tcp()).unwrap();
+        let config = ClientConfig { in_flight: 4, ..ClientConfig::tcp() };
+        let mut client = Client::<4>::new(config).unwrap();
         let (mut driver, mut replied) = (Driver::new(near), 0);
         client.handle_connected(now());
         while replied < 400 {

@@ -10,9 +10,9 @@ use std::thread;
 
 use core::ops::ControlFlow;
 
-use cellwire::io::serial::{self, Port};
+use cellwire::io::serial;
 use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
-use robot_session::{Driver, Ended, Session as _, now};
+use robot_session::{Driver, Ended, Serial, Session as _, now};
 
 const CUT: u16 = 0x0101;
 const STATUS: u16 = 0x0301;
@@ -51,7 +51,7 @@ impl Drop for Robot {
 }
 
 /// Sends what is due, and waits for an outcome.
-fn outcome(host: &mut Host, driver: &mut Driver<Port>) -> HostEvent {
+fn outcome(host: &mut Host, driver: &mut Driver<Serial>) -> HostEvent {
     loop {
         let turn = driver.turn(host, None, |_, event| match event {
             HostEvent::Corrupt(_) => ControlFlow::Continue(()),
@@ -65,8 +65,8 @@ fn outcome(host: &mut Host, driver: &mut Driver<Port>) -> HostEvent {
     }
 }
 
-fn open(path: &Path) -> Driver<Port> {
-    Driver::new(Port(serial::open(path.to_str().unwrap(), 9600).unwrap()))
+fn open(path: &Path) -> Driver<Serial> {
+    Driver::new(Serial(serial::open(path.to_str().unwrap(), 9600).unwrap()))
 }
 
 #[test]

@@ -1,14 +1,9 @@
-//! Cuts a square over a serial line: `cargo run --features std --example cut_square /dev/ttyUSB0`, the port set to raw 9600 8N1
-//! before (`stty -F /dev/ttyUSB0 raw -echo 9600`). A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
+//! Cuts a square over a serial line: `cargo run --features std --example cut_square /dev/ttyUSB0`. A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
 
 use core::ops::ControlFlow;
-use core::time::Duration;
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read as _, Write as _};
-use std::sync::mpsc::{Receiver, channel};
 
-use laser_eb90::robot_session::{Ended, Received, Sent, Transport, Wait, drive};
-use laser_eb90::{Host, HostConfig, HostEvent, SessionError};
+use laser_eb90::robot_session::{Ended, Serial, drive};
+use laser_eb90::{Host, HostConfig, HostEvent, SessionError, timing};
 
 /// A straight cut to X, Y: interpreted, so it is queued.
 const LINE: u16 = 0x0101;
@@ -17,8 +12,9 @@ const CORNERS: [[f32; 2]; 5] = [[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("give the serial port")?;
     let mut host = Host::new(HostConfig::default())?;
+    let port = serialport::new(path, timing::BAUD).open()?;
     submit(&mut host, 0)?;
-    let ended = drive(&mut host, Port::open(&path)?, |host, event| match event {
+    let ended = drive(&mut host, Serial(port), |host, event| match event {
         HostEvent::Done { first, count, .. } => {
             let next = first + u64::from(count);
             println!("{next} of {} corners are queued", CORNERS.len());
@@ -47,40 +43,4 @@ fn submit(host: &mut Host, from: usize) -> Result<usize, SessionError> {
         }
     }
     Ok(CORNERS.len().saturating_sub(from))
-}
-
-/// A port that a thread reads: a file has no read with a deadline.
-struct Port {
-    port: File,
-    received: Receiver<Vec<u8>>,
-}
-
-impl Port {
-    fn open(path: &str) -> io::Result<Self> {
-        let port = OpenOptions::new().read(true).write(true).open(path)?;
-        let (mut reader, (sender, received)) = (port.try_clone()?, channel());
-        std::thread::spawn(move || {
-            let mut bytes = [0; 256];
-            while let Ok(length @ 1..) = reader.read(&mut bytes) {
-                if sender.send(bytes.get(..length).unwrap_or_default().to_vec()).is_err() {
-                    return;
-                }
-            }
-        });
-        Ok(Self { port, received })
-    }
-}
-
-impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
-        let Ok(bytes) = self.received.recv_timeout(wait.limit.unwrap_or(Duration::from_secs(3600))) else {
-            return Ok(Received::Nothing);
-        };
-        buffer.get_mut(..bytes.len()).unwrap_or_default().copy_from_slice(&bytes);
-        Ok(Received::Bytes(bytes.len()))
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.port.write_all(bytes).map(|()| Sent::Buffered)
-    }
 }

@@ -22,6 +22,8 @@ mod event;
 mod left;
 mod machine;
 mod rules;
+#[cfg(feature = "serialport")]
+mod serial;
 mod session;
 mod settle;
 #[cfg(feature = "spec")]
@@ -49,6 +51,8 @@ pub use ended::Ended;
 pub use event::{EventQueue, Events};
 pub use machine::{Expiry, Input, Machine, is_due};
 pub use rules::{Rule, Rules};
+#[cfg(feature = "serialport")]
+pub use serial::Serial;
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]

@@ -3,7 +3,7 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _};
-use std::net::TcpStream;
+use std::net::{TcpStream, UdpSocket};
 use std::sync::OnceLock;
 use std::time::Instant;
 use std::vec::Vec;
@@ -36,13 +36,13 @@ pub trait Transport {
     /// The transport's own; a connection that is lost in the middle is one.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
 
-    /// Waits until it takes bytes again, and reads none: [`Wait::writable`] is that wait for all that has a socket. For a transport that
-    /// sends [a part](Sent::Part).
+    /// Waits until it takes bytes again after [a part](Sent::Part), and reads none: [`Wait::writable`] is that wait for all that has a
+    /// socket. What has none is asked again after 5 ms.
     ///
     /// # Errors
     /// The transport's own.
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
-        wait.pause()
+        wait.at_most(Duration::from_millis(5)).pause()
     }
 }
 
@@ -263,6 +263,30 @@ impl Transport for TcpStream {
     }
 }
 
+/// Datagrams to and from the peer that the socket is connected to. One that is lost is no error, nor that nobody is there.
+impl Transport for UdpSocket {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        if !wait.readable(&*self)? {
+            return Ok(Received::Nothing);
+        }
+        match self.recv(buffer) {
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) || error.kind() == ErrorKind::ConnectionRefused => {
+                Ok(Received::Nothing)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        match UdpSocket::send(self, bytes) {
+            // As good as lost on its way, apart from one that no socket sends.
+            Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
+            _ => Ok(Sent::Buffered),
+        }
+    }
+}
+
 /// What there is room for; a socket that blocks does not wait for the rest.
 #[cfg(unix)]
 fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
@@ -285,6 +309,6 @@ fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
 }
 
 /// A read that ended because nothing came in time, or a signal did.
-fn is_silence(error: &io::Error) -> bool {
+pub(crate) fn is_silence(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }

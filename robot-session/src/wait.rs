@@ -16,9 +16,9 @@ use rustix::fd::AsFd;
 pub struct Wait<'a> {
     /// No longer than this; `None` is without limit.
     pub limit: Option<Duration>,
+    /// Room for what is to be sent ends it as well: the driver has more of it.
+    pub room: bool,
     waker: Option<&'a Waker>,
-    /// Room for what is to be sent ends it as well.
-    room: bool,
 }
 
 impl<'a> Wait<'a> {

@@ -8,12 +8,13 @@ use core::net::{Ipv4Addr, SocketAddr};
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io::{self, BufRead, BufReader, Read as _, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::thread;
 
 use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event};
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
+use robot_session::{Driver, Ended, Received, Sent, Serial, Session as _, Transport, Wait, drive, now};
+use serialport::SerialPort as _;
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
 fn peer() -> SocketAddr {
@@ -167,6 +168,72 @@ fn a_peer_that_does_not_read_holds_up_nothing_else() {
         assert!(driver.turn(&mut session, wait, handler).unwrap().is_continue());
     }
     assert_eq!(&reader.join().unwrap().1, b"1234567\na");
+}
+
+#[test]
+fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
+    let here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+    here.connect(place).unwrap();
+    let (mut driver, mut session, mut seen) = (Driver::new(here), Asker::new(&["one"]), Vec::new());
+    session.timeout = Duration::from_millis(50);
+    let mut turn = |session: &mut Asker| {
+        let note = |_: &mut Asker, event| {
+            seen.push(event);
+            ControlFlow::<()>::Continue(())
+        };
+        assert!(driver.turn(session, Some(Duration::from_secs(5)), note).unwrap().is_continue());
+        seen.len()
+    };
+    while turn(&mut session) < 1 {}
+    let peer = UdpSocket::bind(place).unwrap();
+    session.requests.push_back("two".into());
+    session.timeout = Duration::from_secs(20);
+    let answer = thread::spawn(move || {
+        let mut line = [0; 9];
+        let (length, from) = peer.recv_from(&mut line).unwrap();
+        peer.send_to(&line[..length], from).unwrap();
+    });
+    while turn(&mut session) < 2 {}
+    answer.join().unwrap();
+    assert_eq!(seen, [Event::NoAnswer("one".into()), Event::Answer("two".into())]);
+}
+
+/// A pseudo-terminal, whose other end does not read at first.
+#[cfg(unix)]
+#[test]
+fn a_serial_port_takes_what_it_has_room_for() {
+    let (master, mut slave) = serialport::TTYPort::pair().unwrap();
+    slave.set_timeout(Duration::from_secs(20)).unwrap();
+    let mut port = Serial(Box::new(master));
+    let mut sent = 0;
+    let bytes: Vec<u8> = (0..=250).cycle().take(1000).collect();
+    loop {
+        match port.send(&bytes).unwrap() {
+            Sent::Buffered => sent += bytes.len(),
+            Sent::Part(length) => {
+                sent += length;
+                break;
+            }
+            Sent::Transmitted => panic!("a port does not know"),
+        }
+    }
+    let begin = now();
+    port.wait_for_room(Wait::default()).unwrap();
+    assert!(now() - begin < Duration::from_secs(5));
+    let mut received = vec![0; sent];
+    slave.read_exact(&mut received).unwrap();
+    assert!(received.iter().enumerate().all(|(at, byte)| *byte == bytes[at % bytes.len()]));
+    slave.write_all(b"ok").unwrap();
+    let mut buffer = [0; 8];
+    let mut arrived: Vec<u8> = Vec::new();
+    while arrived.len() < 2 {
+        if let Received::Bytes(length) = port.receive(&mut buffer, Wait::limited(SHORT)).unwrap() {
+            arrived.extend(&buffer[..length]);
+        }
+    }
+    assert_eq!(arrived, b"ok");
+    assert_eq!(port.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
 }
 
 #[test]

@@ -65,7 +65,14 @@ impl<T: Transport> Transport for Traced<'_, T> {
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.trace.add(self.clock.now(), Way::Sent, bytes);
-        self.transport.send(bytes)
+        let begun = self.clock.now();
+        let sent = self.transport.send(bytes)?;
+        let length = if let Sent::Part(length) = sent { length } else { bytes.len() };
+        self.trace.add(begun, Way::Sent, bytes.get(..length).unwrap_or_default());
+        Ok(sent)
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        self.transport.wait_for_room(wait)
     }
 }

@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{Received, Sent, Serial, Transport, Wait};
 
 use crate::io::stream::Stream;
 use crate::io::{serial, tcp};
@@ -13,7 +13,7 @@ use crate::io::{serial, tcp};
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub enum AnyPort {
     /// A port of this machine.
-    Serial(serial::Port),
+    Serial(Serial),
     /// A serial device server.
     Tcp(Stream),
 }
@@ -25,7 +25,7 @@ impl AnyPort {
     /// When it cannot be opened, or the connection takes longer than `timeout`.
     pub fn open(name: &str, baud: u32, timeout: Duration) -> Result<Self> {
         Ok(match Self::is_serial(name) {
-            true => Self::Serial(serial::Port(serial::open(name, baud)?)),
+            true => Self::Serial(Serial(serial::open(name, baud)?)),
             false => Self::Tcp(Stream::new(tcp::connect(name, timeout)?)),
         })
     }
@@ -55,6 +55,13 @@ impl Transport for AnyPort {
         match self {
             Self::Serial(port) => port.send(bytes),
             Self::Tcp(stream) => stream.send(bytes),
+        }
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.wait_for_room(wait),
+            Self::Tcp(stream) => stream.wait_for_room(wait),
         }
     }
 }

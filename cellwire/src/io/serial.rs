@@ -2,13 +2,12 @@
 
 use core::ops::RangeInclusive;
 use core::str::FromStr;
-use std::io::{self, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 use clap::builder::TypedValueParser;
-use robot_session::{Received, Sent, Transport, Wait};
 use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
 
 use crate::io::interrupt;
@@ -93,29 +92,6 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
         };
         anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
     })
-}
-
-/// A port as what a session is driven over.
-#[allow(missing_debug_implementations, reason = "it holds a port")]
-pub struct Port(pub Box<dyn SerialPort>);
-
-impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
-        // A timeout of 0 would be an error at once on some systems.
-        self.0.set_timeout(wait.limit.unwrap_or(READ_TIMEOUT).max(Duration::from_micros(100)))?;
-        match self.0.read(buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
-                Ok(Received::Nothing)
-            }
-            Err(e) => Err(e),
-        }
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.0.write_all(bytes).map(|()| Sent::Buffered)
-    }
 }
 
 /// How long the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.

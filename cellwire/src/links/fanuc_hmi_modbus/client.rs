@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::io::serial::Mode;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
-use robot_session::{Driver, Ended, Session as _};
+use robot_session::{Driver, Ended, Serial, Session as _};
 
 use crate::io::drive::Lost;
 use crate::io::output::remark;
@@ -68,7 +68,7 @@ impl Port {
                 AnyPort::Tcp(Stream::new(tcp::connect(server, *connect_timeout)?))
             }
             PortKind::Serial { path, baud, mode } => {
-                AnyPort::Serial(serial::Port(serial::open_with(path, *baud, *mode)?))
+                AnyPort::Serial(Serial(serial::open_with(path, *baud, *mode)?))
             }
         })
     }

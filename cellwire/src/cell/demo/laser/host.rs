@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
-use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
+use robot_session::{Driver, Received, Sent, Serial, Session as _, Transport, Wait, now};
 use serialport::SerialPort;
 
 use super::path::Cut;
@@ -62,7 +62,7 @@ pub struct Plan<'a> {
 }
 
 /// A port that notes when a frame was sent.
-struct Port(serial::Port, Rc<Cell<Duration>>);
+struct Port(Serial, Rc<Cell<Duration>>);
 
 impl Transport for Port {
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
@@ -116,7 +116,7 @@ impl<'a> Cutter<'a> {
             known: vec![None; path.len()],
             counts: HostCounts::default(),
         };
-        Ok(Self { driver: Driver::new(Port(serial::Port(port), sent)), host, plan })
+        Ok(Self { driver: Driver::new(Port(Serial(port), sent)), host, plan })
     }
 
     /// Cuts for `time` or to the end of the path, `batch` instructions in a frame, and lets the last frame find its outcome, if

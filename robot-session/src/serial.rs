@@ -1,0 +1,48 @@
+//! Serial ports of the crate `serialport`.
+
+use core::time::Duration;
+use std::boxed::Box;
+use std::io::{self, ErrorKind, Read as _, Write as _};
+
+use serialport::SerialPort;
+
+use crate::std_driver::is_silence;
+use crate::{Received, Sent, Transport, Wait};
+
+/// A serial port, as `serialport::new(path, baud).open()` gives it, as a [`Transport`].
+///
+/// A [`Waker`](crate::Waker) does not end its wait, which is for something else than a descriptor on some systems: whoever needs one
+/// limits the turn.
+#[allow(missing_debug_implementations, reason = "a port is not")]
+pub struct Serial(pub Box<dyn SerialPort>);
+
+/// A wait without a limit is cut into pieces: no system waits for [`Duration::MAX`].
+const LONGEST: Duration = Duration::from_secs(1);
+/// A line that takes no more bytes is asked again so soon.
+const RETRY: Duration = Duration::from_millis(5);
+/// A timeout of 0 is an error at once on some systems.
+const SHORTEST: Duration = Duration::from_micros(100);
+
+impl Transport for Serial {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        let longest = if wait.room { RETRY } else { LONGEST };
+        self.0.set_timeout(wait.limit.unwrap_or(longest).clamp(SHORTEST, longest))?;
+        match self.0.read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.0.set_timeout(SHORTEST)?;
+        match self.0.write(bytes) {
+            Ok(length) if length == bytes.len() => Ok(Sent::Buffered),
+            Ok(0) => Err(ErrorKind::WriteZero.into()),
+            Ok(length) => Ok(Sent::Part(length)),
+            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+            Err(error) => Err(error),
+        }
+    }
+}

@@ -154,6 +154,26 @@ fn the_rest_of_a_frame_that_was_answered_is_not_answered() {
     assert_eq!(answer(&mut controller, 1000), Some(echo(0xE002)));
 }
 
+/// A byte EBh of the rest that comes alone may begin a head, and is none.
+#[test]
+fn a_byte_that_may_begin_a_head_does_not_end_the_rest() {
+    let frame = frame(&[470, 471], |_| ());
+    let place = 3 + frame[3..].iter().position(|byte| *byte == 0xEB).unwrap();
+    let (mut controller, reader) = controller(ControllerConfig::default(), 21);
+    let mut answers = 0;
+    let pieces = [&frame[..place], &frame[place..=place], &frame[place + 1..]];
+    for (piece, at) in pieces.into_iter().zip([MS, MS * 100, MS * 200]) {
+        controller.handle_input(at, piece);
+        controller.handle_timeout(at + MS * 50);
+        answers += u32::from(controller.poll_transmit(at + MS * 70, &mut [0; Frame::MAX_LEN]).is_some());
+    }
+    assert_eq!(
+        (answers, reader.len()),
+        (1, 0),
+        "a host that repeats it for each answer has it executed twice"
+    );
+}
+
 /// A byte is lost, and parameters read as a frame: nobody has asked for it.
 #[test]
 fn nothing_is_executed_out_of_the_middle_of_a_corrupt_frame() {

@@ -210,8 +210,9 @@ impl Machine for ControllerMachine {
                 let (work, is_answered) = match work {
                     // Behind the rest of a frame, less than a head may be more of it, and less than a frame the end of its tail.
                     Is::Listening { rest: true } if config.rules.keeps(Rule::IgnoreRest) => {
-                        let begins = |length| begun && (stretch.fault.is_none() || bytes >= length);
-                        (Is::Listening { rest: !begins(Fault::HEAD) }, begins(Fault::ENOUGH))
+                        let begins = begun && bytes >= Fault::HEAD;
+                        let is_enough = stretch.fault.is_none() || bytes >= Fault::ENOUGH;
+                        (Is::Listening { rest: !begins }, begins && is_enough)
                     }
                     Is::Listening { .. } => (work, true),
                     // Two answers to one frame would make the host send it again, and the robot execute it twice.

@@ -3,11 +3,12 @@
 
 use core::time::Duration;
 
-use laser_eb90::{ControllerConfig, timing};
+use laser_eb90::{Controller, ControllerConfig, Frame, Instruction, Payload, Profile};
+use robot_session::{Encode as _, Session as _};
 
 use super::any_controller::{self, Times};
+use super::world::CUT;
 use crate::model::{Margin, Peer as _, Setting, Step};
-use crate::soak::{Article, Fault};
 
 /// One of them.
 type Time = fn(&mut Times) -> &mut u8;
@@ -44,10 +45,31 @@ pub fn margins() -> Vec<Margin> {
         .collect()
 }
 
-/// A frame that pauses in its middle, of a host that hears at once.
+/// Any instruction.
+struct Any;
+
+impl TryFrom<Instruction<'_>> for Any {
+    type Error = ();
+
+    fn try_from(_: Instruction<'_>) -> Result<Self, ()> {
+        Ok(Self)
+    }
+}
+
+/// A frame whose halves are so far apart.
 fn is_taken(apart: Duration) -> Option<&'static str> {
-    let mut article = Article::new(timing::BAUD, Duration::ZERO);
-    let pause = Fault::Pause(20, apart - timing::transmission_time(1, timing::BAUD));
-    let is_confirmed = article.exchange(0, &[&[pause]]);
-    (!is_confirmed || article.transmissions > 1).then_some("a frame is taken that pauses")
+    let mut line = [0; Frame::MAX_LEN];
+    let mut payload = [0; 64];
+    let mut payload = Payload::new(&mut payload, &Profile::default());
+    payload.word(CUT).and_then(|it| it.f32(&[1.0, 2.0])).expect("there is room");
+    let frame = payload.frame().expect("it has a word");
+    let length = frame.encode(&mut line).expect("a buffer of a frame");
+    let (writer, reader) = robot_work_queue::boxed::<Any>(4, 9999).expect("such a queue");
+    let mut controller = Controller::new(ControllerConfig::default(), writer).expect("the default can work");
+    controller.handle_connected(Duration::ZERO);
+    let (head, rest) = line[..length].split_at(length / 2);
+    controller.handle_input(Duration::ZERO, head);
+    controller.handle_timeout(apart);
+    controller.handle_input(apart, rest);
+    reader.is_empty().then_some("a frame is taken that pauses")
 }

@@ -4,6 +4,7 @@ mod codec;
 mod ends;
 pub mod layout;
 mod open;
+mod shadow;
 mod options;
 pub mod plant;
 mod roles;
@@ -45,5 +46,6 @@ pub const LINK: Link = Link {
         ("too_long", "KM-14"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

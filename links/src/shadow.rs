@@ -22,9 +22,21 @@ pub trait Shadow {
     fn pass(&mut self, report: &mut Report<'_>);
 }
 
-/// Makes the shadow of a link. `configs` are the fields of its ends' configurations that are not the defaults, by end, as stories
-/// have them.
-pub type MakeShadow = fn(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>>;
+/// Makes the shadow of a link.
+pub type MakeShadow = fn(setup: &Setup<'_>) -> Result<Box<dyn Shadow>>;
+
+/// What is known of the two ends.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup<'a> {
+    /// The settings of the codec.
+    pub settings: &'a Map<String, Value>,
+    /// The fields of the ends' configurations that are not the defaults, by end, as stories have them.
+    pub configs: &'a Map<String, Value>,
+    /// The rate of a serial line.
+    pub baud: Option<u32>,
+    /// Nothing but a line is between the ends.
+    pub is_serial: bool,
+}
 
 /// Something that happens between the ends.
 #[derive(Debug, Clone, Copy)]
@@ -156,10 +168,29 @@ impl Watcher {
     }
 }
 
-/// The configuration of an end: `made` with the fields that are given of it.
-pub(crate) fn config<C: Configure>(configs: &Map<String, Value>, end: &str, made: C) -> Result<C> {
-    let given = configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default();
-    Given(given).configure(made)
+impl Setup<'_> {
+    /// The configuration of an end: `made` with the fields that are given of it, but for some that are beside it.
+    pub(crate) fn config<C: Configure>(&self, end: &str, made: C, beside: &[&str]) -> Result<C> {
+        let Given(mut given) = self.given(end);
+        given.retain(|name, _| !beside.contains(&name.as_str()));
+        Given(given).configure(made)
+    }
+
+    /// The fields that are given of an end.
+    pub(crate) fn given(&self, end: &str) -> Given {
+        Given(self.configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default())
+    }
+
+    /// Whether a field of an end is given.
+    pub(crate) fn has(&self, end: &str, field: &str) -> bool {
+        self.configs.get(end).is_some_and(|end| end.get(field).is_some())
+    }
+
+    /// The rate of the line, as it is given with one of the ends or beside them.
+    pub(crate) fn baud(&self) -> Option<u32> {
+        let given = self.configs.values().find_map(|end| end.get("baud")?.as_u64()?.try_into().ok());
+        given.or(self.baud)
+    }
 }
 
 /// A time as a text for people.

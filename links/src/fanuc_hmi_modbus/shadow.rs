@@ -4,12 +4,14 @@ use core::time::Duration;
 
 use anyhow::Result;
 use fanuc_hmi_modbus::{ClientConfig, Frame, Framing, PduBuf, Reply, TelemetryBlock};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::ends::client_config;
+use super::options::{Frames, ViewSettings};
 use crate::codec;
 use crate::given::Given;
-use crate::shadow::{Report, Seen, Shadow, ms};
+use crate::settings;
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const CLIENT: &str = "client";
 const SERVER: &str = "server";
@@ -17,17 +19,23 @@ const SERVER: &str = "server";
 /// So many requests are remembered that were not answered in time.
 const REMEMBERED: usize = 16;
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let of = |end: &str| configs.get(end).and_then(Value::as_object).cloned();
-    let mut client = of(CLIENT).unwrap_or_default();
-    let server = of(SERVER).unwrap_or_default();
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let (Given(mut client), Given(server)) = (setup.given(CLIENT), setup.given(SERVER));
+    client.remove("places");
     // Both ends have the same frames.
     for shared in ["framing", "baud", "broadcast"] {
         if let (None, Some(value)) = (client.get(shared), server.get(shared)) {
             client.insert(shared.into(), value.clone());
         }
     }
-    client.remove("places");
+    let view = settings::read("fanuc-hmi-modbus", ViewSettings::default(), setup.settings)?;
+    if view.frames == Frames::Rtu {
+        let framing = if setup.is_serial { "rtu" } else { "rtu_over_tcp" };
+        client.entry("framing").or_insert_with(|| framing.into());
+    }
+    if let Some(baud) = setup.baud.filter(|_| setup.is_serial) {
+        client.insert("baud".into(), baud.into());
+    }
     let config = client_config(Given(client))?;
     let (is_known, open, malformed) = (false, Vec::new(), 0);
     Ok(Box::new(Modbus { config, is_known, open, malformed, quiet_until: Duration::ZERO }))

@@ -5,9 +5,9 @@ use core::time::Duration;
 use anyhow::Result;
 use isra_ball::HostConfig;
 use isra_ball::timing::transmission_time;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Shadow, config, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const BALL: &str = "ball";
@@ -15,8 +15,9 @@ const ENQ: u8 = 0x05;
 /// Bytes of a packet.
 const PACKET: usize = 12;
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let host = config(configs, HOST, HostConfig::default())?;
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let baud = setup.baud().unwrap_or(HostConfig::default().baud);
+    let host = setup.config(HOST, HostConfig { baud, ..HostConfig::default() }, &[])?;
     Ok(Box::new(Polled { host, poll: Poll::Unknown, last: None, fresh_at: None }))
 }
 

@@ -4,12 +4,13 @@ use core::time::Duration;
 
 use anyhow::Result;
 use kawasaki_msg::{Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Value as Text, Values};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::ends::plant;
+use super::options::CodecSettings;
 use super::plant::role_name;
-use crate::given::Given;
-use crate::shadow::{Report, Seen, Shadow, ms};
+use crate::settings;
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const ROBOT: &str = "robot";
 const PC: &str = "pc";
@@ -17,19 +18,13 @@ const PC: &str = "pc";
 /// What an end sends after such a pause is another packet.
 const PAUSE: Duration = Duration::from_millis(20);
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let given = |end: &str| Given(configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default());
-    let (mut pc, mut robot) = (given(PC), given(ROBOT));
-    robot.take::<Value>("queue")?;
-    let is_pc = configs.get(PC).is_some();
-    let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
-    let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
-    let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
-    let max = if is_pc { pc.max_number } else { robot.max_number };
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let (pc, robot) = configs(setup)?;
+    let dialect = pc.dialect;
     Ok(Box::new(Orders {
         dialect,
-        numbers: Numbering::new(max),
-        datagrams: pc.datagrams || robot.datagrams,
+        numbers: Numbering::new(pc.max_number),
+        datagrams: pc.datagrams,
         reply_timeout: robot.reply_timeout,
         exchange: robot.exchange,
         silence: pc.silence,
@@ -41,6 +36,23 @@ pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
         order: None,
         heard: None,
     }))
+}
+
+/// The configurations of both ends: those of the plant that is set, or of the one that the configuration of an end has.
+fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>)> {
+    let (mut pc, mut robot) = (setup.given(PC), setup.given(ROBOT));
+    robot.take::<Value>("queue")?;
+    let (is_pc, is_robot) = (!pc.0.is_empty(), !robot.0.is_empty());
+    if !is_pc && !is_robot {
+        let CodecSettings { plant, .. } =
+            settings::read("kawasaki-msg", CodecSettings::default(), setup.settings)?;
+        return Ok((plant.pc(PcConfig::TCP)?, plant.robot(RobotConfig::TCP)?));
+    }
+    let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
+    let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
+    let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
+    let (max_number, datagrams) = if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
+    Ok((PcConfig { max_number, datagrams, ..pc }, robot))
 }
 
 struct Orders {

@@ -5,30 +5,26 @@ use core::time::Duration;
 use anyhow::Result;
 use laser_eb90::timing::transmission_time;
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Shadow, config, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const CONTROLLER: &str = "controller";
 /// Fewer bytes are not answered (LE-85).
 const SHORTEST_FRAME: u64 = 8;
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let mut configs = configs.clone();
-    // What is beside the configuration of a story's end.
-    configs.get_mut(CONTROLLER).and_then(Value::as_object_mut).map(|fields| fields.remove("queue"));
-    let baud = configs.get(HOST).and_then(|host| host.get("baud")?.as_u64()?.try_into().ok());
-    let host = HostConfig::at_baud(baud.unwrap_or(laser_eb90::timing::BAUD));
-    let host = config(&configs, HOST, host)?;
-    let mut controller = config(&configs, CONTROLLER, ControllerConfig::default())?;
-    let mut host = HostConfig { words: host.words, ..host };
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let baud = setup.baud().unwrap_or(laser_eb90::timing::BAUD);
+    let mut host = setup.config(HOST, HostConfig::at_baud(baud), &[])?;
+    let mut controller = setup.config(CONTROLLER, ControllerConfig::default(), &["queue"])?;
     // Both ends have the same words: those of the one whose configuration has them.
-    match configs.get(HOST).is_some_and(|host| host.get("words").is_some()) {
+    match setup.has(HOST, "words") {
         true => controller.words = host.words,
         false => host.words = controller.words,
     }
-    Ok(Box::new(Laser { host, controller, opened: None, asked: None, is_busy: false, open: Stretch::default() }))
+    let (opened, asked, is_busy, open) = (None, None, false, Stretch::default());
+    Ok(Box::new(Laser { host, controller, opened, asked, is_busy, open }))
 }
 
 struct Laser {

@@ -5,16 +5,17 @@ use std::collections::VecDeque;
 
 use anyhow::Result;
 use mmacell_proto::CentralConfig;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Shadow, config, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const CENTRAL: &str = "central";
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let central = config(configs, CENTRAL, CentralConfig::DEFAULT)?;
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let central = setup.config(CENTRAL, CentralConfig::DEFAULT, &[])?;
     let (timeout, settle) = (central.timeout, central.settle);
-    Ok(Box::new(Cell { timeout, settle, is_known: false, open: VecDeque::new(), axes: Axes::Unknown, percent: None }))
+    let (is_known, open, axes, percent) = (false, VecDeque::new(), Axes::Unknown, None);
+    Ok(Box::new(Cell { timeout, settle, is_known, open, axes, percent }))
 }
 
 struct Cell {

@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use anyhow::Result;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use val2_alter::timing::{CYCLE, transmission_time};
-use val2_alter::{ControllerConfig, HostConfig};
+use val2_alter::HostConfig;
 
-use crate::shadow::{Report, Seen, Shadow, config, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const ROBOT: &str = "robot";
 const HOST: &str = "host";
@@ -17,13 +17,12 @@ const TRANSFORM: u64 = 4;
 /// The error code of a reply that did not come.
 const NO_REPLY: u64 = 6;
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let host = config(configs, HOST, HostConfig::default())?;
-    let controller = config(configs, "controller", ControllerConfig::default())?;
-    let is_set = |end: &str| configs.get(end).is_some_and(|end| end.get("baud").is_some());
-    let baud = if is_set("controller") { controller.baud } else { host.baud };
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let host = setup.config(HOST, HostConfig::default(), &[])?;
+    let baud = setup.baud().unwrap_or(host.baud);
     let (phase, asked, mode) = (Phase::Unknown, None, None);
-    Ok(Box::new(Alter { host, baud, phase, asked, mode, moves: true, values: Vec::new(), last: None, loose: 0 }))
+    let (moves, values, last, loose) = (true, Vec::new(), None, 0);
+    Ok(Box::new(Alter { host, baud, phase, asked, mode, moves, values, last, loose }))
 }
 
 struct Alter {

@@ -3,10 +3,10 @@
 use core::time::Duration;
 
 use anyhow::Result;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::shadow::{Report, Seen, Shadow, config, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const WORKSTATION: &str = "workstation";
@@ -14,9 +14,9 @@ const ENQ: u8 = 0x05;
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
-pub(super) fn shadow(configs: &Map<String, Value>) -> Result<Box<dyn Shadow>> {
-    let host = config(configs, HOST, HostConfig::default())?;
-    let workstation = config(configs, WORKSTATION, WorkstationConfig::default())?;
+pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
+    let host = setup.config(HOST, HostConfig::default(), &[])?;
+    let workstation = setup.config(WORKSTATION, WorkstationConfig::default(), &[])?;
     let (request, sent, count, holds) = (Request::Unknown, None, None, [None; 2]);
     Ok(Box::new(Viewer { host, workstation, request, sent, count, holds }))
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use cellwire_links::Link;
 use cellwire_links::codec::{Kind, Stream};
-use cellwire_links::shadow::{Complaint, Seen, Watcher};
+use cellwire_links::shadow::{Complaint, Seen, Setup, Watcher};
 use cellwire_links::vectors::unhex;
 use serde_json::{Map, Value, json};
 
@@ -114,8 +114,10 @@ impl Story {
             (_, end) => end,
         };
         let configs = json!({end: self.config});
-        let mut watcher = Watcher::new((link.shadow)(configs.as_object().unwrap()).unwrap());
         let settings = self.settings(link);
+        let (configs, is_serial) = (configs.as_object().unwrap(), self.config.get("framing").is_some());
+        let setup = Setup { settings: &settings, configs, baud: None, is_serial };
+        let mut watcher = Watcher::new((link.shadow)(&setup).unwrap());
         let make = |side| Stream::new((link.codec)(side, &settings).unwrap());
         let mut streams: BTreeMap<&str, Stream> = BTreeMap::new();
         let mut said = Vec::new();

@@ -193,6 +193,9 @@ impl Setup<'_> {
     }
 }
 
+/// Two things may be seen so much closer to each other than they were, or farther: adapters and drivers deliver bytes late.
+pub(crate) const JITTER: Duration = Duration::from_millis(20);
+
 /// A time as a text for people.
 pub(crate) fn ms(time: Duration) -> String {
     format!("{} ms", (time.as_secs_f64() * 1e4).round() / 10.0)

@@ -7,7 +7,7 @@ use isra_ball::HostConfig;
 use isra_ball::timing::transmission_time;
 use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const BALL: &str = "ball";
@@ -91,7 +91,7 @@ impl Polled {
                 report.rule(HOST, "IB-25", format!("a poll {waited} after one that is not answered"));
             }
             Poll::None { before: Some(before) } | Poll::Open { at: before, .. }
-                if report.now.saturating_add(SLACK) < before.saturating_add(self.host.period) =>
+                if report.now.saturating_add(JITTER) < before.saturating_add(self.host.period) =>
             {
                 let since = ms(report.now.saturating_sub(before));
                 report.assumption(HOST, "IB-25", format!("a poll {since} after the last: period is another"));
@@ -149,6 +149,3 @@ impl Polled {
         }
     }
 }
-
-/// Two polls that leave a period apart are seen so much closer, at most.
-const SLACK: Duration = Duration::from_millis(2);

@@ -3,14 +3,14 @@
 use core::time::Duration;
 
 use anyhow::Result;
-use kawasaki_msg::{Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Value as Text, Values};
+use kawasaki_msg::{Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Takeover, Value as Text, Values};
 use serde_json::Value;
 
 use super::ends::plant;
 use super::options::CodecSettings;
 use super::plant::role_name;
 use crate::settings;
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const ROBOT: &str = "robot";
 const PC: &str = "pc";
@@ -46,7 +46,8 @@ fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>
     if !is_pc && !is_robot {
         let CodecSettings { plant, .. } =
             settings::read("kawasaki-msg", CodecSettings::default(), setup.settings)?;
-        return Ok((plant.pc(PcConfig::TCP)?, plant.robot(RobotConfig::TCP)?));
+        let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
+        return Ok((plant.pc(pc)?, plant.robot(RobotConfig::TCP)?));
     }
     let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
     let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
@@ -247,12 +248,12 @@ impl Orders {
     fn told(&mut self, packet: &Packet, report: &mut Report<'_>) {
         let begun = packet.begun;
         match self.talk {
-            Talk::Pc { since, .. } if begun.saturating_add(SLACK) < since.saturating_add(self.reply_timeout) && !self.has_bytes => {
+            Talk::Pc { since, .. } if begun.saturating_add(JITTER) < since.saturating_add(self.reply_timeout) && !self.has_bytes => {
                 let waited = ms(begun.saturating_sub(since));
                 report.rule(ROBOT, "KM-50", format!("a packet {waited} after one that is not answered"));
             }
             Talk::Pc { since, .. } | Talk::Robot(Some(since))
-                if begun.saturating_add(SLACK) < since.saturating_add(self.exchange) =>
+                if begun.saturating_add(JITTER) < since.saturating_add(self.exchange) =>
             {
                 let since = ms(begun.saturating_sub(since));
                 report.budget(ROBOT, "KM-50", format!("a packet {since} after the one before"));
@@ -423,6 +424,3 @@ impl Packet {
         self.count(role) > 0
     }
 }
-
-/// Two packets that leave a time apart are seen so much closer, at most.
-const SLACK: Duration = Duration::from_millis(2);

@@ -7,7 +7,7 @@ use laser_eb90::timing::transmission_time;
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
 use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const CONTROLLER: &str = "controller";
@@ -247,7 +247,7 @@ impl Laser {
         }
         let is_interpreted = asked.class == Some(Class::Interpreted);
         let budget = self.controller.tick.saturating_add(line(message, &self.host));
-        if is_interpreted && asked.is_prompt && !asked.is_missed && late > budget.saturating_add(SLACK) {
+        if is_interpreted && asked.is_prompt && !asked.is_missed && late > budget.saturating_add(JITTER) {
             let text = format!("answered {} after a frame of {} bytes", ms(late), asked.length);
             report.budget(CONTROLLER, "LE-99", text);
         }
@@ -280,8 +280,6 @@ impl Laser {
     }
 }
 
-/// What a tap between the ends cannot tell from being in time.
-const SLACK: Duration = Duration::from_millis(2);
 
 /// How long an earlier host's frame may still be answered (LE-64).
 fn drain(host: &HostConfig) -> Duration {

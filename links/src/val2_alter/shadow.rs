@@ -7,7 +7,7 @@ use serde_json::Value;
 use val2_alter::timing::{CYCLE, transmission_time};
 use val2_alter::HostConfig;
 
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const ROBOT: &str = "robot";
 const HOST: &str = "host";
@@ -194,14 +194,19 @@ impl Alter {
         }
         match (kind, read) {
             _ if before.is_damaged || kind == "start" => {}
-            ("motion", None) if !before.is_start && error == 0 => {
+            // The reply that came was read after all.
+            ("motion", None) if !before.is_start && error == 0 && before.answer.is_none() => {
                 report.rule(ROBOT, "AL-76", "error code 0, and no reply came in time");
             }
             ("motion", None) if !before.is_start && error == NO_REPLY => {
                 report.rule(ROBOT, "AL-76", "ALTER goes on, and no reply came");
             }
+            ("motion" | "end", Some(_)) if error == NO_REPLY => {
+                report.budget(HOST, "AL-61", "the controller says that the reply did not come in time");
+            }
             ("motion" | "end", Some(_)) if error != 0 => {
-                report.rule(ROBOT, "AL-19", format!("error code {error}, and a good reply came in time"));
+                let text = format!("error code {error}, and the reply was good: what is wrong is beyond the tap");
+                report.rule(ROBOT, "AL-19", text);
             }
             _ => {}
         }
@@ -256,7 +261,7 @@ impl Alter {
         let exception = message["exception"].as_u64().unwrap_or_default();
         let is_read = match (is_right, asked.at.saturating_add(line)) {
             (false, _) => Some(false),
-            _ if now > asked.closes => Some(false),
+            _ if now > asked.closes.saturating_add(JITTER) => Some(false),
             // It may have begun before its window.
             (true, earliest) => (now >= earliest && now < asked.sure).then_some(true),
         };

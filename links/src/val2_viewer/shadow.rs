@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::Value;
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const WORKSTATION: &str = "workstation";
@@ -138,7 +138,7 @@ impl Viewer {
         }
         self.request = Request::None;
         if let Some(sent) = self.sent
-            && now.saturating_add(SLACK) < sent.saturating_add(self.host.interval)
+            && now.saturating_add(JITTER) < sent.saturating_add(self.host.interval)
         {
             let text = format!("a packet {} after the one before", ms(now.saturating_sub(sent)));
             report.rule(HOST, "VV-19", text);
@@ -154,6 +154,3 @@ impl Viewer {
         self.count = count;
     }
 }
-
-/// Two packets that leave an interval apart are seen so much closer, at most.
-const SLACK: Duration = Duration::from_millis(2);

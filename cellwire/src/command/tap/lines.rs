@@ -3,6 +3,7 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
 use humantime::format_rfc3339_micros;
+use cellwire_links::shadow::Complaint;
 use serde_json::{Map, Value, json};
 
 use super::SILENCE;
@@ -61,6 +62,11 @@ fn line(entry: Entry) -> Value {
             put("error", error);
             put("clause", json!(clause));
             put("bytes", json!(hex(&bytes)));
+        }
+        Told::Wrong(Complaint { kind, clause, text, .. }) => {
+            put("shadow", json!(kind));
+            put("clause", json!(clause));
+            put("text", json!(text));
         }
         Told::Bytes(bytes) => put("bytes", json!(hex(&bytes))),
         Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),

@@ -3,8 +3,8 @@
 mod codec;
 mod ends;
 mod open;
-mod shadow;
 mod options;
+mod shadow;
 
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
 

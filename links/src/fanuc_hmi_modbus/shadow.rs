@@ -100,7 +100,8 @@ impl Shadow for Modbus {
             if report.now > request.at.saturating_add(timeout) {
                 request.is_missed = true;
                 if !request.is_damaged {
-                    let text = format!("no reply to {} within timeout ({})", name(&request.frame), ms(timeout));
+                    let text =
+                        format!("no reply to {} within timeout ({})", name(&request.frame), ms(timeout));
                     report.assumption(SERVER, "FM-42", text);
                 }
             }
@@ -132,13 +133,15 @@ impl Modbus {
             }
         } else if let Some(other) = self.open.iter().filter(is_awaited).find(|other| !other.is_damaged) {
             let waited = ms(now.saturating_sub(other.at));
-            let text = format!("the next request {waited} after {}, which is not answered", name(&other.frame));
+            let text =
+                format!("the next request {waited} after {}, which is not answered", name(&other.frame));
             report.rule(CLIENT, "FM-40", text);
         } else if let Some(other) = self.open.last()
             && now < other.at.saturating_add(self.config.timeout).saturating_add(self.config.settle)
         {
             let waited = ms(now.saturating_sub(other.at));
-            let text = format!("a request {waited} after one without a reply: a late one is taken for its own");
+            let text =
+                format!("a request {waited} after one without a reply: a late one is taken for its own");
             report.rule(CLIENT, "FM-52", text);
         }
         if self.config.is_broadcast(frame.unit) {
@@ -200,7 +203,8 @@ impl Modbus {
             request.frame.unit == frame.unit && asked.is_ok_and(|asked| reply.answers(&asked).is_ok())
         };
         let awaited = |request: &&Request| is_its(request) && !request.is_missed;
-        let place = |wanted: &dyn Fn(&&Request) -> bool| self.open.iter().position(|request| wanted(&request));
+        let place =
+            |wanted: &dyn Fn(&&Request) -> bool| self.open.iter().position(|request| wanted(&request));
         place(&|request| awaited(request) && fits(request))
             .or_else(|| place(&awaited))
             .or_else(|| self.open.iter().rposition(is_its))

@@ -4,10 +4,10 @@ mod codec;
 mod ends;
 pub mod layout;
 mod open;
-mod shadow;
 mod options;
 pub mod plant;
 mod roles;
+mod shadow;
 
 pub use options::{CodecSettings, pc_settings, robot_settings};
 

@@ -3,12 +3,14 @@
 use core::time::Duration;
 
 use anyhow::Result;
-use kawasaki_msg::{Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Takeover, Value as Text, Values};
+use kawasaki_msg::{
+    Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Takeover, Value as Text, Values,
+};
 use serde_json::Value;
 
 use super::ends::plant;
 use super::options::CodecSettings;
-use super::plant::role_name;
+use super::plant::{field_name, role_name};
 use crate::settings;
 use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
@@ -52,7 +54,8 @@ fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>
     let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
     let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
     let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
-    let (max_number, datagrams) = if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
+    let (max_number, datagrams) =
+        if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
     Ok((PcConfig { max_number, datagrams, ..pc }, robot))
 }
 
@@ -149,7 +152,13 @@ impl Shadow for Orders {
                 }
             }
             Seen::Corrupt { from, .. } => self.packet(from, report).is_damaged = true,
-            Seen::Bytes { from, .. } => self.has_bytes |= from == PC,
+            Seen::Bytes { from: PC, .. } => {
+                if self.packet.as_ref().is_some_and(|packet| packet.from == ROBOT) {
+                    self.close(report);
+                }
+                self.has_bytes = true;
+            }
+            Seen::Bytes { .. } => {}
         }
     }
 
@@ -182,8 +191,8 @@ impl Orders {
             let entry = self.dialect.entries().iter().find(|entry| role_name(entry.role) == role)?;
             let mut params = Params::default();
             for field in entry.header.iter().chain(entry.fields) {
-                let name = super::plant::field_name(*field);
-                if let Some(value) = name.and_then(|name| message["values"][name].as_i64()) {
+                let value = field_name(*field).and_then(|name| message["values"].get(name)?.as_i64());
+                if let Some(value) = value {
                     params.set(*field, i32::try_from(value).ok()?);
                 }
             }
@@ -204,7 +213,6 @@ impl Orders {
         let now = report.now;
         if self.packet.as_ref().is_some_and(|packet| packet.from != from) {
             self.close(report);
-            self.has_bytes |= from == PC;
         }
         let begin = || Packet { from, begun: now, last: now, messages: Vec::new(), is_damaged: false };
         let packet = self.packet.get_or_insert_with(begin);
@@ -225,7 +233,17 @@ impl Orders {
     /// What is true of the packets of both ends.
     fn contents(&self, packet: &Packet, report: &mut Report<'_>) {
         let clause = if packet.from == ROBOT { "KM-52" } else { "KM-92" };
-        let once = [Role::Status, Role::Filler, Role::JobRequest, Role::OrderStart, Role::OrderEnd, Role::Pause];
+        let once = [
+            Role::Status,
+            Role::Filler,
+            Role::JobRequest,
+            Role::Pause,
+            Role::OrderStart,
+            Role::OrderAck,
+            Role::OrderEnd,
+            Role::OrderInterrupt,
+            Role::EndAck,
+        ];
         for role in once {
             if packet.count(role) > 1 {
                 let text = format!("{} messages `{}` in one packet", packet.count(role), role_name(role));
@@ -248,7 +266,10 @@ impl Orders {
     fn told(&mut self, packet: &Packet, report: &mut Report<'_>) {
         let begun = packet.begun;
         match self.talk {
-            Talk::Pc { since, .. } if begun.saturating_add(JITTER) < since.saturating_add(self.reply_timeout) && !self.has_bytes => {
+            Talk::Pc { since, .. }
+                if begun.saturating_add(JITTER) < since.saturating_add(self.reply_timeout)
+                    && !self.has_bytes =>
+            {
                 let waited = ms(begun.saturating_sub(since));
                 report.rule(ROBOT, "KM-50", format!("a packet {waited} after one that is not answered"));
             }
@@ -357,7 +378,8 @@ impl Orders {
         let asked = core::mem::take(&mut self.asked);
         let is_known = !matches!(self.talk, Talk::Unknown) && !asked.is_damaged && !packet.is_damaged;
         if is_known && asked.status != packet.has(Role::Status) {
-            let text = if asked.status { "no status answers a status" } else { "a status that nobody asked for" };
+            let text =
+                if asked.status { "no status answers a status" } else { "a status that nobody asked for" };
             report.rule(PC, "KM-92", text);
         }
         if let Some(start) = packet.of(Role::OrderStart).next() {

@@ -175,8 +175,19 @@ impl Laser {
             report.rule(HOST, "LE-67", "another frame than the one that was to be sent again");
         }
         let (is_wanted, message) = (false, message.clone());
-        self.asked =
-            Some(Asked { resent, is_wanted, message, word, class, length, left, is_divided, is_prompt, is_answered, is_missed });
+        self.asked = Some(Asked {
+            resent,
+            is_wanted,
+            message,
+            word,
+            class,
+            length,
+            left,
+            is_divided,
+            is_prompt,
+            is_answered,
+            is_missed,
+        });
         self.opened = None;
     }
 
@@ -235,13 +246,18 @@ impl Laser {
             return;
         }
         if asked.is_answered {
-            report.rule(CONTROLLER, "LE-5", format!("{word:04X}h, and nobody has asked since the last answer"));
+            report.rule(
+                CONTROLLER,
+                "LE-5",
+                format!("{word:04X}h, and nobody has asked since the last answer"),
+            );
             return;
         }
         let (late, limit) = (now.saturating_sub(asked.left), asked.timeout(&self.host));
         self.is_busy = false;
         if asked.is_missed {
-            let settled = if late > limit.saturating_add(self.host.settle) { "settle" } else { "the timeout" };
+            let settled =
+                if late > limit.saturating_add(self.host.settle) { "settle" } else { "the timeout" };
             let text = format!("an answer {} after its frame: {settled} is too short", ms(late));
             report.assumption(CONTROLLER, "LE-72", text);
         }
@@ -269,7 +285,8 @@ impl Laser {
             None => {
                 asked.is_answered = true;
                 if asked.word != Some(word) {
-                    let found = asked.word.map_or("a frame without one".into(), |word| format!("{word:04X}h"));
+                    let found =
+                        asked.word.map_or("a frame without one".into(), |word| format!("{word:04X}h"));
                     report.rule(CONTROLLER, "LE-25", format!("the word {word:04X}h answers {found}"));
                 } else if has_values && matches!(asked.class, Some(Class::Interpreted | Class::Immediate)) {
                     report.rule(CONTROLLER, "LE-25", format!("an echo of {word:04X}h with values"));
@@ -279,7 +296,6 @@ impl Laser {
         self.open.corrupt = 0;
     }
 }
-
 
 /// How long an earlier host's frame may still be answered (LE-64).
 fn drain(host: &HostConfig) -> Duration {

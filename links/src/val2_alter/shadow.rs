@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use anyhow::Result;
 use serde_json::Value;
-use val2_alter::timing::{CYCLE, transmission_time};
 use val2_alter::HostConfig;
+use val2_alter::timing::{CYCLE, transmission_time};
 
 use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
@@ -98,7 +98,7 @@ impl Shadow for Alter {
     }
 
     fn pass(&mut self, report: &mut Report<'_>) {
-        let limit = CYCLE.saturating_mul(u32::from(self.host.silence_cycles));
+        let limit = CYCLE.saturating_mul(self.host.silence_cycles);
         if self.phase == Phase::Running
             && let Some(last) = self.last
             && report.now >= last.saturating_add(limit).saturating_add(SLACK)
@@ -121,6 +121,14 @@ impl Alter {
         }
         let before = self.asked.take();
         if let Some(before) = &before {
+            if before.answer.is_none() && !before.is_damaged && report.now < before.sure {
+                let since = ms(report.now.saturating_sub(before.at));
+                report.rule(
+                    ROBOT,
+                    "AL-73",
+                    format!("a message {since} after one that may still be answered"),
+                );
+            }
             self.outcome(before, message, report);
         }
         let is_start = kind == "start";
@@ -131,7 +139,11 @@ impl Alter {
                 }
                 let is_again = self.phase == Phase::Starting && before.is_some();
                 if error != 0 && self.phase != Phase::Unknown && !is_again {
-                    report.rule(ROBOT, "AL-15", format!("the first start message has the error code {error}"));
+                    report.rule(
+                        ROBOT,
+                        "AL-15",
+                        format!("the first start message has the error code {error}"),
+                    );
                 }
                 (self.phase, self.last, self.moves) = (Phase::Starting, None, true);
                 self.mode = message["mode"].as_u64();
@@ -139,7 +151,11 @@ impl Alter {
             "motion" => {
                 let has_transform = !message["transform"].is_null();
                 if self.mode.is_some_and(|mode| (mode & TRANSFORM != 0) != has_transform) {
-                    report.rule(ROBOT, "AL-16", "a transformation is in a message where the mode says otherwise");
+                    report.rule(
+                        ROBOT,
+                        "AL-16",
+                        "a transformation is in a message where the mode says otherwise",
+                    );
                 }
                 self.cycle(report);
             }
@@ -159,7 +175,8 @@ impl Alter {
         let closes = report.now.saturating_add(line).saturating_add(window).saturating_add(SLACK);
         let is_interrupted = message["phase"] == "interrupted";
         let (answer, is_damaged) = (None, false);
-        self.asked = Some(Asked { at: report.now, is_start, is_interrupted, sure, closes, answer, is_damaged });
+        self.asked =
+            Some(Asked { at: report.now, is_start, is_interrupted, sure, closes, answer, is_damaged });
     }
 
     /// Standard messages are 28 ms apart.
@@ -171,7 +188,11 @@ impl Alter {
                 let text = format!("{} after the one before, which was later than max_delay", ms(since));
                 report.assumption(ROBOT, "AL-93", text);
             } else if since > CYCLE.saturating_add(self.host.max_delay) {
-                report.budget(ROBOT, "AL-73", format!("a standard message {} after the one before", ms(since)));
+                report.budget(
+                    ROBOT,
+                    "AL-73",
+                    format!("a standard message {} after the one before", ms(since)),
+                );
             }
         }
     }
@@ -205,7 +226,8 @@ impl Alter {
                 report.budget(HOST, "AL-61", "the controller says that the reply did not come in time");
             }
             ("motion" | "end", Some(_)) if error != 0 => {
-                let text = format!("error code {error}, and the reply was good: what is wrong is beyond the tap");
+                let text =
+                    format!("error code {error}, and the reply was good: what is wrong is beyond the tap");
                 report.rule(ROBOT, "AL-19", text);
             }
             _ => {}

@@ -66,7 +66,9 @@ impl Shadow for Viewer {
             // A whole line that cannot be read was the answer (VV-26).
             Seen::Corrupt { error, .. } => {
                 let kind = error["kind"].as_str().unwrap_or_default();
-                if ["checksum", "format", "number", "too_long"].contains(&kind) && !matches!(self.request, Request::Unknown) {
+                if ["checksum", "format", "number", "too_long"].contains(&kind)
+                    && !matches!(self.request, Request::Unknown)
+                {
                     self.request = Request::None;
                 }
             }
@@ -148,7 +150,11 @@ impl Viewer {
         if let (Some(before), Some(count)) = (self.count, count) {
             let lost = count.wrapping_sub(before).wrapping_sub(1);
             if lost > 0 && count > 0 {
-                report.rule(HOST, "VV-10", format!("{lost} packets are missing before the one of count {count}"));
+                report.rule(
+                    HOST,
+                    "VV-10",
+                    format!("{lost} packets are missing before the one of count {count}"),
+                );
             }
         }
         self.count = count;

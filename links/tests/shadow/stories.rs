@@ -1,6 +1,6 @@
 //! Every story, as it is.
 
-use std::fmt::Write as _;
+use core::fmt::Write as _;
 
 use cellwire_links::LINKS;
 use cellwire_links::shadow::Kind;

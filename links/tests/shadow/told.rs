@@ -1,7 +1,7 @@
 //! A conversation as a tap sees it, and what a shadow says to it.
 
+use core::time::Duration;
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use cellwire_links::Link;
 use cellwire_links::codec::{Kind, Stream};
@@ -99,7 +99,9 @@ impl Story {
                 ("framing", Value::String(framing)) if framing.starts_with("rtu") => {
                     settings.insert("framing".into(), json!("rtu"));
                 }
-                _ if known.iter().any(|known| known == name) => drop(settings.insert(name.clone(), value.clone())),
+                _ if known.iter().any(|known| known == name) => {
+                    drop(settings.insert(name.clone(), value.clone()))
+                }
                 _ => {}
             }
         }

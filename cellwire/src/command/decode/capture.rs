@@ -188,7 +188,12 @@ impl Lines {
 }
 
 /// How a direction begins: which side sends, if that is known, and what its lines are called.
-fn begin(args: &Args, flow: Flow, is_client: bool, number: u64) -> Result<Option<(Box<Decoded>, Option<&'static str>)>> {
+fn begin(
+    args: &Args,
+    flow: Flow,
+    is_client: bool,
+    number: u64,
+) -> Result<Option<(Box<Decoded>, Option<&'static str>)>> {
     let wanted = args.codec.from.as_deref();
     let mut sender = None;
     let (side, mut label) = match flow {

@@ -61,7 +61,10 @@ pub(super) enum Format {
 
 /// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
-    ensure!(!args.shadow || args.format == Format::Pcap, "--shadow needs both ends: use it with --format pcap");
+    ensure!(
+        !args.shadow || args.format == Format::Pcap,
+        "--shadow needs both ends: use it with --format pcap"
+    );
     let input = input::open(args.file.as_deref())?;
     let out = Arc::new(Mutex::new(BufWriter::with_capacity(CHUNK, io::stdout())));
     let input = Box::new(Tied { input, out: Arc::clone(&out) });

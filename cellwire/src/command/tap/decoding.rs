@@ -129,9 +129,9 @@ impl<'a> Decoding<'a> {
 
     /// What is missing by now is said.
     fn pass_time(&mut self, at: SystemTime, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
-        self.watchers.iter_mut().try_for_each(|(connection, watcher)| {
-            complain(at, *connection, watcher.pass(since(at)), tell)
-        })
+        self.watchers
+            .iter_mut()
+            .try_for_each(|(connection, watcher)| complain(at, *connection, watcher.pass(since(at)), tell))
     }
 
     fn decode(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {

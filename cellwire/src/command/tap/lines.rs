@@ -2,8 +2,8 @@
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
-use humantime::format_rfc3339_micros;
 use cellwire_links::shadow::Complaint;
+use humantime::format_rfc3339_micros;
 use serde_json::{Map, Value, json};
 
 use super::SILENCE;

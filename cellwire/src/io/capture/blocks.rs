@@ -272,7 +272,8 @@ impl Form {
                         let length = (packet.caplen as usize).min(packet.data.len());
                         let data = packet.data.get(..length).unwrap_or_default(); // without the padding
                         let ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
-                        at = interfaces.get(packet.if_id as usize).and_then(|interface| interface.time(ticks));
+                        at =
+                            interfaces.get(packet.if_id as usize).and_then(|interface| interface.time(ticks));
                         (packet.if_id as usize, data, packet.origlen)
                     }
                     NgBlock::SimplePacket(packet) => {

@@ -37,14 +37,16 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
         client.insert("baud".into(), baud.into());
     }
     let config = client_config(Given(client))?;
-    let (is_known, open, malformed) = (false, Vec::new(), 0);
-    Ok(Box::new(Modbus { config, is_known, open, malformed, quiet_until: Duration::ZERO }))
+    let (is_known, since, open, malformed) = (false, None, Vec::new(), 0);
+    Ok(Box::new(Modbus { config, is_known, since, open, malformed, quiet_until: Duration::ZERO }))
 }
 
 struct Modbus {
     config: ClientConfig,
     /// Every request that may still be answered was seen.
     is_known: bool,
+    /// When something was seen first.
+    since: Option<Duration>,
     /// Requests without a reply, oldest first.
     open: Vec<Request>,
     /// Requests that are none, and are answered with an exception all the same.
@@ -64,9 +66,13 @@ struct Request {
 
 impl Shadow for Modbus {
     fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+        if let Seen::Message { .. } = seen {
+            self.since.get_or_insert(report.now);
+        }
         match *seen {
             Seen::Opened | Seen::Closed | Seen::Missed { .. } => {
                 self.is_known = matches!(seen, Seen::Opened) && !self.is_serial();
+                self.since = None;
                 (self.open, self.malformed) = (Vec::new(), 0);
                 self.quiet_until = Duration::ZERO;
             }
@@ -96,6 +102,10 @@ impl Shadow for Modbus {
 
     fn pass(&mut self, report: &mut Report<'_>) {
         let timeout = self.config.timeout;
+        // What was asked before the first thing that was seen is answered no more.
+        self.is_known |= self.since.is_some_and(|since| {
+            report.now > since.saturating_add(timeout).saturating_add(self.config.settle)
+        });
         for request in self.open.iter_mut().filter(|request| !request.is_missed) {
             if report.now > request.at.saturating_add(timeout) {
                 request.is_missed = true;
@@ -131,12 +141,15 @@ impl Modbus {
                 let text = format!("the transaction of {} again, which is not answered", name(&other.frame));
                 report.rule(CLIENT, "FM-41", text);
             }
-        } else if let Some(other) = self.open.iter().filter(is_awaited).find(|other| !other.is_damaged) {
+        } else if let Some(other) =
+            self.open.iter().filter(is_awaited).find(|other| !other.is_damaged && self.is_known)
+        {
             let waited = ms(now.saturating_sub(other.at));
             let text =
                 format!("the next request {waited} after {}, which is not answered", name(&other.frame));
             report.rule(CLIENT, "FM-40", text);
         } else if let Some(other) = self.open.last()
+            && self.is_known
             && now < other.at.saturating_add(self.config.timeout).saturating_add(self.config.settle)
         {
             let waited = ms(now.saturating_sub(other.at));
@@ -188,7 +201,7 @@ impl Modbus {
             report.rule(SERVER, "FM-61", text);
         }
         match reply.answers(&asked) {
-            Ok(()) => self.is_known = true,
+            Ok(()) => {}
             // Before the first exchange its request may not have been seen.
             Err(_) if !self.is_known => {}
             Err(mismatch) => report.rule(SERVER, "FM-44", format!("{}: {mismatch}", name(frame))),

@@ -35,6 +35,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
         has_bytes: false,
         asked: Asked::default(),
         starts: Starts::default(),
+        is_whole: false,
         order: None,
         heard: None,
     }))
@@ -74,6 +75,8 @@ struct Orders {
     /// What the robot has said since the PC's last answer.
     asked: Asked,
     starts: Starts,
+    /// The connection was seen from its beginning, or the robot without an order: which order it is in is known.
+    is_whole: bool,
     order: Option<Order>,
     /// When the robot was last heard; `None` once it was said that it is silent.
     heard: Option<Duration>,
@@ -138,6 +141,7 @@ impl Shadow for Orders {
                 let is_open = matches!(seen, Seen::Opened);
                 self.talk = if is_open { Talk::Robot(None) } else { Talk::Unknown };
                 self.heard = is_open.then_some(report.now);
+                self.is_whole = is_open;
                 (self.asked, self.starts) = (Asked::default(), Starts::default());
                 if !is_open {
                     self.order = None;
@@ -283,7 +287,7 @@ impl Orders {
         }
         let has_answer = packet.has(Role::OrderAck);
         if !self.datagrams && !matches!(self.talk, Talk::Unknown) && !packet.is_damaged {
-            if has_answer && !self.starts.open {
+            if has_answer && !self.starts.open && self.is_whole {
                 report.rule(ROBOT, "KM-52", "an answer to a start that was not sent on this connection");
             }
             // Acknowledgements of jobs come first, and may fill the packet.
@@ -296,7 +300,8 @@ impl Orders {
             self.progress(*role, params, report);
         }
         self.asked.status |= packet.has(Role::Status);
-        self.asked.is_damaged |= packet.is_damaged;
+        // The first packet that is seen may lack its beginning.
+        self.asked.is_damaged |= packet.is_damaged || matches!(self.talk, Talk::Unknown);
         if let Some((_, params)) = packet.messages.iter().find(|(role, _)| *role == Role::JobRequest) {
             self.asked.job = params.number(Field::Number);
         }
@@ -314,11 +319,17 @@ impl Orders {
                     self.order = None;
                 }
             }
-            Role::EndAck => (self.order, self.starts.open) = (None, false),
+            Role::EndAck => {
+                (self.order, self.starts.open) = (None, false);
+                self.is_whole |= number == Some(0);
+            }
             Role::Status if self.order.is_some_and(|order| number == Some(order.number)) => {
                 self.starts.open = false;
             }
-            Role::Status if !self.starts.open => self.order = None,
+            Role::Status if !self.starts.open => {
+                self.order = None;
+                self.is_whole |= number == Some(0);
+            }
             _ => {}
         }
         let numbers = self.numbers;
@@ -384,10 +395,10 @@ impl Orders {
         }
         if let Some(start) = packet.of(Role::OrderStart).next() {
             let number = start.number(Field::Order).unwrap_or_default();
-            if self.order.is_none_or(|order| order.number != number) {
+            if self.is_whole && self.order.is_none_or(|order| order.number != number) {
                 self.order = Some(Order { number, executed: 0, acked: 0, sent: 0 });
             }
-            if self.starts.open && !self.datagrams && !matches!(self.talk, Talk::Unknown) {
+            if self.starts.open && !self.datagrams && self.is_whole {
                 report.rule(PC, "KM-93", "a start again before the answer to the one before");
             }
             (self.starts.open, self.starts.last) = (true, true);
@@ -397,7 +408,9 @@ impl Orders {
         if let Some(first) = numbers.first().filter(|_| is_known) {
             match asked.job {
                 None => report.rule(PC, "KM-95", format!("the job {first}, and none was asked for")),
-                Some(wanted) if wanted != *first && !self.is_behind_executed(*first) => {
+                Some(wanted)
+                    if wanted != *first && self.order.is_some() && !self.is_behind_executed(*first) =>
+                {
                     report.rule(PC, "KM-95", format!("the job {first}, and {wanted} was asked for"));
                 }
                 Some(_) => {}

@@ -14,8 +14,10 @@ const CENTRAL: &str = "central";
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
     let central = setup.config(CENTRAL, CentralConfig::DEFAULT, &[])?;
     let (timeout, settle) = (central.timeout, central.settle);
-    let (is_known, open, axes, percent) = (false, VecDeque::new(), Axes::Unknown, None);
-    Ok(Box::new(Cell { timeout, settle, is_known, open, axes, percent }))
+    let (is_known, since, open) = (false, None, VecDeque::new());
+    let (axes, percent) = (Axes::Unknown, None);
+    let is_at_rest = false;
+    Ok(Box::new(Cell { timeout, settle, is_known, since, open, axes, is_at_rest, percent }))
 }
 
 struct Cell {
@@ -23,9 +25,13 @@ struct Cell {
     settle: Duration,
     /// Every command that may still be answered was seen.
     is_known: bool,
+    /// When a command was seen first.
+    since: Option<Duration>,
     /// The commands without a reply, oldest first.
     open: VecDeque<Open>,
     axes: Axes,
+    /// It has reported rest behind the `OK` to a motion, and was not seen moving.
+    is_at_rest: bool,
     /// The override.
     percent: Option<u64>,
 }
@@ -53,9 +59,10 @@ impl Shadow for Cell {
         match *seen {
             Seen::Opened | Seen::Closed => {
                 self.forget();
-                self.is_known = matches!(seen, Seen::Opened);
+                (self.is_known, self.since) = (matches!(seen, Seen::Opened), None);
             }
             Seen::Missed { .. } => {
+                self.since = None;
                 self.forget();
                 (self.is_known, self.axes, self.percent) = (false, Axes::Unknown, None);
             }
@@ -75,6 +82,12 @@ impl Shadow for Cell {
 
     fn pass(&mut self, report: &mut Report<'_>) {
         let timeout = self.timeout;
+        // What was sent before the first command that was seen is answered no more.
+        let is_old = |at: Duration| report.now > at.saturating_add(timeout.saturating_mul(10));
+        if self.since.is_some_and(is_old) && !self.is_known {
+            self.is_known = true;
+            self.open.retain(|open| !is_old(open.at));
+        }
         for open in self.open.iter_mut().filter(|open| !open.is_missed) {
             if report.now > open.at.saturating_add(timeout) {
                 open.is_missed = true;
@@ -105,6 +118,7 @@ impl Cell {
             let text = format!("a command {waited} after {}, which is not answered", open.name());
             report.rule(CENTRAL, "MM-4", text);
         }
+        self.since.get_or_insert(report.now);
         self.open.push_back(Open { at: report.now, command, is_missed: false });
     }
 
@@ -121,6 +135,10 @@ impl Cell {
             let text = format!("the reply to {} after {late}: timeout is too short", open.name());
             report.assumption(device, "MM-60", text);
         }
+        if !self.is_known {
+            // Which command it answers is not known either.
+            return;
+        }
         let Some(command) = &open.command else {
             if kind != "error" {
                 report.rule(device, "MM-51", format!("`{kind}` answers a line that is no command"));
@@ -129,18 +147,15 @@ impl Cell {
         };
         let is_status = open.name() == "STA";
         match kind {
-            "error" => self.is_known = true,
+            "error" => {}
             "status" if is_status => self.status(device, open.at, reply, report),
             "ok" if !is_status => self.obeyed(device, command, report),
-            // Before the first exchange its command may not have been seen.
-            _ if !self.is_known => {}
             _ => report.rule(device, "MM-18", format!("`{kind}` answers {}", open.name())),
         }
     }
 
     /// A status that was asked for at a time, held against the table of the axes (MM-74).
     fn status(&mut self, device: &'static str, asked: Duration, status: &Value, report: &mut Report<'_>) {
-        self.is_known = true;
         let flag = |name: &str| status[name].as_bool().unwrap_or_default();
         let (moving, servo, fault) = (flag("moving"), flag("servo"), status["error"] != 0);
         if moving && !servo {
@@ -165,13 +180,22 @@ impl Cell {
             (_, Axes::Off) => Some("without an order or an error the servo is off"),
             (Axes::Still, _) => Some("without an order it moves"),
         };
-        if let Some(wrong) = wrong {
+        if self.is_at_rest && moving {
+            let text = format!(
+                "it moves, and at rest {} after its order it had not begun: settle is too short",
+                ms(self.settle)
+            );
+            report.assumption(device, "MM-61", text);
+        } else if let Some(wrong) = wrong {
             report.rule(device, "MM-74", wrong);
         }
         if let (Axes::Moving(Some(since)), Axes::Still) = (before, self.axes) {
             // Whether it has moved already, or not yet, shows the next status; until then it may move.
             let is_settled = asked >= since.saturating_add(self.settle);
             self.axes = if is_settled { Axes::Still } else { before };
+            self.is_at_rest = is_settled;
+        } else {
+            self.is_at_rest &= !moving;
         }
         let percent = status["override"].as_u64();
         if let (Some(before), Some(percent)) = (self.percent, percent)
@@ -184,7 +208,6 @@ impl Cell {
 
     /// An order is accepted.
     fn obeyed(&mut self, device: &'static str, command: &Value, report: &mut Report<'_>) {
-        self.is_known = true;
         let name = command["command"].as_str().unwrap_or_default();
         let is_on = command["on"] == true;
         let wrong = match (name, self.axes) {
@@ -196,6 +219,7 @@ impl Cell {
         if let Some(wrong) = wrong {
             report.rule(device, "MM-74", format!("OK to {wrong}"));
         }
+        self.is_at_rest = false;
         self.axes = match (name, self.axes) {
             ("MOV" | "RST", _) => Axes::Moving(Some(report.now)),
             ("SRV", Axes::Unknown) if is_on => Axes::Unknown,

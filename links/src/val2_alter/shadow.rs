@@ -121,7 +121,8 @@ impl Alter {
         }
         let before = self.asked.take();
         if let Some(before) = &before {
-            if before.answer.is_none() && !before.is_damaged && report.now < before.sure {
+            let is_known = self.phase != Phase::Unknown && !before.is_damaged;
+            if before.answer.is_none() && is_known && report.now < before.sure {
                 let since = ms(report.now.saturating_sub(before.at));
                 report.rule(
                     ROBOT,
@@ -145,12 +146,15 @@ impl Alter {
                         format!("the first start message has the error code {error}"),
                     );
                 }
+                // One that begins where nobody knows what was before may not be taken.
+                let is_known = matches!(self.phase, Phase::Off | Phase::Starting);
+                self.mode = message["mode"].as_u64().filter(|_| is_known);
                 (self.phase, self.last, self.moves) = (Phase::Starting, None, true);
-                self.mode = message["mode"].as_u64();
             }
             "motion" => {
                 let has_transform = !message["transform"].is_null();
-                if self.mode.is_some_and(|mode| (mode & TRANSFORM != 0) != has_transform) {
+                let is_other = self.mode.is_some_and(|mode| (mode & TRANSFORM != 0) != has_transform);
+                if is_other {
                     report.rule(
                         ROBOT,
                         "AL-16",
@@ -261,7 +265,7 @@ impl Alter {
             return;
         }
         let is_right = asked.is_start == is_start;
-        if !is_right && self.phase != Phase::Unknown {
+        if !is_right && self.phase != Phase::Unknown && self.mode.is_some() {
             report.rule(HOST, "AL-23", "an answer to a message of the other kind");
         }
         if now > asked.closes {

@@ -1,5 +1,7 @@
 //! A host and a controller, as their messages show them.
 
+mod frame;
+
 use core::time::Duration;
 
 use anyhow::Result;
@@ -7,6 +9,7 @@ use laser_eb90::timing::transmission_time;
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
 use serde_json::Value;
 
+use self::frame::{first_word, items, judge, line};
 use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
@@ -160,7 +163,8 @@ impl Laser {
         }
         let word = first_word(message);
         let class = word.and_then(|word| self.controller.words.class(word));
-        self.judge(message, word, report);
+        let batch = self.host.batch.max(self.controller.batch);
+        judge(message, &self.controller.words, batch, report);
         let is_over = |asked: &Asked| asked.is_answered || (asked.is_prompt && !asked.is_executed());
         let is_idle = self.asked.as_ref().is_none_or(is_over) && !self.is_busy;
         let is_prompt = is_idle && pause.is_zero() && self.open.corrupt == 0 && self.open.held == length;
@@ -189,35 +193,6 @@ impl Laser {
             is_missed,
         });
         self.opened = None;
-    }
-
-    /// What the frame of a host holds.
-    fn judge(&self, message: &Value, word: Option<u16>, report: &mut Report<'_>) {
-        let words = &self.controller.words;
-        let Some(word) = word else {
-            return report.rule(HOST, "LE-19", "a frame that does not begin with a word");
-        };
-        let all: Vec<u16> = items(message).filter_map(single).collect();
-        match words.class(word) {
-            None => report.rule(HOST, "LE-102", format!("{word:04X}h is no command word")),
-            Some(Class::Interpreted) => {
-                let other = all.iter().find(|word| words.class(**word) != Some(Class::Interpreted));
-                if let Some(other) = other {
-                    let text = format!("{other:04X}h behind the interpreted instruction {word:04X}h");
-                    report.rule(HOST, "LE-23", text);
-                }
-                let most = usize::from(self.host.batch.max(self.controller.batch));
-                if all.len() > most {
-                    report.rule(HOST, "LE-22", format!("{} instructions in a frame", all.len()));
-                }
-            }
-            Some(_) => {
-                if let Some(other) = all.iter().skip(1).find(|word| words.class(**word).is_some()) {
-                    let text = format!("the command word {other:04X}h among the parameters of {word:04X}h");
-                    report.rule(HOST, "LE-24", text);
-                }
-            }
-        }
     }
 
     /// An answer of the controller.
@@ -301,26 +276,4 @@ impl Laser {
 fn drain(host: &HostConfig) -> Duration {
     let line = transmission_time(host.longest_frame, host.baud);
     [host.max_pause, host.earlier_execution, host.settle].into_iter().fold(line, Duration::saturating_add)
-}
-
-/// How long an answer takes on the line, without what is stuffed.
-fn line(message: &Value, host: &HostConfig) -> Duration {
-    let is_short = items(message).count() == 1;
-    transmission_time(if is_short { 13 } else { 2 * laser_eb90::MAX_PAYLOAD }, host.baud)
-}
-
-fn items(message: &Value) -> impl Iterator<Item = &Value> {
-    message.get("items").and_then(Value::as_array).into_iter().flatten()
-}
-
-/// The value of an item that is a single short (LE-18).
-fn single(item: &Value) -> Option<u16> {
-    match item.get("i16")?.as_array()?.as_slice() {
-        [value] => Some(i16::try_from(value.as_i64()?).ok()?.cast_unsigned()),
-        _ => None,
-    }
-}
-
-fn first_word(message: &Value) -> Option<u16> {
-    items(message).next().and_then(single)
 }

@@ -1,16 +1,17 @@
 //! A robot and a PC, as their packets show them.
 
+mod packet;
+
 use core::time::Duration;
 
 use anyhow::Result;
-use kawasaki_msg::{
-    Dialect, Field, Message, Numbering, Params, PcConfig, RobotConfig, Role, Takeover, Value as Text, Values,
-};
+use kawasaki_msg::{Dialect, Field, Numbering, Params, PcConfig, RobotConfig, Role, Takeover};
+
 use serde_json::Value;
 
-use super::ends::plant;
-use super::options::CodecSettings;
-use super::plant::{field_name, role_name};
+use self::packet::{Packet, read};
+use crate::kawasaki_msg::ends::plant;
+use crate::kawasaki_msg::options::CodecSettings;
 use crate::settings;
 use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
@@ -39,25 +40,6 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
         order: None,
         heard: None,
     }))
-}
-
-/// The configurations of both ends: those of the plant that is set, or of the one that the configuration of an end has.
-fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>)> {
-    let (mut pc, mut robot) = (setup.given(PC), setup.given(ROBOT));
-    robot.take::<Value>("queue")?;
-    let (is_pc, is_robot) = (!pc.0.is_empty(), !robot.0.is_empty());
-    if !is_pc && !is_robot {
-        let CodecSettings { plant, .. } =
-            settings::read("kawasaki-msg", CodecSettings::default(), setup.settings)?;
-        let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
-        return Ok((plant.pc(pc)?, plant.robot(RobotConfig::TCP)?));
-    }
-    let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
-    let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
-    let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
-    let (max_number, datagrams) =
-        if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
-    Ok((PcConfig { max_number, datagrams, ..pc }, robot))
 }
 
 struct Orders {
@@ -93,17 +75,6 @@ enum Talk {
         since: Duration,
         is_missed: bool,
     },
-}
-
-/// Messages that an end has sent together.
-struct Packet {
-    from: &'static str,
-    /// When it began, and its last message.
-    begun: Duration,
-    last: Duration,
-    messages: Vec<(Role, Params)>,
-    /// Something in it is no message of the plant's.
-    is_damaged: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -148,7 +119,7 @@ impl Shadow for Orders {
                 }
             }
             Seen::Message { from, message, .. } => {
-                let read = self.read(message);
+                let read = read(&self.dialect, message);
                 let packet = self.packet(from, report);
                 match read {
                     Some(read) => packet.messages.push(read),
@@ -189,29 +160,6 @@ impl Shadow for Orders {
 }
 
 impl Orders {
-    /// What a message means in the plant.
-    fn read(&self, message: &Value) -> Option<(Role, Params)> {
-        if let Some(role) = message["role"].as_str() {
-            let entry = self.dialect.entries().iter().find(|entry| role_name(entry.role) == role)?;
-            let mut params = Params::default();
-            for field in entry.header.iter().chain(entry.fields) {
-                let value = field_name(*field).and_then(|name| message["values"].get(name)?.as_i64());
-                if let Some(value) = value {
-                    params.set(*field, i32::try_from(value).ok()?);
-                }
-            }
-            return Some((entry.role, params));
-        }
-        let texts = |name: &str| -> Vec<Text<'_>> {
-            let values = message[name].as_array().into_iter().flatten();
-            values.filter_map(|value| value.as_str().map(Text::Text)).collect()
-        };
-        let (header, fields) = (texts("header"), texts("fields"));
-        let name = Text::Text(message["name"].as_str()?);
-        let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
-        self.dialect.read(&Message { name, header, fields: Values::List(&fields) }).ok()
-    }
-
     /// The packet that a message of an end belongs to.
     fn packet(&mut self, from: &'static str, report: &mut Report<'_>) -> &mut Packet {
         let now = report.now;
@@ -227,42 +175,10 @@ impl Orders {
     /// A packet has ended.
     fn close(&mut self, report: &mut Report<'_>) {
         let Some(packet) = self.packet.take() else { return };
-        self.contents(&packet, report);
+        packet.judge(report);
         match packet.from {
             ROBOT => self.told(&packet, report),
             _ => self.answered(&packet, report),
-        }
-    }
-
-    /// What is true of the packets of both ends.
-    fn contents(&self, packet: &Packet, report: &mut Report<'_>) {
-        let clause = if packet.from == ROBOT { "KM-52" } else { "KM-92" };
-        let once = [
-            Role::Status,
-            Role::Filler,
-            Role::JobRequest,
-            Role::Pause,
-            Role::OrderStart,
-            Role::OrderAck,
-            Role::OrderEnd,
-            Role::OrderInterrupt,
-            Role::EndAck,
-        ];
-        for role in once {
-            if packet.count(role) > 1 {
-                let text = format!("{} messages `{}` in one packet", packet.count(role), role_name(role));
-                report.rule(packet.from, clause, text);
-            }
-        }
-        if packet.has(Role::Filler) && packet.messages.len() > 1 {
-            report.rule(packet.from, clause, "a filler beside other messages");
-        }
-        let others: &[Role] = match packet.from {
-            ROBOT => &[Role::Job, Role::OrderStart, Role::OrderEnd, Role::OrderInterrupt],
-            _ => &[Role::JobAck, Role::JobRequest, Role::Pause, Role::OrderAck, Role::EndAck],
-        };
-        for (role, _) in packet.messages.iter().filter(|(role, _)| others.contains(role)) {
-            report.rule(packet.from, "KM-22", format!("`{}` is the other end's", role_name(*role)));
         }
     }
 
@@ -437,25 +353,28 @@ impl Orders {
         };
         self.talk = Talk::Robot(since);
     }
-}
 
-impl Orders {
     /// Whether a job comes behind the last one that was acknowledged: those before it are not sent again.
     fn is_behind_executed(&self, number: u16) -> bool {
         self.order.is_some_and(|order| self.numbers.next(order.acked) == number)
     }
 }
 
-impl Packet {
-    fn of(&self, wanted: Role) -> impl Iterator<Item = &Params> {
-        self.messages.iter().filter(move |(role, _)| *role == wanted).map(|(_, params)| params)
+/// The configurations of both ends: those of the plant that is set, or of the one that the configuration of an end has.
+fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>)> {
+    let (mut pc, mut robot) = (setup.given(PC), setup.given(ROBOT));
+    robot.take::<Value>("queue")?;
+    let (is_pc, is_robot) = (!pc.0.is_empty(), !robot.0.is_empty());
+    if !is_pc && !is_robot {
+        let CodecSettings { plant, .. } =
+            settings::read("kawasaki-msg", CodecSettings::default(), setup.settings)?;
+        let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
+        return Ok((plant.pc(pc)?, plant.robot(RobotConfig::TCP)?));
     }
-
-    fn count(&self, role: Role) -> usize {
-        self.of(role).count()
-    }
-
-    fn has(&self, role: Role) -> bool {
-        self.count(role) > 0
-    }
+    let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
+    let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
+    let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
+    let (max_number, datagrams) =
+        if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
+    Ok((PcConfig { max_number, datagrams, ..pc }, robot))
 }

@@ -15,6 +15,7 @@ pub mod laser_eb90;
 pub mod link;
 pub mod mmacell_proto;
 pub mod settings;
+pub mod shadow;
 pub mod val2_alter;
 pub mod val2_viewer;
 pub mod vectors;

@@ -7,6 +7,7 @@ use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
 use crate::settings::Setting;
+use crate::shadow::MakeShadow;
 
 /// A link.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +36,8 @@ pub struct Link {
     pub clauses: &'static [(&'static str, &'static str)],
     /// What its source leaves open of the bytes.
     pub open: Open,
+    /// Who looks at a conversation of both ends.
+    pub shadow: MakeShadow,
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod shadow;
 
 use ::toy_link::{DeviceConfig, HostConfig};
 
@@ -25,5 +26,6 @@ pub const LINK: Link = Link {
     tolerates: |_| false,
     clauses: &[],
     open: Open::NOTHING,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -6,6 +6,8 @@ use super::settings::SetArgs;
 use crate::links::link_parser;
 use cellwire_links::codec::Codec;
 use cellwire_links::link::Link;
+use cellwire_links::shadow::{Setup, Watcher};
+use serde_json::Map;
 
 /// Which bytes are read or written.
 #[derive(Debug, clap::Args)]
@@ -52,5 +54,22 @@ impl LinkArgs {
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
         (self.link.codec)(side, &self.set.read()?).map_err(|error| self.set.located(error))
+    }
+
+    /// Who looks at a conversation of both ends: over a serial line or not, at this rate if it is known.
+    ///
+    /// # Errors
+    /// When the link has no such setting.
+    pub(super) fn watcher(&self, baud: Option<u32>, is_serial: bool) -> Result<Watcher> {
+        let (settings, configs) = (self.set.read()?, Map::new());
+        let setup = Setup { settings: &settings, configs: &configs, baud, is_serial };
+        let shadow = (self.link.shadow)(&setup).map_err(|error| self.set.located(error))?;
+        Ok(Watcher::new(shadow))
+    }
+
+    /// The end that sends no messages, and polls.
+    pub(super) fn poller(&self) -> Option<&'static str> {
+        let end = self.link.ends.iter().find(|end| !self.link.sides.contains(&end.name));
+        end.filter(|_| self.link.sides.len() == 1).map(|end| end.name)
     }
 }

@@ -1,7 +1,8 @@
 //! What the tool prints: JSON lines on standard output, remarks on standard error.
 
 use std::io::{self, ErrorKind, Write};
-use std::sync::OnceLock;
+use std::sync::mpsc::Sender;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -62,7 +63,15 @@ pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
     log(&json!({"ready": device, kind: place}))
 }
 
-/// A remark on standard error, its control characters escaped. Where that is closed, nobody reads it.
+/// Where remarks go while a screen covers standard error.
+static SCREEN: Mutex<Option<Sender<String>>> = Mutex::new(None);
+
+/// From now on remarks are for the screen; `None`: for standard error again.
+pub fn show_remarks(screen: Option<Sender<String>>) {
+    *SCREEN.lock().unwrap_or_else(PoisonError::into_inner) = screen;
+}
+
+/// A remark on standard error, or on the screen that covers it, its control characters escaped. Where that is closed, nobody reads it.
 pub fn remark(text: &str) {
     let mut line = String::with_capacity(text.len() + 1);
     for c in text.chars() {
@@ -71,6 +80,11 @@ pub fn remark(text: &str) {
         } else {
             line.push(c);
         }
+    }
+    if let Some(screen) = &*SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
+        && screen.send(line.clone()).is_ok()
+    {
+        return;
     }
     line.push('\n');
     if let Some([_, error]) = OUTLETS.get() {

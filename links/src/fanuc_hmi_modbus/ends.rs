@@ -51,15 +51,8 @@ impl<const N: usize> Owner for Client<N> {
         room: Room::Most(N as u64),
     }];
 
-    fn new(mut given: Given, rules: Rules<client::Rule>) -> Result<Self> {
-        let (framing, baud) = transport(&mut given)?;
-        let made = match framing.as_str() {
-            "tcp" => ClientConfig::tcp(),
-            "rtu" => ClientConfig::rtu(baud),
-            _ => ClientConfig::rtu_over_tcp(),
-        };
-        let made = given.configure(ClientConfig { rules, ..made })?;
-        Ok(Self::new(made)?)
+    fn new(given: Given, rules: Rules<client::Rule>) -> Result<Self> {
+        Ok(Self::new(ClientConfig { rules, ..client_config(given)? })?)
     }
 
     fn shows(&self, event: &ClientEvent) -> Option<(&'static str, String)> {
@@ -84,6 +77,16 @@ impl<const N: usize> Owner for Server<Tables, N> {
         let made = given.configure(ServerConfig { rules, ..made })?;
         Ok(Self::new(made, Tables::new())?)
     }
+}
+
+/// The configuration of a client.
+pub(super) fn client_config(mut given: Given) -> Result<ClientConfig> {
+    let (framing, baud) = transport(&mut given)?;
+    given.configure(match framing.as_str() {
+        "tcp" => ClientConfig::tcp(),
+        "rtu" => ClientConfig::rtu(baud),
+        _ => ClientConfig::rtu_over_tcp(),
+    })
 }
 
 /// What decides the other defaults: `framing`, and `baud`, the rate of a serial line.

@@ -4,6 +4,7 @@ mod codec;
 mod ends;
 mod open;
 mod options;
+mod shadow;
 
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
 
@@ -46,5 +47,6 @@ pub const LINK: Link = Link {
         ("noise", "FM-27"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -3,6 +3,8 @@
 mod codec;
 mod ends;
 
+mod shadow;
+
 use ::isra_ball::{BallConfig, HostConfig};
 
 use crate::link::{Config, Link, Open};
@@ -30,5 +32,6 @@ pub const LINK: Link = Link {
     },
     clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
     open: Open::NOTHING,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -259,7 +259,7 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
 }
 
 /// What is agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
-fn plant(given: &mut Given) -> Result<(Dialect<'static>, Layout)> {
+pub(super) fn plant(given: &mut Given) -> Result<(Dialect<'static>, Layout)> {
     let mut plant = Plant::default();
     plant.charset = given.take("charset")?.unwrap_or(plant.charset);
     plant.job = given.take("job")?;

@@ -7,6 +7,7 @@ mod open;
 mod options;
 pub mod plant;
 mod roles;
+mod shadow;
 
 pub use options::{CodecSettings, pc_settings, robot_settings};
 
@@ -45,5 +46,6 @@ pub const LINK: Link = Link {
         ("too_long", "KM-14"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

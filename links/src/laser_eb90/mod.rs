@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod shadow;
 
 use ::laser_eb90::{ControllerConfig, ErrorCodes, HostConfig, Profile};
 
@@ -47,5 +48,6 @@ pub const LINK: Link = Link {
         ("too_long", "LE-14"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod shadow;
 
 use ::mmacell_proto::{CentralConfig, DeviceConfig, Dialect};
 
@@ -51,5 +52,6 @@ pub const LINK: Link = Link {
         ("unknown_reply", "MM-3"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

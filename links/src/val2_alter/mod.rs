@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod shadow;
 
 use ::val2_alter::{ControllerConfig, Framing, HostConfig, Limits};
 
@@ -40,5 +41,6 @@ pub const LINK: Link = Link {
         ("select", "AL-23"),
     ],
     open: open::OPEN,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -3,6 +3,8 @@
 mod codec;
 mod ends;
 
+mod shadow;
+
 use ::val2_viewer::{HostConfig, WorkstationConfig};
 
 use crate::link::{Config, Link, Open};
@@ -33,5 +35,6 @@ pub const LINK: Link = Link {
         ("noise", "VV-14"),
     ],
     open: Open::NOTHING,
+    shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -1,24 +1,30 @@
-//! The connections of a capture, each direction decoded by itself.
+//! The connections of a capture, each direction decoded by itself; with --shadow, what both say is held against the specification.
 
+use std::collections::HashMap;
 use std::io::Read;
+use std::net::SocketAddr;
+use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::{Result, ensure};
+use humantime::format_rfc3339_micros;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Args, Lines};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
+use crate::io::capture::write::SERIAL;
 use crate::io::capture::{Fault, Flow, Summary};
 use crate::io::output::remark;
 use cellwire_links::codec::{Item, Kind, Stream};
+use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 
 /// Decodes every flow of a capture.
 ///
 /// # Errors
 /// When the input is no capture, or holds nothing for the link.
 pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let (summary, found) = connections::read(input, args.port, &mut Decoding { args, out })?;
+    let (summary, found) = connections::read(input, args.port, &mut Decoding::new(args, out))?;
     report(&summary);
     ensure!(
         found || !out.clean,
@@ -44,28 +50,111 @@ pub(in crate::command) fn report(summary: &Summary) {
 struct Decoding<'a> {
     args: &'a Args,
     out: &'a mut Lines,
+    now: Duration,
+    /// Of each connection, by its client, its server and its number.
+    watchers: HashMap<Ends, Watcher>,
 }
+
+type Ends = (SocketAddr, SocketAddr, u64);
 
 struct Decoded {
     stream: Stream,
     side: &'static str,
     /// Its fields before those of a line.
     label: String,
+    /// Whose conversation it is, where that is looked at, and which end sends.
+    watched: Option<(Ends, &'static str)>,
+}
+
+impl<'a> Decoding<'a> {
+    fn new(args: &'a Args, out: &'a mut Lines) -> Self {
+        Self { args, out, now: Duration::ZERO, watchers: HashMap::new() }
+    }
+
+    /// Whose conversation a direction is.
+    fn watch(&mut self, flow: Flow, is_client: bool, number: u64, is_whole: bool) -> Result<Option<Ends>> {
+        let (Flow::Tcp(from, to) | Flow::Udp(from, to)) = flow else { return Ok(None) };
+        if !self.args.shadow {
+            return Ok(None);
+        }
+        let (client, server) = if is_client { (from, to) } else { (to, from) };
+        let ends = (client, server, number);
+        if !self.watchers.contains_key(&ends) {
+            // What a tap has written of a line: nobody knows what was said before.
+            let is_serial = server == SERIAL[1].into();
+            let mut watcher = self.args.codec.of.watcher(None, is_serial)?;
+            if is_whole && !is_serial {
+                watcher.see(self.now, &Seen::Opened);
+            }
+            self.watchers.insert(ends, watcher);
+        }
+        Ok(Some(ends))
+    }
+
+    /// What is wrong with something that was said.
+    fn see(&mut self, ends: &Ends, seen: &Seen<'_>) -> Result<()> {
+        let Some(watcher) = self.watchers.get_mut(ends) else { return Ok(()) };
+        let complaints = watcher.see(self.now, seen);
+        self.out.complain(ends, self.now, &complaints)
+    }
 }
 
 impl Directions for Decoding<'_> {
     type Direction = Box<Decoded>;
 
-    fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Box<Decoded>>> {
-        begin(self.args, flow, is_client, connection)
+    fn pass_time(&mut self, at: Duration) -> Result<()> {
+        self.now = self.now.max(at);
+        for (ends, watcher) in &mut self.watchers {
+            self.out.complain(ends, self.now, &watcher.pass(self.now))?;
+        }
+        Ok(())
+    }
+
+    fn begin(
+        &mut self,
+        flow: Flow,
+        is_client: bool,
+        connection: u64,
+        is_whole: bool,
+    ) -> Result<Option<Box<Decoded>>> {
+        let mut begun = begin(self.args, flow, is_client, connection)?;
+        if let Some((decoded, sender)) = &mut begun
+            && let Some(ends) = self.watch(flow, is_client, connection, is_whole)?
+        {
+            let poller = self.args.codec.of.poller().unwrap_or(decoded.side);
+            decoded.watched = Some((ends, sender.unwrap_or(poller)));
+        }
+        Ok(begun.map(|(decoded, _)| decoded))
     }
 
     fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
-        decoded.take(self.args, piece, self.out)
+        if let (Some((ends, from)), Piece::Bytes(bytes)) = (decoded.watched, piece) {
+            self.see(&ends, &Seen::Bytes { from, bytes })?;
+        }
+        let mut said = Vec::new();
+        decoded.take(self.args, piece, self.out, &mut said)?;
+        let Some((ends, from)) = decoded.watched else { return Ok(()) };
+        for (kind, length, json) in said {
+            // What a poller sends is no message.
+            if from != decoded.side {
+                continue;
+            }
+            let json: Value = serde_json::from_slice(&json)?;
+            let seen = match kind {
+                _ if length == 0 => Seen::Missed { from },
+                Kind::Message => Seen::Message { from, length, message: &json },
+                Kind::Error => Seen::Corrupt { from, length, error: &json },
+            };
+            self.see(&ends, &seen)?;
+        }
+        Ok(())
     }
 
     fn end(&mut self, decoded: Box<Decoded>) -> Result<()> {
-        let Decoded { mut stream, label, .. } = *decoded;
+        let Decoded { mut stream, label, watched, .. } = *decoded;
+        if let Some((ends, _)) = watched {
+            self.watchers.remove(&ends);
+        }
         stream.finish(|item| self.out.write(&label, item))
     }
 
@@ -75,15 +164,44 @@ impl Directions for Decoding<'_> {
     }
 }
 
-/// How a direction begins: which side sends, and what its lines are called.
-fn begin(args: &Args, flow: Flow, is_client: bool, number: u64) -> Result<Option<Box<Decoded>>> {
+impl Lines {
+    /// A line for each complaint: `{"time":…,"ends":…,"from":…,"shadow":…,"clause":…,"text":…}`.
+    fn complain(&mut self, ends: &Ends, at: Duration, complaints: &[Complaint]) -> Result<()> {
+        for Complaint { end, kind, clause, text, .. } in complaints {
+            self.clean &= *kind != shadow::Kind::Rule;
+            let (client, server, number) = ends;
+            let mut line = json!({
+                "time": format_rfc3339_micros(UNIX_EPOCH + at).to_string(),
+                "ends": format!("{client} > {server}"),
+                "from": end,
+                "shadow": kind,
+                "clause": clause,
+                "text": text,
+            });
+            if let (Some(line), 2..) = (line.as_object_mut(), *number) {
+                line.insert("connection".into(), json!(number));
+            }
+            self.line(format_args!("{line}\n"))?;
+        }
+        Ok(())
+    }
+}
+
+/// How a direction begins: which side sends, if that is known, and what its lines are called.
+fn begin(
+    args: &Args,
+    flow: Flow,
+    is_client: bool,
+    number: u64,
+) -> Result<Option<(Box<Decoded>, Option<&'static str>)>> {
     let wanted = args.codec.from.as_deref();
+    let mut sender = None;
     let (side, mut label) = match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
             let server = if is_client { to.port() } else { from.port() };
+            sender = (args.codec.of.link.sender)(is_client, server);
             // Which of the two polls is not sure enough to leave its bytes out.
-            let side = (args.codec.of.link.sender)(is_client, server)
-                .map_or_else(|| args.codec.of.link.side(None), Ok)?;
+            let side = sender.map_or_else(|| args.codec.of.link.side(None), Ok)?;
             if wanted.is_some_and(|wanted| wanted != side) {
                 return Ok(None);
             }
@@ -96,7 +214,7 @@ fn begin(args: &Args, flow: Flow, is_client: bool, number: u64) -> Result<Option
         label.push_str(&format!("\"connection\":{number},"));
     }
     let stream = Stream::new(args.codec.of.codec_of(side)?);
-    Ok(Some(Box::new(Decoded { stream, side, label })))
+    Ok(Some((Box::new(Decoded { stream, side, label, watched: None }), sender)))
 }
 
 /// What the capture lacks of a flow.
@@ -113,10 +231,21 @@ enum Lack {
     BeforeStart { bytes: u64 },
 }
 
+/// What an item of a stream is, how many bytes it has, and its object.
+type Said = (Kind, u64, Vec<u8>);
+
 impl Decoded {
-    fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines) -> Result<()> {
+    /// `said` gets what there is to be looked at.
+    fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines, said: &mut Vec<Said>) -> Result<()> {
+        let is_watched = self.watched.is_some();
+        let mut write = |label: &str, item: Item<'_>| {
+            if is_watched {
+                said.push((item.kind, item.length, item.json.to_vec()));
+            }
+            out.write(label, item)
+        };
         let lack = match piece {
-            Piece::Bytes(bytes) => return self.stream.push(bytes, |item| out.write(&self.label, item)),
+            Piece::Bytes(bytes) => return self.stream.push(bytes, |item| write(&self.label, item)),
             Piece::Gap(missing) => Lack::Gap { missing },
             Piece::Cut(missing) => Lack::CutOff { missing },
             Piece::Late(bytes) => Lack::Late { bytes },
@@ -126,10 +255,10 @@ impl Decoded {
         if let Lack::Gap { .. } | Lack::CutOff { .. } = lack {
             // What is before the gap and what is after it are no frame together.
             let next = Stream::starting_at(args.codec.of.codec_of(self.side)?, offset);
-            core::mem::replace(&mut self.stream, next).finish(|item| out.write(&self.label, item))?;
+            core::mem::replace(&mut self.stream, next).finish(|item| write(&self.label, item))?;
         }
         let mut json = Vec::new();
         cellwire_links::json::write(&lack, &mut json)?;
-        out.write(&self.label, Item { offset, length: 0, kind: Kind::Error, json: &json })
+        write(&self.label, Item { offset, length: 0, kind: Kind::Error, json: &json })
     }
 }

@@ -8,7 +8,7 @@ use std::io::{self, BufRead, BufWriter, Read, Write};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 
 use self::hex::HexReader;
@@ -25,7 +25,8 @@ const CHUNK: usize = 64 * 1024;
 /// Reads bytes and writes one JSON object per line.
 ///
 /// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt. Every
-/// byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit status is 1 if there were any.
+/// byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit status is 1 if there were any, or if
+/// --shadow has found that an end breaks a rule.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -36,6 +37,11 @@ pub struct Args {
     /// In a capture, read only what is sent from or to this TCP or UDP port
     #[arg(long, value_name = "N")]
     port: Option<u16>,
+    /// In a capture, hold what both ends say against the link's specification: a line with "shadow" says that an end breaks a rule
+    /// ("rule"), was later than the source allows ("budget"), or that a session of ours with its default settings would have assumed
+    /// something wrong ("assumption"), and by which clause
+    #[arg(long)]
+    shadow: bool,
     /// The input; - is standard input [default: -]
     file: Option<PathBuf>,
 }
@@ -55,6 +61,10 @@ pub(super) enum Format {
 
 /// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
+    ensure!(
+        !args.shadow || args.format == Format::Pcap,
+        "--shadow needs both ends: use it with --format pcap"
+    );
     let input = input::open(args.file.as_deref())?;
     let out = Arc::new(Mutex::new(BufWriter::with_capacity(CHUNK, io::stdout())));
     let input = Box::new(Tied { input, out: Arc::clone(&out) });
@@ -103,6 +113,10 @@ impl Lines {
     /// A line of the input itself.
     fn fault(&mut self, line: core::fmt::Arguments<'_>) -> Result<()> {
         self.clean = false;
+        self.line(line)
+    }
+
+    fn line(&mut self, line: core::fmt::Arguments<'_>) -> Result<()> {
         Ok(lock(&self.out).write_fmt(line)?)
     }
 

@@ -137,7 +137,7 @@ struct Collected {
 impl Directions for Collecting<'_> {
     type Direction = Collected;
 
-    fn begin(&mut self, flow: Flow, is_client: bool, _: u64) -> Result<Option<Collected>> {
+    fn begin(&mut self, flow: Flow, is_client: bool, _: u64, _: bool) -> Result<Option<Collected>> {
         let (name, sender) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
                 let server = if is_client { to } else { from };

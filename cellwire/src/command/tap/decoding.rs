@@ -1,7 +1,7 @@
 //! What both ends say, decoded.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 use serde_json::Value;
@@ -11,6 +11,7 @@ use crate::command::codec::LinkArgs;
 use crate::io::tap::{End, Place, Seen, What};
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::link::Link;
+use cellwire_links::shadow::{self, Complaint, Watcher};
 
 /// Something that an end has said or done.
 #[derive(Debug, Clone)]
@@ -45,6 +46,8 @@ pub(super) enum Told {
     },
     /// Bytes of an end that sends no messages, or of nobody knows whom.
     Bytes(Vec<u8>),
+    /// The end breaks a rule, is late, or shows that an assumption is wrong.
+    Wrong(Complaint),
     /// So many bytes were passed on, and not seen.
     Missed(u64),
     /// The end sends no more, or its connection broke.
@@ -54,7 +57,10 @@ pub(super) enum Told {
 /// Decodes what is seen.
 pub(super) struct Decoding<'a> {
     args: &'a LinkArgs,
+    /// The rate of the ports.
+    baud: Option<u32>,
     connections: BTreeMap<u32, Connection>,
+    watchers: BTreeMap<u32, Watcher>,
 }
 
 enum Connection {
@@ -83,16 +89,52 @@ struct Decoded {
 impl<'a> Decoding<'a> {
     /// # Errors
     /// When the link has no such setting.
-    pub(super) fn new(args: &'a LinkArgs) -> Result<Self> {
+    pub(super) fn new(args: &'a LinkArgs, baud: Option<u32>) -> Result<Self> {
         // Before anything is tapped.
         for side in args.link.sides {
             args.codec_of(side)?;
         }
-        Ok(Self { args, connections: BTreeMap::new() })
+        args.watcher(baud, baud.is_some())?;
+        Ok(Self { args, baud, connections: BTreeMap::new(), watchers: BTreeMap::new() })
     }
 
-    /// Takes what is seen; `tell` gets what is clear now.
+    /// Takes what is seen; `tell` gets what is clear now, and what is wrong with it.
     pub(super) fn take(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        let Seen { at, connection, from, what } = seen;
+        self.pass_time(*at, tell)?;
+        if let What::Opened(place) = what {
+            let is_serial = matches!(place, Place::Ports(_) | Place::Line(_));
+            self.watchers.insert(*connection, self.args.watcher(self.baud, is_serial)?);
+        }
+        let mut watcher = self.watchers.remove(connection);
+        if let (Some(watcher), What::Bytes(bytes)) = (&mut watcher, what)
+            && let Some(Connection::Ends([a, b])) = self.connections.get(connection)
+        {
+            let from = if *from == End::A { a.end } else { b.end };
+            let complaints = watcher.see(since(*at), &shadow::Seen::Bytes { from, bytes });
+            complain(*at, *connection, complaints, tell)?;
+        }
+        let poller = self.args.poller();
+        let outcome = self.decode(seen, &mut |entry| {
+            let (at, connection) = (entry.at, entry.connection);
+            let complaints = watcher.as_mut().map(|watcher| watch(watcher, &entry, poller));
+            tell(entry)?;
+            complain(at, connection, complaints.unwrap_or_default(), tell)
+        });
+        if let Some(watcher) = watcher {
+            self.watchers.insert(*connection, watcher);
+        }
+        outcome
+    }
+
+    /// What is missing by now is said.
+    fn pass_time(&mut self, at: SystemTime, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        self.watchers
+            .iter_mut()
+            .try_for_each(|(connection, watcher)| complain(at, *connection, watcher.pass(since(at)), tell))
+    }
+
+    fn decode(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         let Seen { at, connection, from, what } = seen;
         let (at, connection) = (*at, *connection);
         if let What::Opened(place) = what {
@@ -132,6 +174,7 @@ impl<'a> Decoding<'a> {
 
     /// Nothing was seen for a while: what is held on a line is all that was sent.
     pub(super) fn silence(&mut self, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        self.pass_time(SystemTime::now(), tell)?;
         for (number, connection) in &mut self.connections {
             if let Connection::Line(line) = connection
                 && line.holds()
@@ -141,6 +184,46 @@ impl<'a> Decoding<'a> {
         }
         Ok(())
     }
+}
+
+/// What a shadow says to something that was said or done.
+fn watch(watcher: &mut Watcher, entry: &Entry, poller: Option<&'static str>) -> Vec<Complaint> {
+    let from = entry.end;
+    let seen = match &entry.what {
+        // Of a line, and of ports, nobody knows what was said before.
+        Told::Opened(Place::Tcp(..)) => shadow::Seen::Opened,
+        Told::Message { length, content, .. } => {
+            shadow::Seen::Message { from, length: *length, message: content }
+        }
+        Told::Corrupt { error, bytes, .. } => {
+            shadow::Seen::Corrupt { from, length: bytes.len() as u64, error }
+        }
+        // On a line that carries both directions.
+        Told::Bytes(bytes) if from == UNKNOWN => match poller {
+            Some(from) => shadow::Seen::Bytes { from, bytes },
+            None => return Vec::new(),
+        },
+        Told::Missed(_) => shadow::Seen::Missed { from },
+        Told::Closed(_) => shadow::Seen::Closed,
+        Told::Opened(_) | Told::Bytes(_) | Told::Wrong(_) => return Vec::new(),
+    };
+    watcher.see(since(entry.at), &seen)
+}
+
+fn complain(
+    at: SystemTime,
+    connection: u32,
+    complaints: Vec<Complaint>,
+    tell: &mut dyn FnMut(Entry) -> Result<()>,
+) -> Result<()> {
+    complaints.into_iter().try_for_each(|complaint| {
+        tell(Entry { at, connection, end: complaint.end, what: Told::Wrong(complaint) })
+    })
+}
+
+/// The time of a shadow.
+fn since(at: SystemTime) -> Duration {
+    at.duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
 /// What is on a line that carries both directions.

@@ -2,6 +2,7 @@
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
+use cellwire_links::shadow::Complaint;
 use humantime::format_rfc3339_micros;
 use serde_json::{Map, Value, json};
 
@@ -61,6 +62,11 @@ fn line(entry: Entry) -> Value {
             put("error", error);
             put("clause", json!(clause));
             put("bytes", json!(hex(&bytes)));
+        }
+        Told::Wrong(Complaint { kind, clause, text, .. }) => {
+            put("shadow", json!(kind));
+            put("clause", json!(clause));
+            put("text", json!(text));
         }
         Told::Bytes(bytes) => put("bytes", json!(hex(&bytes))),
         Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),

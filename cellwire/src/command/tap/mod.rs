@@ -26,6 +26,10 @@ use crate::io::tap::Watch;
 /// clause of the link's specification. The bytes go into a capture for Wireshark, `decode` and `identify`, which is whole whenever the
 /// tap ends.
 ///
+/// Shadow ends run along: a line with "shadow" says that an end breaks a rule of the specification ("rule"), was later than the source
+/// allows ("budget"), or that a session of ours with its default settings would have assumed something wrong ("assumption"), by which
+/// clause. Where the tap begins in the middle of a conversation they learn first.
+///
 /// Bytes are passed on before anything else is done with them. A full disk, output that nobody reads and messages that cannot be
 /// decoded change nothing for the two ends.
 #[derive(Debug, clap::Args)]
@@ -65,7 +69,7 @@ const SILENCE: Duration = Duration::from_millis(100);
 
 /// Runs until interrupted, or until a port is gone.
 pub fn run(args: &Args) -> Result<bool> {
-    let decoding = Decoding::new(&args.of)?;
+    let decoding = Decoding::new(&args.of, args.way.baud())?;
     if args.screen {
         screen::check()?;
     }
@@ -87,9 +91,12 @@ pub fn run(args: &Args) -> Result<bool> {
         let passing = scope.spawn(move || way.run(&args.way, &watch));
         if args.screen {
             screen::show(args.of.link.name, decoding, &seen)?;
-            // The threads that pass bytes on wait for them.
-            output::finish();
-            std::process::exit(0);
+            if !passing.is_finished() {
+                // The threads that pass bytes on wait for them.
+                output::finish();
+                std::process::exit(0);
+            }
+            return passing.join().unwrap_or_else(|_| bail!("a thread has panicked"));
         }
         // Until the ports are gone.
         lines::print(decoding, &seen);

@@ -41,6 +41,13 @@ pub(in crate::command) struct WayArgs {
     mode: Mode,
 }
 
+impl WayArgs {
+    /// The rate of the serial ports, if there are any.
+    pub(super) fn baud(&self) -> Option<u32> {
+        self.a.as_ref().map(|_| self.baud)
+    }
+}
+
 /// What is tapped.
 pub(in crate::command) enum Way {
     Tcp(TcpListener),

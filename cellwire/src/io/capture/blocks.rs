@@ -1,6 +1,7 @@
 //! The blocks of a capture file, in bounded memory, from files and pipes.
 
 use std::io::{self, Read};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use pcap_parser::pcapng::{Block as NgBlock, parse_block_be, parse_block_le};
@@ -42,6 +43,8 @@ pub(super) struct Frame<'a> {
     pub(super) interface: usize,
     /// Which section of the capture, from 0.
     pub(super) section: usize,
+    /// When it was captured, since 1970, if the capture has that.
+    pub(super) at: Option<Duration>,
     pub(super) data: &'a [u8],
     /// Its length on the wire.
     pub(super) original: u32,
@@ -61,7 +64,17 @@ pub(super) struct Blocks {
 
 enum Form {
     Pcap { header: PcapHeader, link_type: u32 },
-    PcapNg { is_big: bool, section: usize, link_types: Vec<(u32, u32)> },
+    PcapNg { is_big: bool, section: usize, interfaces: Vec<Interface> },
+}
+
+/// What a section says of an interface.
+struct Interface {
+    link_type: u32,
+    /// The most bytes of a packet that are kept; 0: all.
+    limit: u32,
+    /// The units of its times in a second, and the seconds that are added to them.
+    units: u64,
+    offset: i64,
 }
 
 /// A block that was found at the beginning of the buffer.
@@ -74,7 +87,7 @@ enum Parsed<'a> {
 
 impl Blocks {
     pub(super) fn new(input: Box<dyn Read + Send>) -> Result<Self> {
-        let form = Form::PcapNg { is_big: false, section: 0, link_types: Vec::new() };
+        let form = Form::PcapNg { is_big: false, section: 0, interfaces: Vec::new() };
         let (buffer, begin, end) = (vec![0; CHUNK], 0, 0);
         let mut blocks = Self { input, buffer, begin, end, passed: 0, is_over: false, form };
         const NONE: &str = "the input is not a capture: neither pcap nor pcapng";
@@ -222,9 +235,13 @@ impl Form {
                 };
                 let Ok((_, packet)) = parsed else { return corrupt() };
                 let (data, original) = (packet.data, packet.origlen);
-                Parsed::Frame(Frame { link_type: Some(*link_type), interface: 0, section: 0, data, original })
+                let unit = if header.is_nanosecond_precision() { 1 } else { 1000 };
+                let part = Duration::from_nanos(u64::from(packet.ts_usec) * unit);
+                let at = Some(Duration::from_secs(packet.ts_sec.into()) + part);
+                let link_type = Some(*link_type);
+                Parsed::Frame(Frame { link_type, interface: 0, section: 0, at, data, original })
             }
-            Self::PcapNg { is_big, section, link_types } => {
+            Self::PcapNg { is_big, section, interfaces } => {
                 let parsed = if *is_big { parse_block_be(block) } else { parse_block_le(block) };
                 let Ok((_, parsed)) = parsed else { return corrupt() };
                 let section = match parsed {
@@ -232,28 +249,37 @@ impl Form {
                         // Its interfaces are its own.
                         *is_big = header.big_endian();
                         *section += 1;
-                        link_types.clear();
+                        interfaces.clear();
                         return Parsed::Skip;
                     }
                     NgBlock::InterfaceDescription(interface) => {
-                        if link_types.len() >= MAX_INTERFACES {
+                        if interfaces.len() >= MAX_INTERFACES {
                             return Parsed::Corrupt(format!("more than {MAX_INTERFACES} interfaces"));
                         }
-                        link_types.push((interface.linktype.0.cast_unsigned(), interface.snaplen));
+                        interfaces.push(Interface {
+                            link_type: interface.linktype.0.cast_unsigned(),
+                            limit: interface.snaplen,
+                            units: interface.ts_resolution().unwrap_or(MICROSECONDS),
+                            offset: interface.ts_offset(),
+                        });
                         return Parsed::Skip;
                     }
                     _ => *section,
                 };
+                let mut at = None;
                 let (interface, data, original) = match parsed {
                     NgBlock::EnhancedPacket(packet) => {
                         let length = (packet.caplen as usize).min(packet.data.len());
                         let data = packet.data.get(..length).unwrap_or_default(); // without the padding
+                        let ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
+                        at =
+                            interfaces.get(packet.if_id as usize).and_then(|interface| interface.time(ticks));
                         (packet.if_id as usize, data, packet.origlen)
                     }
                     NgBlock::SimplePacket(packet) => {
                         // What was captured is not said: the lesser of its length and the interface's limit.
-                        let limit = match link_types.first() {
-                            Some((_, limit @ 1..)) => *limit,
+                        let limit = match interfaces.first() {
+                            Some(Interface { limit: limit @ 1.., .. }) => *limit,
                             _ => u32::MAX,
                         };
                         let length = (packet.origlen.min(limit) as usize).min(packet.data.len());
@@ -268,12 +294,24 @@ impl Form {
                     }
                     _ => return Parsed::Skip,
                 };
-                let link_type = link_types.get(interface).map(|(link_type, _)| *link_type);
-                Parsed::Frame(Frame { link_type, interface, section, data, original })
+                let link_type = interfaces.get(interface).map(|interface| interface.link_type);
+                Parsed::Frame(Frame { link_type, interface, section, at, data, original })
             }
         }
     }
 }
+
+impl Interface {
+    /// A time since 1970.
+    fn time(&self, ticks: u64) -> Option<Duration> {
+        let seconds = ticks.checked_div(self.units)?.checked_add_signed(self.offset)?;
+        let nanos = u128::from(ticks % self.units) * 1_000_000_000 / u128::from(self.units);
+        Some(Duration::from_secs(seconds) + Duration::from_nanos(u64::try_from(nanos).ok()?))
+    }
+}
+
+/// The units of a time in a second where nothing says otherwise.
+const MICROSECONDS: u64 = 1_000_000;
 
 fn obsolete(data: &[u8], is_big: bool) -> Option<(usize, &[u8], u32)> {
     let word = |at: usize| -> Option<u32> {

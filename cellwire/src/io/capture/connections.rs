@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::io::Read;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use anyhow::Result;
 
@@ -18,12 +19,27 @@ pub trait Directions {
     /// What is known of a direction that is taken.
     type Direction;
 
-    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
-    /// says whether the client sends them: where the capture lacks the beginning of the connection, the lower port counts as the server's.
+    /// The next packet was captured then.
     ///
     /// # Errors
     /// They end the reading.
-    fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Self::Direction>>;
+    fn pass_time(&mut self, _at: Duration) -> Result<()> {
+        Ok(())
+    }
+
+    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
+    /// says whether the client sends them: where the capture lacks the beginning of the connection, which `is_whole` says, the lower port
+    /// counts as the server's.
+    ///
+    /// # Errors
+    /// They end the reading.
+    fn begin(
+        &mut self,
+        flow: Flow,
+        is_client: bool,
+        connection: u64,
+        is_whole: bool,
+    ) -> Result<Option<Self::Direction>>;
 
     /// The next piece of a direction.
     ///
@@ -129,6 +145,9 @@ impl<D: Directions> Table<'_, D> {
             return Ok(());
         }
         self.clock += 1;
+        if let Some(at) = packet.at {
+            self.to.pass_time(at)?;
+        }
         let (ends, sender) = Ends::of(packet.flow);
         if self.connections.len() >= MAX_CONNECTIONS && !self.connections.contains_key(&ends) {
             self.forget_the_silent()?;
@@ -145,7 +164,7 @@ impl<D: Directions> Table<'_, D> {
         let Some(direction) = directions.get_mut(sender) else { return Ok(()) };
         if let State::Silent = direction.state {
             let is_client = client.map_or_else(|| is_likely_client(packet.flow), |client| client == sender);
-            let begun = self.to.begin(packet.flow, is_client, *number)?;
+            let begun = self.to.begin(packet.flow, is_client, *number, client.is_some())?;
             direction.state = begun.map_or(State::Ignored, State::Taken);
         }
         let State::Taken(taken) = &mut direction.state else { return Ok(()) };

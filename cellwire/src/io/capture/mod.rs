@@ -15,6 +15,7 @@ pub mod write;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
 
 use anyhow::Result;
 use etherparse::{IpNumber, TcpSlice, UdpSlice};
@@ -52,6 +53,8 @@ pub struct Segment {
 pub struct Packet<'a> {
     /// Which packet of the capture it is, from 1.
     pub number: u64,
+    /// When it was captured, since 1970, if the capture has that.
+    pub at: Option<Duration>,
     /// The sender and the receiver.
     pub flow: Flow,
     /// Of TCP.
@@ -108,11 +111,12 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
         match network::of(link_type, frame.data) {
             Network::Serial => {
                 let flow = Flow::Serial(frame.interface);
-                let packet = Packet { number, flow, segment: None, payload: frame.data, missing: cut };
+                let (at, payload) = (frame.at, frame.data);
+                let packet = Packet { number, at, flow, segment: None, payload, missing: cut };
                 take(Found::Packet(packet))?;
             }
             Network::Ip(data) => {
-                internet(number, data, cut, &mut fragments, &mut summary, &mut take)?;
+                internet((number, frame.at), data, cut, &mut fragments, &mut summary, &mut take)?;
             }
             Network::Other(other) => summary.count(&other),
             Network::Unreadable(why) => {
@@ -134,9 +138,12 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
     Ok(summary)
 }
 
+/// The number of a packet, and its time.
+type Numbered = (u64, Option<Duration>);
+
 /// An IP packet, or a fragment of one.
 fn internet(
-    number: u64,
+    (number, at): Numbered,
     data: &[u8],
     cut: u64,
     fragments: &mut Fragments,
@@ -156,15 +163,16 @@ fn internet(
             None => Ok(()),
             Some(payload) => {
                 let ends = (ip.source, ip.destination);
-                transport(number, ends, (ip.protocol, &payload), 0, summary, take)
+                transport((number, at), ends, (ip.protocol, &payload), 0, summary, take)
             }
         };
     }
-    transport(number, (ip.source, ip.destination), (ip.protocol, ip.payload), ip.missing, summary, take)
+    let ends = (ip.source, ip.destination);
+    transport((number, at), ends, (ip.protocol, ip.payload), ip.missing, summary, take)
 }
 
 fn transport(
-    number: u64,
+    (number, at): Numbered,
     (source, destination): (IpAddr, IpAddr),
     (protocol, payload): (IpNumber, &[u8]),
     missing: u64,
@@ -183,11 +191,11 @@ fn transport(
             };
             // What comes with a reset is a text for people, if anything.
             let payload = if tcp.rst() { &[] } else { tcp.payload() };
-            Packet { number, flow: Flow::Tcp(from, to), segment: Some(segment), payload, missing }
+            Packet { number, at, flow: Flow::Tcp(from, to), segment: Some(segment), payload, missing }
         }),
         IpNumber::UDP => UdpSlice::from_slice_lax(payload).map_err(|error| error.to_string()).map(|udp| {
             let (from, to) = ends(udp.source_port(), udp.destination_port());
-            Packet { number, flow: Flow::Udp(from, to), segment: None, payload: udp.payload(), missing }
+            Packet { number, at, flow: Flow::Udp(from, to), segment: None, payload: udp.payload(), missing }
         }),
         IpNumber(other) => {
             summary.count(&Other::Protocol(other));

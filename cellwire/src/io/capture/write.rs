@@ -26,7 +26,7 @@ use crate::io::tap::{End, Place, Seen, What};
 const BATCH: usize = 1 << 20;
 
 /// The ends of a serial line, which has no addresses (RFC 5737).
-const SERIAL: [([u8; 4], u16); 2] = [([192, 0, 2, 1], 49_152), ([192, 0, 2, 2], 9100)];
+pub const SERIAL: [([u8; 4], u16); 2] = [([192, 0, 2, 1], 49_152), ([192, 0, 2, 2], 9100)];
 
 /// A capture that grows.
 #[derive(Debug)]

@@ -6,6 +6,7 @@ use std::time::{Duration, SystemTime};
 use super::super::decoding::{Entry, Told, UNKNOWN, hex};
 use crate::io::samples::Samples;
 use crate::io::tap::Place;
+use cellwire_links::shadow::{Complaint, Kind};
 
 /// So many of the last lines are kept.
 const LINES: usize = 200;
@@ -30,6 +31,13 @@ pub(super) struct Board {
     pub(super) open: u32,
     pub(super) ends: BTreeMap<&'static str, EndBoard>,
     pub(super) errors: BTreeMap<String, u64>,
+    /// What is wrong with what is said, by kind, and the last of it.
+    pub(super) complaints: BTreeMap<&'static str, u64>,
+    pub(super) complaint: Option<LineBoard>,
+    /// Why messages are no longer decoded.
+    pub(super) failure: Option<String>,
+    /// What the tap itself has said, oldest first.
+    pub(super) remarks: VecDeque<String>,
     pub(super) missed: u64,
     pub(super) lines: VecDeque<LineBoard>,
     /// Who has sent the last message of a connection, and when.
@@ -69,6 +77,10 @@ impl Board {
             open: 0,
             ends: BTreeMap::new(),
             errors: BTreeMap::new(),
+            complaints: BTreeMap::new(),
+            complaint: None,
+            failure: None,
+            remarks: VecDeque::new(),
             missed: 0,
             lines: VecDeque::new(),
             last: BTreeMap::new(),
@@ -100,6 +112,17 @@ impl Board {
                 board.bytes += bytes.len() as u64;
                 (format!("{name} {}", hex(bytes)), true)
             }
+            Told::Wrong(Complaint { kind, clause, text, .. }) => {
+                let name = match kind {
+                    Kind::Rule => "rules broken",
+                    Kind::Budget => "budgets missed",
+                    Kind::Assumption => "assumptions wrong",
+                };
+                *self.complaints.entry(name).or_default() += 1;
+                let text = format!("{text} ({clause})");
+                self.complaint = Some(LineBoard { at: *at, end, text: text.clone(), is_wrong: true });
+                (text, true)
+            }
             Told::Bytes(bytes) => {
                 self.end(end).bytes += bytes.len() as u64;
                 self.answer(*at, *connection, end);
@@ -116,7 +139,16 @@ impl Board {
 
     /// Messages can no longer be decoded.
     pub(super) fn fail(&mut self, why: &str) {
-        self.say(self.now, UNKNOWN, why.into(), true);
+        self.failure = Some(format!("{why}: nothing more is decoded; the bytes pass all the same"));
+    }
+
+    /// Something is wrong with the tap itself: a server that is not there, a disk that is full.
+    pub(super) fn remark(&mut self, text: String) {
+        self.say(self.now, UNKNOWN, text.clone(), true);
+        if self.remarks.len() == LINES {
+            self.remarks.pop_front();
+        }
+        self.remarks.push_back(text);
     }
 
     pub(super) fn pass_time(&mut self, now: SystemTime) {

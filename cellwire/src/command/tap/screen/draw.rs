@@ -8,7 +8,7 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph, Row, Sparkline, Table};
 
-use super::board::{BARS, Board};
+use super::board::{BARS, Board, LineBoard};
 
 const QUIET: Style = Style::new().fg(Color::DarkGray);
 const WRONG: Style = Style::new().fg(Color::Red);
@@ -20,13 +20,15 @@ pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
         Constraint::Length(2),
         Constraint::Length(ends + 3),
         Constraint::Length(5),
+        Constraint::Length(2),
         Constraint::Min(4),
         Constraint::Length(1),
     ]);
-    let [head, table, times, last, foot] = rows.areas(frame.area());
+    let [head, table, times, wrong, last, foot] = rows.areas(frame.area());
     draw_head(frame, head, board);
     draw_table(frame, table, board);
     draw_times(frame, times, board);
+    draw_wrong(frame, wrong, board);
     draw_last(frame, last, board);
     frame.render_widget(Line::from("q ends the tap").style(QUIET), foot);
 }
@@ -93,6 +95,25 @@ fn axis_of(width: usize) -> String {
         text.push_str(name);
     }
     text
+}
+
+/// What the shadows say: how much of each kind, and the last of it; or why nothing is decoded any more.
+fn draw_wrong(frame: &mut Frame<'_>, area: Rect, board: &Board) {
+    if let Some(failure) = &board.failure {
+        return frame.render_widget(Paragraph::new(failure.clone()).style(WRONG), area);
+    }
+    let counts: Vec<String> =
+        board.complaints.iter().map(|(name, count)| format!("{name} {count}")).collect();
+    let Some(LineBoard { at, end, text, .. }) = &board.complaint else {
+        return frame.render_widget(Line::from("shadow ends: nothing is wrong").style(QUIET), area);
+    };
+    let last = Line::from(vec![
+        Span::styled(clock(*at), QUIET),
+        Span::raw(format!(" {end} ")),
+        Span::styled(text.clone(), WRONG),
+    ]);
+    let first = Line::from(format!("shadow ends: {}", counts.join(", ")));
+    frame.render_widget(Paragraph::new(vec![first, last]), area);
 }
 
 fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {

@@ -6,7 +6,7 @@ mod draw;
 mod tests;
 
 use std::io::{self, IsTerminal as _};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Result, ensure};
@@ -15,6 +15,7 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 use self::board::Board;
 use super::SILENCE;
 use super::decoding::{Decoding, Entry};
+use crate::io::output;
 use crate::io::tap::Seen;
 use crate::io::terminal::{self, Screen};
 
@@ -37,9 +38,15 @@ pub(super) fn check() -> Result<()> {
 pub(super) fn show(title: &str, mut decoding: Decoding<'_>, seen: &Receiver<Seen>) -> Result<()> {
     let mut board = Board::new(title, SystemTime::now());
     let mut screen = Screen::enter()?;
-    let outcome = run(&mut screen, &mut board, &mut decoding, seen);
+    let (sender, remarks) = channel();
+    output::show_remarks(Some(sender));
+    let outcome = run(&mut screen, &mut board, &mut decoding, (seen, &remarks));
+    output::show_remarks(None);
+    remarks.try_iter().for_each(|text| board.remark(text));
     drop(screen);
     terminal::leave();
+    // They were on the screen, which is gone.
+    board.remarks.iter().for_each(|text| output::remark(text));
     outcome
 }
 
@@ -47,10 +54,11 @@ fn run(
     screen: &mut Screen,
     board: &mut Board,
     decoding: &mut Decoding<'_>,
-    seen: &Receiver<Seen>,
+    (seen, remarks): (&Receiver<Seen>, &Receiver<String>),
 ) -> Result<()> {
     let mut next = Instant::now();
     loop {
+        remarks.try_iter().for_each(|text| board.remark(text));
         let wait = next.saturating_duration_since(Instant::now()).min(SILENCE);
         let mut tell = |entry: Entry| {
             board.take(&entry);

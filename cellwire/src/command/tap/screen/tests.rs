@@ -10,6 +10,7 @@ use super::super::decoding::{Entry, Told};
 use super::board::Board;
 use super::draw::draw;
 use crate::io::tap::Place;
+use cellwire_links::shadow::{Complaint, Kind};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -56,6 +57,26 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
     assert_eq!(columns("controller"), "controller 10 5.0 112 1 12.0 ms 12.0 ms 12.0 ms");
     assert!(text.contains("wrong: controller: checksum (LE-13) 1; 7 bytes passed unseen"), "{text}");
     assert!(text.contains("01:00:01.000 controller  checksum (LE-13) eb90"), "{text}");
+}
+
+#[test]
+fn the_screen_counts_what_shadows_say_and_shows_the_last_of_it() {
+    let mut board = Board::new("laser-eb90", UNIX_EPOCH);
+    let row = |board: &Board, text: &str| rows(board).into_iter().find(|row| row.contains(text));
+    assert!(row(&board, "shadow ends: nothing is wrong").is_some());
+    for (kind, clause) in [(Kind::Rule, "LE-5"), (Kind::Budget, "LE-99"), (Kind::Rule, "LE-25")] {
+        let text = "the word 0102h answers 0101h".into();
+        let complaint = Complaint { at: MS, end: "controller", kind, clause, text };
+        let (at, end) = (UNIX_EPOCH + MS, "controller");
+        board.take(&Entry { at, connection: 1, end, what: Told::Wrong(complaint) });
+    }
+    assert!(row(&board, "shadow ends: budgets missed 1, rules broken 2").is_some(), "{:#?}", rows(&board));
+    let last = "00:00:00.001 controller the word 0102h answers 0101h (LE-25)";
+    assert!(row(&board, last).is_some(), "{:#?}", rows(&board));
+    board.remark("connection 1: cannot connect to 10.0.0.2:9100".into());
+    assert!(row(&board, "cannot connect to 10.0.0.2:9100").is_some());
+    board.fail("the decoder makes no progress");
+    assert!(row(&board, "no progress: nothing more is decoded; the bytes pass").is_some());
 }
 
 #[test]

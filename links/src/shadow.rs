@@ -1,0 +1,202 @@
+//! Shadow ends: what both ends of a conversation say, held against the link's specification while it passes.
+//!
+//! A shadow sees what a tap sees, in order of time, and complains where an end breaks a rule, misses a budget of the source, or shows
+//! that a session's assumption is wrong. It may begin in the middle of a conversation: what depends on something that it has not seen
+//! is no complaint. Bytes that are no message are an error of the decoder already, with a clause of its own: they are not said again.
+
+use core::time::Duration;
+
+use anyhow::Result;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::given::Given;
+use crate::settings::Configure;
+
+/// Whoever looks at one conversation of a link.
+pub trait Shadow {
+    /// What has happened. Never called with an earlier time than before.
+    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>);
+
+    /// Time has passed, and nothing has happened in it: what is missing by now is said.
+    fn pass(&mut self, report: &mut Report<'_>);
+}
+
+/// Makes the shadow of a link.
+pub type MakeShadow = fn(setup: &Setup<'_>) -> Result<Box<dyn Shadow>>;
+
+/// What is known of the two ends.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup<'a> {
+    /// The settings of the codec.
+    pub settings: &'a Map<String, Value>,
+    /// The fields of the ends' configurations that are not the defaults, by end, as stories have them.
+    pub configs: &'a Map<String, Value>,
+    /// The rate of a serial line.
+    pub baud: Option<u32>,
+    /// Nothing but a line is between the ends.
+    pub is_serial: bool,
+}
+
+/// Something that happens between the ends.
+#[derive(Debug, Clone, Copy)]
+pub enum Seen<'a> {
+    /// A connection is made: nothing was said in it before.
+    Opened,
+    /// It is lost or closed.
+    Closed,
+    /// An end has sent bytes. The messages that are whole with them follow.
+    Bytes {
+        /// The end.
+        from: &'static str,
+        /// All of them.
+        bytes: &'a [u8],
+    },
+    /// What was sent is a message.
+    Message {
+        /// The end that sent it.
+        from: &'static str,
+        /// How many bytes it has.
+        length: u64,
+        /// As its codec shows it.
+        message: &'a Value,
+    },
+    /// What was sent is none.
+    Corrupt {
+        /// The end that sent it.
+        from: &'static str,
+        /// How many bytes.
+        length: u64,
+        /// Why.
+        error: &'a Value,
+    },
+    /// So many bytes passed, and were not seen: what an end knows is not known any more.
+    Missed {
+        /// The end that sent them.
+        from: &'static str,
+    },
+}
+
+/// What is wrong.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Complaint {
+    /// When that was clear.
+    #[serde(skip)]
+    pub at: Duration,
+    /// The end that is to blame.
+    #[serde(skip)]
+    pub end: &'static str,
+    /// What kind of fault it is.
+    #[serde(rename = "shadow")]
+    pub kind: Kind,
+    /// The clause of the link's specification.
+    pub clause: &'static str,
+    /// The fault in words.
+    pub text: String,
+}
+
+/// The kinds of complaints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A rule of the specification is broken.
+    Rule,
+    /// A time that the source gives was not kept.
+    Budget,
+    /// A session with this setting would have been wrong.
+    Assumption,
+}
+
+/// Where complaints go.
+#[derive(Debug)]
+pub struct Report<'a> {
+    /// The time of what is seen.
+    pub now: Duration,
+    /// What was said so far.
+    pub complaints: &'a mut Vec<Complaint>,
+}
+
+impl Report<'_> {
+    /// A rule is broken.
+    pub fn rule(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
+        self.say(Kind::Rule, end, clause, text.into());
+    }
+
+    /// A budget was missed.
+    pub fn budget(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
+        self.say(Kind::Budget, end, clause, text.into());
+    }
+
+    /// A session that assumes this would have been wrong.
+    pub fn assumption(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
+        self.say(Kind::Assumption, end, clause, text.into());
+    }
+
+    fn say(&mut self, kind: Kind, end: &'static str, clause: &'static str, text: String) {
+        self.complaints.push(Complaint { at: self.now, end, kind, clause, text });
+    }
+}
+
+/// A shadow with its complaints.
+#[allow(missing_debug_implementations, reason = "not every shadow implements it")]
+pub struct Watcher {
+    shadow: Box<dyn Shadow>,
+    complaints: Vec<Complaint>,
+    now: Duration,
+}
+
+impl Watcher {
+    /// Of a conversation that may have begun before.
+    pub fn new(shadow: Box<dyn Shadow>) -> Self {
+        Self { shadow, complaints: Vec::new(), now: Duration::ZERO }
+    }
+
+    /// Something has happened; returns what is wrong with it. A clock that goes back stands still.
+    pub fn see(&mut self, at: Duration, seen: &Seen<'_>) -> Vec<Complaint> {
+        self.now = self.now.max(at);
+        let mut report = Report { now: self.now, complaints: &mut self.complaints };
+        self.shadow.pass(&mut report);
+        self.shadow.see(seen, &mut report);
+        core::mem::take(&mut self.complaints)
+    }
+
+    /// Nothing has happened until now.
+    pub fn pass(&mut self, at: Duration) -> Vec<Complaint> {
+        self.now = self.now.max(at);
+        self.shadow.pass(&mut Report { now: self.now, complaints: &mut self.complaints });
+        core::mem::take(&mut self.complaints)
+    }
+}
+
+impl Setup<'_> {
+    /// The configuration of an end: `made` with the fields that are given of it, but for some that are beside it.
+    pub(crate) fn config<C: Configure>(&self, end: &str, made: C, beside: &[&str]) -> Result<C> {
+        let Given(mut given) = self.given(end);
+        given.retain(|name, _| !beside.contains(&name.as_str()));
+        Given(given).configure(made)
+    }
+
+    /// The fields that are given of an end.
+    pub(crate) fn given(&self, end: &str) -> Given {
+        Given(self.configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default())
+    }
+
+    /// Whether a field of an end is given.
+    pub(crate) fn has(&self, end: &str, field: &str) -> bool {
+        self.configs.get(end).is_some_and(|end| end.get(field).is_some())
+    }
+
+    /// The rate of the line, as it is given with one of the ends or beside them.
+    pub(crate) fn baud(&self) -> Option<u32> {
+        let given = self.configs.values().find_map(|end| end.get("baud")?.as_u64()?.try_into().ok());
+        given.or(self.baud)
+    }
+}
+
+/// Two things may be seen so much closer to each other than they were, or farther: adapters and drivers deliver bytes late.
+pub(crate) const JITTER: Duration = Duration::from_millis(20);
+
+/// A time as a text for people.
+pub(crate) fn ms(time: Duration) -> String {
+    format!("{} ms", (time.as_secs_f64() * 1e4).round() / 10.0)
+}

@@ -1,0 +1,288 @@
+//! Every story in which both ends keep the rules, with one fault: each message dropped, repeated, late, changed, or corrupt.
+
+use core::fmt::Write as _;
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use cellwire_links::codec::items;
+use cellwire_links::shadow::Kind;
+use cellwire_links::{LINKS, Link};
+use serde_json::Value;
+
+use super::told::{Said, Story, Told, What, stories};
+use super::unseen::unseen;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Fault {
+    /// It does not come.
+    Dropped,
+    /// It comes twice.
+    Repeated,
+    /// It and everything behind it come later than any budget of the link.
+    Delayed,
+    /// One value of it is another.
+    Changed,
+    /// One bit of its bytes is another.
+    Corrupt,
+}
+
+const FAULTS: [Fault; 5] = [Fault::Dropped, Fault::Repeated, Fault::Delayed, Fault::Changed, Fault::Corrupt];
+
+/// One message of a story, and what was made of it.
+pub(crate) struct Case<'a> {
+    pub(crate) link: &'static Link,
+    pub(crate) story: &'a Story,
+    pub(crate) fault: Fault,
+    /// Its place in the story.
+    pub(crate) place: usize,
+    /// Who sends it.
+    pub(crate) from: &'static str,
+    /// The message, if it is whole and alone.
+    pub(crate) message: Option<Value>,
+    /// What it was changed to.
+    pub(crate) other: Option<Value>,
+}
+
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+struct Count {
+    all: u32,
+    /// Complained about at the message, or at the first thing behind it that depends on it.
+    found: u32,
+    /// Of these, at something later.
+    later: u32,
+    unseen: BTreeMap<&'static str, u32>,
+}
+
+#[test]
+fn faults_are_found_where_they_can_be_seen() {
+    let mut table = String::new();
+    let mut reasons = String::new();
+    for link in LINKS {
+        let mut counts: BTreeMap<Fault, Count> = BTreeMap::new();
+        let mut missed = String::new();
+        let stories = stories(link);
+        let kept: Vec<&Story> = stories.iter().filter(|story| is_kept(link, story)).collect();
+        for story in &kept {
+            let before = story.say(link, &story.told);
+            for place in 0..story.told.len() {
+                let What::Bytes(from, bytes) = &story.told[place].what else { continue };
+                if bytes.is_empty() || !is_whole(link, story, from, bytes) {
+                    continue;
+                }
+                for fault in FAULTS {
+                    let message = alone(link, story, from, bytes);
+                    let mut case = Case { link, story, fault, place, from, message, other: None };
+                    let Some(told) = faulty(&mut case, bytes) else { continue };
+                    let count = counts.entry(fault).or_default();
+                    count.all += 1;
+                    let found = first_new(&before, &story.say(link, &told));
+                    let is_found = found.is_some() || is_error(link, story, &told);
+                    count.found += u32::from(is_found);
+                    // The message itself, what comes next from either end, or that nothing came in time.
+                    let is_there = |found: usize| found <= place + 2 || found >= told.len();
+                    count.later += u32::from(found.is_some_and(|found| !is_there(found)));
+                    if !is_found {
+                        match unseen(&case) {
+                            Some(why) => *count.unseen.entry(why).or_default() += 1,
+                            None => {
+                                let other = case.other.map_or_else(String::new, |it| it.to_string());
+                                let what =
+                                    case.message.map_or_else(|| format!("{bytes:02X?}"), |it| it.to_string());
+                                let what = format!("{what} {other}");
+                                let _ = writeln!(missed, "{} {fault:?} {place} {from} {what}", story.id);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        let later: u32 = counts.values().map(|count| count.later).sum();
+        if std::env::var_os("MISSED").is_some() {
+            eprintln!("{}: {later} are found later", link.name);
+        }
+        let cells = FAULTS.map(|fault| {
+            let Count { all, found, unseen, .. } = counts.get(&fault).cloned().unwrap_or_default();
+            let unseen: u32 = unseen.values().sum();
+            if unseen == 0 {
+                format!("{found}/{all}")
+            } else {
+                format!("{found}/{} + {unseen}", all - unseen)
+            }
+        });
+        let _ = writeln!(
+            table,
+            "| {} | {} of {} | {} |",
+            link.name,
+            kept.len(),
+            stories.len(),
+            cells.join(" | ")
+        );
+        for (fault, count) in &counts {
+            for (why, number) in &count.unseen {
+                let fault = format!("{fault:?}").to_lowercase();
+                let _ = writeln!(reasons, "| {} | {fault} | {number} | {why} |", link.name);
+            }
+        }
+        if let Ok(path) = std::env::var("MISSED") {
+            std::fs::write(format!("{path}/{}.txt", link.name), &missed).unwrap();
+        }
+    }
+    let benchmarks = format!("{}/../BENCHMARKS.md", env!("CARGO_MANIFEST_DIR"));
+    let benchmarks = std::fs::read_to_string(benchmarks).unwrap();
+    let section = benchmarks.split("## Shadow ends").nth(1).unwrap().split("\n## ").next().unwrap();
+    // A link that was just made has no rows yet.
+    let link_of = |row: &str| row.split(' ').nth(1).unwrap_or_default().to_owned();
+    let has_rows = |row: &&str| section.lines().any(|line| link_of(line) == link_of(row));
+    let wanted: Vec<&str> = table.lines().chain(reasons.lines()).filter(has_rows).collect();
+    let is_row = |line: &&str| LINKS.iter().any(|link| link.name == link_of(line));
+    let found: Vec<&str> = section.lines().filter(is_row).collect();
+    assert_eq!(wanted, found, "{table}\n{reasons}");
+}
+
+/// Whether both ends keep the rules in it, and everything in it is a message.
+fn is_kept(link: &'static Link, story: &Story) -> bool {
+    // A story may end before an answer has come.
+    let is_early = |said: &Said| said.place < story.told.len();
+    !story.say(link, &story.told).iter().any(is_early) && !is_error(link, story, &story.told)
+}
+
+/// Whether a decoder gives an error, also for what it holds when the connection ends.
+fn is_error(link: &Link, story: &Story, told: &[Told]) -> bool {
+    link.sides.iter().any(|side| {
+        let mut parts: Vec<Vec<&[u8]>> = vec![Vec::new()];
+        for told in told {
+            match &told.what {
+                What::Bytes(from, bytes) if from == side => parts.last_mut().unwrap().push(bytes),
+                What::Bytes(..) => {}
+                What::Opened | What::Closed => parts.push(Vec::new()),
+            }
+        }
+        let codec = || (link.codec)(side, &story.settings(link)).unwrap();
+        let has_error = |part| items(codec(), &[part]).unwrap().iter().any(|item| item.content.is_err());
+        parts.into_iter().any(has_error)
+    })
+}
+
+/// Whether bytes are a message, or several, or a poll: a part of one is none.
+fn is_whole(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> bool {
+    let codec = || (link.codec)(from, &story.settings(link)).unwrap();
+    !link.sides.contains(&from)
+        || items(codec(), &[vec![bytes]]).unwrap().iter().all(|item| item.content.is_ok() && !item.at_end)
+}
+
+/// What bytes say, if they are one message.
+fn alone(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> Option<Value> {
+    if !link.sides.contains(&from) {
+        return None;
+    }
+    let codec = (link.codec)(from, &story.settings(link)).unwrap();
+    match items(codec, &[vec![bytes]]).unwrap().as_slice() {
+        [one] => one.value().unwrap().ok(),
+        _ => None,
+    }
+}
+
+/// The story with the fault.
+fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Told>> {
+    let mut told = case.story.told.clone();
+    let place = case.place;
+    match case.fault {
+        Fault::Dropped => drop(told.remove(place)),
+        Fault::Repeated => told.insert(place, told[place].clone()),
+        Fault::Delayed => {
+            let late = late(case.link);
+            told[place..].iter_mut().for_each(|told| told.at += late);
+        }
+        Fault::Changed => {
+            let message = case.message.as_ref()?;
+            let codec = (case.link.codec)(case.from, &case.story.settings(case.link)).unwrap();
+            let count = leaves(message);
+            let (other, bytes) = (0..count).find_map(|leaf| {
+                let other = change(message, (leaf + place) % count.max(1))?;
+                let bytes = codec.encode(other.clone()).ok()?;
+                Some((other, bytes))
+            })?;
+            case.other = Some(other);
+            told[place].what = What::Bytes(case.from, bytes);
+        }
+        Fault::Corrupt => {
+            let mut bytes = bytes.to_vec();
+            let at = place % bytes.len();
+            bytes[at] ^= 1 << (place % 7);
+            told[place].what = What::Bytes(case.from, bytes);
+        }
+    }
+    Some(told)
+}
+
+/// So late is later than any budget, and than what any session assumes.
+pub(crate) fn late(link: &Link) -> Duration {
+    Duration::from_millis(match link.name {
+        "laser-eb90" => 60_000,
+        "isra-ball" | "val2-alter" => 200,
+        "fanuc-hmi-modbus" => 13_000,
+        _ => 12_000,
+    })
+}
+
+/// The place of the first thing that is said and was not said before.
+fn first_new(before: &[Said], after: &[Said]) -> Option<usize> {
+    let mut before: Vec<_> = before.iter().map(key).collect();
+    let mut is_new = |said: &&Said| match before.iter().position(|known| *known == key(said)) {
+        Some(place) => {
+            before.remove(place);
+            false
+        }
+        None => true,
+    };
+    after.iter().find(|said| is_new(said)).map(|said| said.place)
+}
+
+/// What a complaint is, without the times in its text.
+fn key(said: &Said) -> (&'static str, &'static str, bool) {
+    (said.complaint.end, said.complaint.clause, said.complaint.kind == Kind::Rule)
+}
+
+fn leaves(value: &Value) -> usize {
+    match value {
+        Value::Array(values) => values.iter().map(leaves).sum(),
+        Value::Object(values) => values.values().map(leaves).sum(),
+        _ => 1,
+    }
+}
+
+/// The value with another one at this leaf.
+fn change(value: &Value, leaf: usize) -> Option<Value> {
+    fn visit(value: &mut Value, leaf: &mut usize) -> bool {
+        match value {
+            Value::Array(values) => values.iter_mut().any(|value| visit(value, leaf)),
+            Value::Object(values) => values.values_mut().any(|value| visit(value, leaf)),
+            _ if *leaf > 0 => {
+                *leaf -= 1;
+                false
+            }
+            Value::Number(number) => {
+                *value = match number.as_i64() {
+                    Some(number) => (number ^ 1).into(),
+                    None => (number.as_f64().unwrap() + 1.0).into(),
+                };
+                true
+            }
+            Value::Bool(flag) => {
+                *flag = !*flag;
+                true
+            }
+            Value::String(text) => {
+                *text = match text.parse::<i64>() {
+                    Ok(number) => (number ^ 1).to_string(),
+                    Err(_) if text.is_empty() => "1".into(),
+                    Err(_) => text.chars().rev().collect(),
+                };
+                true
+            }
+            _ => false,
+        }
+    }
+    let (mut other, mut left) = (value.clone(), leaf);
+    (visit(&mut other, &mut left) && other != *value).then_some(other)
+}

@@ -16,6 +16,7 @@ pub mod mma;
 pub mod modbus;
 pub mod settings;
 pub mod simulate;
+mod source;
 pub mod tap;
 pub mod vectors;
 mod work;

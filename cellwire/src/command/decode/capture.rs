@@ -1,43 +1,38 @@
 //! The connections of a capture, each direction decoded by itself.
 
 use std::io::Read;
+use std::time::Duration;
 
 use anyhow::{Result, ensure};
 use serde::Serialize;
 use serde_json::json;
 
 use super::{Args, Lines};
+use crate::command::source::report;
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
-use crate::io::capture::{Fault, Flow, Summary};
-use crate::io::output::remark;
+use crate::io::capture::{Fault, Flow, Reading};
 use cellwire_links::codec::{Item, Kind, Stream};
 
 /// Decodes every flow of a capture.
 ///
 /// # Errors
 /// When the input is no capture, or holds nothing for the link.
-pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let (summary, found) = connections::read(input, args.port, &mut Decoding { args, out })?;
+pub(super) fn decode(
+    args: &Args,
+    reading: &Reading,
+    input: Box<dyn Read + Send>,
+    out: &mut Lines,
+) -> Result<()> {
+    let (summary, found) = connections::read(input, reading, &mut Decoding { args, out })?;
     report(&summary);
     ensure!(
         found || !out.clean,
         "the capture contains no TCP, UDP or serial bytes for {}{}",
         args.codec.of.link.name,
-        args.port.map_or_else(String::new, |port| format!(" on port {port}"))
+        args.source.on_port()
     );
     Ok(())
-}
-
-/// What never holds bytes of a link is counted on standard error: it is no fault.
-pub(in crate::command) fn report(summary: &Summary) {
-    if summary.others.is_empty() {
-        return;
-    }
-    let total: u64 = summary.others.values().sum();
-    let others: Vec<String> = summary.others.iter().map(|(what, count)| format!("{count} {what}")).collect();
-    let packets = summary.packets;
-    remark(&format!("{total} of {packets} packets are neither TCP nor UDP: {}", others.join(", ")));
 }
 
 /// Each direction becomes lines.
@@ -60,7 +55,7 @@ impl Directions for Decoding<'_> {
         begin(self.args, flow, is_client, connection)
     }
 
-    fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
+    fn take(&mut self, decoded: &mut Box<Decoded>, _: Duration, piece: Piece<'_>) -> Result<()> {
         decoded.take(self.args, piece, self.out)
     }
 
@@ -88,6 +83,11 @@ fn begin(args: &Args, flow: Flow, is_client: bool, number: u64) -> Result<Option
                 return Ok(None);
             }
             (side, format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side)))
+        }
+        Flow::Kept(line, by_keeper) => {
+            let Some(side) = args.codec.of.link.keeper(wanted, by_keeper)? else { return Ok(None) };
+            let ends = if by_keeper { format!("program > {line}") } else { format!("{line} > program") };
+            (side, format!("\"flow\":{},\"from\":{},", json!(ends), json!(side)))
         }
         Flow::Serial(0) => (args.codec.side()?, String::new()),
         Flow::Serial(interface) => (args.codec.side()?, format!("\"interface\":{interface},")),

@@ -1,6 +1,7 @@
 //! The blocks of a capture file, in bounded memory, from files and pipes.
 
 use std::io::{self, Read};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use pcap_parser::pcapng::{Block as NgBlock, parse_block_be, parse_block_le};
@@ -45,6 +46,10 @@ pub(super) struct Frame<'a> {
     pub(super) data: &'a [u8],
     /// Its length on the wire.
     pub(super) original: u32,
+    /// When it was captured, since 1970; a simple packet of pcapng does not say.
+    pub(super) at: Option<Duration>,
+    /// The byte order of the file, which is that of usbmon's headers.
+    pub(super) is_big: bool,
 }
 
 /// Reads block after block.
@@ -61,7 +66,18 @@ pub(super) struct Blocks {
 
 enum Form {
     Pcap { header: PcapHeader, link_type: u32 },
-    PcapNg { is_big: bool, section: usize, link_types: Vec<(u32, u32)> },
+    PcapNg { is_big: bool, section: usize, interfaces: Vec<Interface> },
+}
+
+/// What a section says of an interface.
+struct Interface {
+    link_type: u32,
+    /// So much is captured of a packet at most; 0: all of it.
+    limit: u32,
+    /// The parts of a second in which its times are.
+    resolution: u64,
+    /// Seconds to be added to its times.
+    offset: i64,
 }
 
 /// A block that was found at the beginning of the buffer.
@@ -74,7 +90,7 @@ enum Parsed<'a> {
 
 impl Blocks {
     pub(super) fn new(input: Box<dyn Read + Send>) -> Result<Self> {
-        let form = Form::PcapNg { is_big: false, section: 0, link_types: Vec::new() };
+        let form = Form::PcapNg { is_big: false, section: 0, interfaces: Vec::new() };
         let (buffer, begin, end) = (vec![0; CHUNK], 0, 0);
         let mut blocks = Self { input, buffer, begin, end, passed: 0, is_over: false, form };
         const NONE: &str = "the input is not a capture: neither pcap nor pcapng";
@@ -221,10 +237,14 @@ impl Form {
                     (false, false) => parse_pcap_frame(block),
                 };
                 let Ok((_, packet)) = parsed else { return corrupt() };
-                let (data, original) = (packet.data, packet.origlen);
-                Parsed::Frame(Frame { link_type: Some(*link_type), interface: 0, section: 0, data, original })
+                let (data, original, is_big) = (packet.data, packet.origlen, header.is_bigendian());
+                let parts = if header.is_nanosecond_precision() { 1 } else { 1000 };
+                let nanoseconds = packet.ts_usec.saturating_mul(parts);
+                let at = Some(Duration::new(packet.ts_sec.into(), nanoseconds));
+                let link_type = Some(*link_type);
+                Parsed::Frame(Frame { link_type, interface: 0, section: 0, data, original, at, is_big })
             }
-            Self::PcapNg { is_big, section, link_types } => {
+            Self::PcapNg { is_big, section, interfaces } => {
                 let parsed = if *is_big { parse_block_be(block) } else { parse_block_le(block) };
                 let Ok((_, parsed)) = parsed else { return corrupt() };
                 let section = match parsed {
@@ -232,32 +252,38 @@ impl Form {
                         // Its interfaces are its own.
                         *is_big = header.big_endian();
                         *section += 1;
-                        link_types.clear();
+                        interfaces.clear();
                         return Parsed::Skip;
                     }
                     NgBlock::InterfaceDescription(interface) => {
-                        if link_types.len() >= MAX_INTERFACES {
+                        if interfaces.len() >= MAX_INTERFACES {
                             return Parsed::Corrupt(format!("more than {MAX_INTERFACES} interfaces"));
                         }
-                        link_types.push((interface.linktype.0.cast_unsigned(), interface.snaplen));
+                        interfaces.push(Interface {
+                            link_type: interface.linktype.0.cast_unsigned(),
+                            limit: interface.snaplen,
+                            resolution: interface.ts_resolution().unwrap_or(1_000_000),
+                            offset: interface.if_tsoffset,
+                        });
                         return Parsed::Skip;
                     }
                     _ => *section,
                 };
-                let (interface, data, original) = match parsed {
+                let (interface, data, original, ticks) = match parsed {
                     NgBlock::EnhancedPacket(packet) => {
                         let length = (packet.caplen as usize).min(packet.data.len());
                         let data = packet.data.get(..length).unwrap_or_default(); // without the padding
-                        (packet.if_id as usize, data, packet.origlen)
+                        let ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
+                        (packet.if_id as usize, data, packet.origlen, Some(ticks))
                     }
                     NgBlock::SimplePacket(packet) => {
                         // What was captured is not said: the lesser of its length and the interface's limit.
-                        let limit = match link_types.first() {
-                            Some((_, limit @ 1..)) => *limit,
+                        let limit = match interfaces.first() {
+                            Some(Interface { limit: limit @ 1.., .. }) => *limit,
                             _ => u32::MAX,
                         };
                         let length = (packet.origlen.min(limit) as usize).min(packet.data.len());
-                        (0, packet.data.get(..length).unwrap_or_default(), packet.origlen)
+                        (0, packet.data.get(..length).unwrap_or_default(), packet.origlen, None)
                     }
                     // The packet block of the first drafts: 2 bytes of interface, 2 of drops, times, lengths.
                     NgBlock::Unknown(unknown) if unknown.block_type == 2 => {
@@ -268,20 +294,32 @@ impl Form {
                     }
                     _ => return Parsed::Skip,
                 };
-                let link_type = link_types.get(interface).map(|(link_type, _)| *link_type);
-                Parsed::Frame(Frame { link_type, interface, section, data, original })
+                let about = interfaces.get(interface);
+                let link_type = about.map(|about| about.link_type);
+                let at = about.zip(ticks).and_then(|(about, ticks)| about.time(ticks));
+                Parsed::Frame(Frame { link_type, interface, section, data, original, at, is_big: *is_big })
             }
         }
     }
 }
 
-fn obsolete(data: &[u8], is_big: bool) -> Option<(usize, &[u8], u32)> {
+impl Interface {
+    fn time(&self, ticks: u64) -> Option<Duration> {
+        let seconds = ticks.checked_div(self.resolution)?;
+        let parts = u128::from(ticks.checked_rem(self.resolution)?) * 1_000_000_000;
+        let nanoseconds = u32::try_from(parts.checked_div(self.resolution.into())?).ok()?;
+        Some(Duration::new(seconds.checked_add_signed(self.offset)?, nanoseconds))
+    }
+}
+
+fn obsolete(data: &[u8], is_big: bool) -> Option<(usize, &[u8], u32, Option<u64>)> {
     let word = |at: usize| -> Option<u32> {
         let bytes = *data.get(at..)?.first_chunk::<4>()?;
         Some(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
     };
     let interface = *data.first_chunk::<2>()?;
     let interface = if is_big { u16::from_be_bytes(interface) } else { u16::from_le_bytes(interface) };
+    let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
     let (captured, original) = (word(12)? as usize, word(16)?);
-    Some((interface.into(), data.get(20..)?.get(..captured)?, original))
+    Some((interface.into(), data.get(20..)?.get(..captured)?, original, Some(ticks)))
 }

@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::io::Read;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use anyhow::Result;
 
 use super::reassembly::{Piece, Reassembly};
-use super::{Fault, Flow, Found, Packet, Segment, Summary};
+use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
 
 /// So many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
 /// connection. A connection takes what its two directions hold, and the segments that wait.
@@ -19,17 +20,18 @@ pub trait Directions {
     type Direction;
 
     /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
-    /// says whether the client sends them: where the capture lacks the beginning of the connection, the lower port counts as the server's.
+    /// says whether the client sends them: where the capture lacks the beginning of the connection, the lower port counts as the server's,
+    /// and of a line that was recorded at one end, this end as the client.
     ///
     /// # Errors
     /// They end the reading.
     fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Self::Direction>>;
 
-    /// The next piece of a direction.
+    /// The next piece of a direction, and when the packet came that has it.
     ///
     /// # Errors
     /// They end the reading.
-    fn take(&mut self, direction: &mut Self::Direction, piece: Piece<'_>) -> Result<()>;
+    fn take(&mut self, direction: &mut Self::Direction, at: Duration, piece: Piece<'_>) -> Result<()>;
 
     /// A direction has ended.
     ///
@@ -44,17 +46,18 @@ pub trait Directions {
     fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()>;
 }
 
-/// Reads every direction of a capture, or those from or to a port; and whether there was any that is taken.
+/// Reads every direction of a capture, or those that are asked for; and whether there was any that is taken.
 ///
 /// # Errors
 /// When the input cannot be read or is not a capture, or those of `to`.
 pub fn read<D: Directions>(
     input: Box<dyn Read + Send>,
-    port: Option<u16>,
+    reading: &Reading,
     to: &mut D,
 ) -> Result<(Summary, bool)> {
-    let mut table = Table { to, port, connections: HashMap::new(), clock: 0, found: false };
-    let summary = super::read(input, |found| match found {
+    let (port, at) = (reading.port, Duration::ZERO);
+    let mut table = Table { to, port, connections: HashMap::new(), clock: 0, at, found: false };
+    let summary = super::read(input, reading, |found| match found {
         Found::Packet(packet) => table.take(&packet),
         Found::Fault(number, fault) => table.to.fault(number, &fault),
     })?;
@@ -68,6 +71,7 @@ enum Ends {
     Tcp(SocketAddr, SocketAddr),
     Udp(SocketAddr, SocketAddr),
     Serial(usize),
+    Kept(Line),
 }
 
 impl Ends {
@@ -84,6 +88,7 @@ impl Ends {
                 (Self::Udp(a, b), sender)
             }
             Flow::Serial(interface) => (Self::Serial(interface), 0),
+            Flow::Kept(line, by_keeper) => (Self::Kept(line), usize::from(!by_keeper)),
         }
     }
 }
@@ -95,6 +100,8 @@ struct Table<'a, D: Directions> {
     connections: HashMap<Ends, Connection<D::Direction>>,
     /// Counts packets.
     clock: u64,
+    /// The time of the last packet.
+    at: Duration,
     /// Whether there was anything that is taken.
     found: bool,
 }
@@ -129,6 +136,8 @@ impl<D: Directions> Table<'_, D> {
             return Ok(());
         }
         self.clock += 1;
+        self.at = packet.at.unwrap_or(self.at);
+        let at = self.at;
         let (ends, sender) = Ends::of(packet.flow);
         if self.connections.len() >= MAX_CONNECTIONS && !self.connections.contains_key(&ends) {
             self.forget_the_silent()?;
@@ -136,7 +145,7 @@ impl<D: Directions> Table<'_, D> {
         let connection = self.connections.entry(ends).or_insert_with(|| Connection::new(1));
         connection.last = self.clock;
         if let Some(segment) = packet.segment {
-            connection.open(sender, segment, self.to)?;
+            connection.open(sender, segment, at, self.to)?;
         }
         if packet.payload.is_empty() && packet.missing == 0 {
             return Ok(());
@@ -153,15 +162,15 @@ impl<D: Directions> Table<'_, D> {
         match packet.segment {
             Some(Segment { sequence, .. }) => {
                 let (payload, cut) = (packet.payload, packet.missing);
-                direction.tcp.push(sequence, payload, cut, |piece| self.to.take(taken, piece))
+                direction.tcp.push(sequence, payload, cut, |piece| self.to.take(taken, at, piece))
             }
             None => {
                 if !packet.payload.is_empty() {
-                    self.to.take(taken, Piece::Bytes(packet.payload))?;
+                    self.to.take(taken, at, Piece::Bytes(packet.payload))?;
                 }
                 match packet.missing {
                     0 => Ok(()),
-                    cut => self.to.take(taken, Piece::Cut(cut)),
+                    cut => self.to.take(taken, at, Piece::Cut(cut)),
                 }
             }
         }
@@ -169,7 +178,7 @@ impl<D: Directions> Table<'_, D> {
 
     fn is_wanted(&self, flow: Flow) -> bool {
         match (self.port, flow) {
-            (None, _) | (_, Flow::Serial(_)) => true,
+            (None, _) | (_, Flow::Serial(_) | Flow::Kept(..)) => true,
             (Some(port), Flow::Tcp(from, to) | Flow::Udp(from, to)) => {
                 from.port() == port || to.port() == port
             }
@@ -200,7 +209,7 @@ impl<D: Directions> Table<'_, D> {
         ended.sort_unstable_by_key(|(last, _)| *last);
         for (_, ends) in ended {
             if let Some(connection) = self.connections.remove(&ends) {
-                connection.end(self.to)?;
+                connection.end(self.at, self.to)?;
             }
         }
         Ok(())
@@ -218,6 +227,7 @@ impl<T> Connection<T> {
         &mut self,
         sender: usize,
         segment: Segment,
+        at: Duration,
         to: &mut impl Directions<Direction = T>,
     ) -> Result<()> {
         if !segment.opens {
@@ -227,7 +237,7 @@ impl<T> Connection<T> {
             self.directions.get_mut(sender).is_some_and(|direction| direction.tcp.open(segment.sequence));
         if is_another {
             let next = Self { last: self.last, ..Self::new(self.number + 1) };
-            core::mem::replace(self, next).end(to)?;
+            core::mem::replace(self, next).end(at, to)?;
             if let Some(direction) = self.directions.get_mut(sender) {
                 direction.tcp.open(segment.sequence);
             }
@@ -236,10 +246,10 @@ impl<T> Connection<T> {
         Ok(())
     }
 
-    fn end(self, to: &mut impl Directions<Direction = T>) -> Result<()> {
+    fn end(self, at: Duration, to: &mut impl Directions<Direction = T>) -> Result<()> {
         for Direction { mut tcp, state } in self.directions {
             if let State::Taken(mut taken) = state {
-                tcp.finish(|piece| to.take(&mut taken, piece))?;
+                tcp.finish(|piece| to.take(&mut taken, at, piece))?;
                 to.end(taken)?;
             }
         }
@@ -252,5 +262,6 @@ fn is_likely_client(flow: Flow) -> bool {
     match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => from.port() > to.port(),
         Flow::Serial(_) => false,
+        Flow::Kept(_, by_keeper) => by_keeper,
     }
 }

@@ -14,6 +14,8 @@ pub mod ls;
 pub mod manual;
 pub mod mma;
 pub mod modbus;
+mod recorded;
+pub mod replay;
 pub mod settings;
 pub mod simulate;
 mod source;

@@ -1,5 +1,7 @@
 //! `cellwire replay`: what a tap has recorded is played to a program or a device of the tool, over sockets and pseudo-terminals.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
+#![cfg(unix)]
 
 mod tool;
 

@@ -1,6 +1,7 @@
 //! The arguments of `decode` and `encode`.
 
 use anyhow::Result;
+use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
 use crate::links::link_parser;
@@ -46,6 +47,14 @@ impl CodecArgs {
 }
 
 impl LinkArgs {
+    /// What is set of the codec.
+    ///
+    /// # Errors
+    /// When the file of settings cannot be read.
+    pub(super) fn settings(&self) -> Result<Map<String, Value>> {
+        self.set.read()
+    }
+
     /// The codec of a side.
     ///
     /// # Errors

@@ -1,7 +1,9 @@
 //! The commands: arguments, help, and what is printed.
 
 pub mod alter;
+pub mod capture;
 mod codec;
+mod compare;
 pub mod decode;
 pub mod demo;
 pub mod encode;

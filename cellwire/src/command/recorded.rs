@@ -108,11 +108,11 @@ impl ConversationArgs {
 }
 
 impl Conversation {
-    /// The ends of a link: the one that is named, and the other. Each is the side whose messages it sends, if it sends any.
+    /// Both ends: the client or the one that recorded, and the other. Each has the side whose messages it sends, if it sends any.
     ///
     /// # Errors
-    /// When the link has no such end, or no capture says who sends.
-    pub(super) fn ends(&self, link: &Link, named: &str) -> Result<[Party; 2]> {
+    /// When the trace is none of the link.
+    pub(super) fn parties(&self, link: &Link) -> Result<[Party; 2]> {
         let sides = match &self.place {
             Place::Network(..) => [true, false].map(|is_client| (link.sender)(is_client, self.port)),
             Place::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
@@ -123,15 +123,24 @@ impl Conversation {
                     .with_context(|| format!("`{name}` is no trace of {}", link.name))?
             }
         };
+        let [first, second] = sides;
+        let [first, second] =
+            [(true, first), (false, second)].map(|(is_first, side)| Party { is_first, side });
+        Ok([first, second])
+    }
+
+    /// The ends of a link: the one that is named, and the other.
+    ///
+    /// # Errors
+    /// When the link has no such end.
+    pub(super) fn ends(&self, link: &Link, named: &str) -> Result<[Party; 2]> {
+        let [first, second] = self.parties(link)?;
         let silent = link.ends.iter().map(|end| end.name).find(|end| !link.sides.contains(end));
-        let names = sides.map(|side| side.or(silent).unwrap_or_default());
+        let names = [first, second].map(|party| party.side.or(silent).unwrap_or_default());
         // A side may be called after its kind of device, and its end only `device`.
         let is_named = |index: usize| {
             names.get(index) == Some(&named) || named == "device" && names.get(index) != Some(&"central")
         };
-        let [first, second] = sides;
-        let [first, second] =
-            [(true, first), (false, second)].map(|(is_first, side)| Party { is_first, side });
         match (is_named(0), is_named(1)) {
             (true, _) => Ok([first, second]),
             (_, true) => Ok([second, first]),
@@ -147,7 +156,8 @@ impl Conversation {
 /// An end of a conversation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Party {
-    is_first: bool,
+    /// It is the client, or the end that recorded the line.
+    pub(super) is_first: bool,
     /// The side of the link whose messages it sends; none where it polls.
     pub(super) side: Option<&'static str>,
 }

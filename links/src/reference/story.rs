@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Number, Value};
 
 use super::json::{self, Object};
 use crate::end::End;
@@ -178,7 +178,8 @@ struct Step {
     events: Vec<Value>,
     #[serde(default)]
     transmit: Vec<String>,
-    deadline: Option<u64>,
+    /// One that is longer than 64 bits is never.
+    deadline: Option<Number>,
 }
 
 impl Story {
@@ -203,8 +204,9 @@ impl Story {
             ensure!(done.transmit == expected, "step {number}: it sends {:02X?}", done.transmit);
             const NEVER: u64 = 1 << 63;
             let deadline = end.poll_timeout().map(|deadline| deadline.as_nanos());
-            let is_same = deadline == step.deadline.map(u128::from)
-                || deadline.is_none_or(|it| it >= NEVER.into()) && step.deadline.is_none_or(|it| it >= NEVER);
+            let expected = step.deadline.as_ref().map(|it| it.as_u64().unwrap_or(u64::MAX));
+            let is_same = deadline == expected.map(u128::from)
+                || deadline.is_none_or(|it| it >= NEVER.into()) && expected.is_none_or(|it| it >= NEVER);
             ensure!(is_same, "step {number}: its deadline is {deadline:?}");
         }
         Ok(())

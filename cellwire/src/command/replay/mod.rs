@@ -1,7 +1,5 @@
 //! `cellwire replay`: plays one end of a capture, and says where the other departs from it.
 
-mod compare;
-mod follow;
 mod script;
 mod transport;
 
@@ -11,14 +9,14 @@ use anyhow::{Result, ensure};
 use clap::ValueEnum;
 use robot_session::{Received, Wait};
 
-use self::compare::Compare;
 use self::script::{Part, Reader, Script};
 use self::transport::TransportArgs;
 use super::codec::LinkArgs;
+use super::compare::Compare;
 use super::recorded::{ConversationArgs, Party};
 use crate::io::input::seconds;
 use crate::io::interrupt;
-use crate::io::output::remark;
+use crate::io::output::{self, remark};
 
 /// Plays one end of a captured conversation against a program or a device, and says where the other end departs from what it did then.
 ///
@@ -115,7 +113,14 @@ pub fn run(args: &Args) -> Result<bool> {
     let mut items = Vec::new();
     reader.finish(&mut |content| items.push(content))?;
     items.iter().try_for_each(|content| compare.take(at, content))?;
-    compare.finish(sent, parts.len())
+    let (mut all, is_same) = compare.finish()?;
+    if let Some(fields) = all.as_object_mut() {
+        fields.insert("event".into(), "replayed".into());
+        fields.insert("sent".into(), sent.into());
+        fields.insert("of".into(), parts.len().into());
+    }
+    output::log(&all)?;
+    Ok(is_same && sent == parts.len())
 }
 
 struct Play {

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 /// What the other end has chosen in the place of what it chose then, by the name of the field.
 #[derive(Debug, Default)]
-pub(super) struct Follow {
+pub(in crate::command) struct Follow {
     chosen: HashMap<(String, String), Value>,
 }
 
@@ -38,7 +38,7 @@ impl Follow {
     }
 
     /// Puts what the other end has chosen into a message of this end; whether there was any.
-    pub(super) fn apply(&self, message: &mut Value) -> bool {
+    pub(in crate::command) fn apply(&self, message: &mut Value) -> bool {
         !self.chosen.is_empty() && self.put("", message)
     }
 

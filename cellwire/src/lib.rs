@@ -15,8 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, extcap, fanuc, identify, kawasaki, laser, ls, manual, mma, modbus, settings,
-    simulate, tap, vectors,
+    alter, capture, decode, demo, encode, extcap, fanuc, identify, kawasaki, laser, ls, manual, mma, modbus,
+    replay, settings, simulate, tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -57,6 +57,8 @@ enum Command {
     Identify(identify::Args),
     Simulate(simulate::Args),
     Tap(tap::Args),
+    Replay(replay::Args),
+    Capture(capture::Args),
     Extcap(extcap::Args),
     Modbus(modbus::Args),
     Fanuc(fanuc::Args),
@@ -80,6 +82,8 @@ pub fn main() -> ExitCode {
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Tap(args) => tap::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Capture(args) => capture::run(&args),
         Command::Extcap(args) => extcap::run(&args),
         Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
@@ -121,8 +125,15 @@ fn parse() -> Cli {
 fn command_line() -> clap::Command {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let mut command = Cli::command();
-    for name in ["decode", "encode", "tap", "simulate", "demo", "alter"] {
+    for name in ["decode", "encode", "tap", "replay", "simulate", "demo", "alter"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
+    }
+    // What has both ends is a capture.
+    command = command.mut_subcommand("replay", |it| it.mut_arg("format", |it| it.default_value("pcap")));
+    for inner in ["to-vectors", "to-story"] {
+        command = command.mut_subcommand("capture", |it| {
+            it.mut_subcommand(inner, |it| it.mut_arg("format", |it| it.default_value("pcap")))
+        });
     }
     for (name, inner, settings) in [
         ("kawasaki", "draw", kawasaki::settings()),

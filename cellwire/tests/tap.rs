@@ -16,7 +16,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use cellwire::io::capture::reassembly::{Piece, Reassembly};
-use cellwire::io::capture::{self, Flow, Found};
+use cellwire::io::capture::{self, Flow, Found, Reading};
 use cellwire::io::serial;
 use serialport::SerialPort;
 use socket2::SockRef;
@@ -54,7 +54,7 @@ impl Tapped {
 fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
     let mut flows: BTreeMap<String, (Reassembly, Vec<u8>)> = BTreeMap::new();
     let mut is_whole = true;
-    capture::read(Box::new(File::open(path).unwrap()), |found| {
+    capture::read(Box::new(File::open(path).unwrap()), &Reading::default(), |found| {
         let Found::Packet(packet) = found else {
             is_whole = false;
             return Ok(());
@@ -62,6 +62,7 @@ fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
         let name = match packet.flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => format!("{from} > {to}"),
             Flow::Serial(interface) => format!("{interface}"),
+            Flow::Kept(line, by_keeper) => format!("{line} {by_keeper}"),
         };
         let (tcp, bytes) = flows.entry(name).or_default();
         let Some(segment) = packet.segment else {

@@ -14,6 +14,7 @@ pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod link;
 pub mod mmacell_proto;
+pub mod reference;
 pub mod settings;
 pub mod shadow;
 pub mod val2_alter;

@@ -139,6 +139,30 @@ impl Link {
         end.with_context(|| format!("{} has no end `{name}`", self.name))
     }
 
+    /// The side that sends what the end at which a line was recorded has sent, or received: `kept` is that end where it is told. Else it
+    /// is a PC, which asks, but for a link whose PC is asked and is called so.
+    ///
+    /// # Errors
+    /// When the link has no such side.
+    pub fn keeper(&self, kept: Option<&str>, by_keeper: bool) -> Result<Option<&'static str>> {
+        let sides = match kept {
+            Some(_) => {
+                let keeper = self.side(kept)?;
+                [Some(keeper), self.sides.iter().find(|side| **side != keeper).copied()]
+            }
+            None => {
+                let is_pc = |side: &Option<&str>| *side == Some("pc");
+                let mut sides = [true, false].map(|is_client| (self.sender)(is_client, 0));
+                if sides.last().is_some_and(is_pc) {
+                    sides.reverse();
+                }
+                sides
+            }
+        };
+        let [keeper, other] = sides;
+        Ok(if by_keeper { keeper } else { other })
+    }
+
     /// The clause of the specification that is broken by bytes with this kind of error.
     pub fn clause(&self, kind: &str) -> Option<&'static str> {
         self.clauses.iter().find(|(known, _)| *known == kind).map(|(_, clause)| *clause)

@@ -140,14 +140,23 @@ def cases(link):
     if link == "fanuc-ls":
         yield from programs.cases(load("vectors", link), load("streams", link), same)
         return
+    for folder in ("vectors", "streams", "sessions"):
+        yield from entries("", load(folder, link), link)
+    # What was seen at machines.
+    for path in sorted((REFERENCE / "field").glob("*.json")):
+        document = json.loads(path.read_text())
+        if document["link"] == link:
+            yield from entries(f"{path.stem} ", document, link)
+
+
+def entries(name, document, link):
+    """The cases of one file."""
     for kind, make in (("vectors", vector_cases), ("refused", refused_cases), ("streams", stream_cases)):
-        folder = "streams" if kind == "streams" else "vectors"
-        for entry in load(folder, link).get(kind, []):
-            side = DEFAULTS | {"link": link} | {name: entry[name] for name in ("from", "options") if name in entry}
-            yield f"{kind} {entry['id']}", make(entry, side)
-    sessions = load("sessions", link)
-    for story in sessions.get("stories", sessions.get("sessions", [])):
-        yield f"story {story['id']}", story_cases(story, link)
+        for entry in document.get(kind, []):
+            side = DEFAULTS | {"link": link} | {field: entry[field] for field in ("from", "options") if field in entry}
+            yield f"{name}{kind} {entry['id']}", make(entry, side)
+    for story in document.get("stories", document.get("sessions", [])):
+        yield f"{name}story {story['id']}", story_cases(story, link)
 
 
 def ask(command, requests):

@@ -1,13 +1,13 @@
 //! The arguments of `decode` and `encode`.
 
 use anyhow::Result;
+use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
 use crate::links::link_parser;
 use cellwire_links::codec::Codec;
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{Setup, Watcher};
-use serde_json::Map;
 
 /// Which bytes are read or written.
 #[derive(Debug, clap::Args)]
@@ -48,6 +48,14 @@ impl CodecArgs {
 }
 
 impl LinkArgs {
+    /// What is set of the codec.
+    ///
+    /// # Errors
+    /// When the file of settings cannot be read.
+    pub(super) fn settings(&self) -> Result<Map<String, Value>> {
+        self.set.read()
+    }
+
     /// The codec of a side.
     ///
     /// # Errors

@@ -1,7 +1,9 @@
 //! The commands: arguments, help, and what is printed.
 
 pub mod alter;
+pub mod capture;
 mod codec;
+mod compare;
 pub mod decode;
 pub mod demo;
 pub mod encode;
@@ -14,8 +16,11 @@ pub mod ls;
 pub mod manual;
 pub mod mma;
 pub mod modbus;
+mod recorded;
+pub mod replay;
 pub mod settings;
 pub mod simulate;
+mod source;
 pub mod tap;
 pub mod vectors;
 mod work;

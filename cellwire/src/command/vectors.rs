@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use cellwire_links::link::Link;
+use cellwire_links::reference::field::Field;
 use cellwire_links::vectors::vectors;
 use clap::Subcommand;
 
@@ -19,7 +20,8 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Decodes and encodes every vector; prints one line per link, and every vector that does not agree
+    /// Decodes and encodes every vector; prints one line per link, and every vector that does not agree. Of `reference/field`: every
+    /// vector, stream and story of each file
     Check {
         /// The folder of the vectors
         #[arg(default_value = "reference/vectors")]
@@ -49,9 +51,23 @@ fn check_file(path: &Path) -> Result<bool> {
     if name == "fanuc-ls" {
         return programs::check_file(name, &std::fs::read_to_string(path)?);
     }
-    let link = Link::by_name(name)?;
+    let Ok(link) = Link::by_name(name) else { return check_field(path, name) };
     let vectors = vectors(path)?;
     report(name, vectors.iter().map(|v| (v.id, v.comment.as_str(), v.check(link, &[&v.bytes]))))
+}
+
+/// A file of what was seen in the field, which has a name of its own.
+fn check_field(path: &Path, name: &str) -> Result<bool> {
+    let field = Field::read(path)?;
+    let result = field.check();
+    let mut out = std::io::stdout();
+    match &result {
+        Ok(count) => {
+            writeln!(out, "{name}: {count} vectors, streams and stories of {}, 0 disagree", field.link)?
+        }
+        Err(error) => writeln!(out, "{name}: {error:#}")?,
+    }
+    Ok(result.is_ok())
 }
 
 /// Prints what disagrees, and how much; returns true when nothing does.

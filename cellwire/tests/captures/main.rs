@@ -3,8 +3,10 @@
 #![allow(clippy::cast_possible_truncation)]
 
 mod make;
+mod text;
 mod trace;
 mod tshark;
+mod usb;
 
 use core::time::Duration;
 use std::fs;

@@ -153,11 +153,11 @@ pub(crate) struct Form {
 pub(crate) const LITTLE: Form = Form { is_big: false, is_nano: false };
 
 impl Form {
-    fn u32(self, value: u32) -> [u8; 4] {
+    pub(crate) fn u32(self, value: u32) -> [u8; 4] {
         if self.is_big { value.to_be_bytes() } else { value.to_le_bytes() }
     }
 
-    fn u16(self, value: u16) -> [u8; 2] {
+    pub(crate) fn u16(self, value: u16) -> [u8; 2] {
         if self.is_big { value.to_be_bytes() } else { value.to_le_bytes() }
     }
 

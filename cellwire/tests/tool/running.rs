@@ -104,6 +104,13 @@ impl Running {
     }
 }
 
+impl Running {
+    /// Its exit status, once it has ended.
+    pub(crate) fn status(&mut self) -> Option<i32> {
+        self.child.wait().unwrap().code()
+    }
+}
+
 impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.child.kill();

@@ -12,7 +12,6 @@ mod codec;
 mod defaults;
 mod ends;
 mod explore;
-mod json;
 mod pages;
 mod programs;
 mod states;
@@ -25,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::LINKS;
+use cellwire_links::reference::json;
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]

@@ -5,14 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::reference::story::{Do, Omits, line as step_line};
 use cellwire_links::vectors::unhex;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use testkit::model::Cell;
 
 use crate::codec::codec;
-use crate::ends::{self, Do, End, Omits, Step};
-use crate::json::{self, Object, hex};
+use crate::ends::{self, End, Step};
+use crate::json::{self, Object};
 use crate::states;
 
 #[derive(Deserialize)]
@@ -166,17 +167,10 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
         let (at, omits, verb) = parse(&end, now, line)?;
         ensure!(at >= now, "{line}: the time goes back");
         now = at;
-        let (input, json) = verb_of(link, inputs, verb).with_context(|| line.clone())?;
-        let Step { refused, events, transmit, cells: reached } = end.step(now, &input, omits)?;
+        let input = verb_of(link, inputs, verb).with_context(|| line.clone())?;
+        let Step { done, cells: reached } = end.step(now, &input, omits)?;
         cells.extend(reached);
-        let transmit: Vec<String> = transmit.iter().map(|bytes| format!("\"{}\"", hex(bytes))).collect();
-        let object = Object::new().raw("at", now.as_nanos()).raw("do", json);
-        let object = if omits.transmit { object.raw("hold", true) } else { object };
-        let object = if omits.events { object.raw("keep", true) } else { object };
-        let object = if let Some(refused) = refused { object.raw("refused", refused) } else { object };
-        let deadline = end.deadline().map_or("null".to_owned(), |deadline| deadline.as_nanos().to_string());
-        let object = object.list("events", &events).list("transmit", &transmit).raw("deadline", deadline);
-        steps.push(object.value("state", &end.state())?.end());
+        steps.push(step_line(now, &input, omits, &done, end.deadline(), &end.state())?);
     }
     Ok(Played { steps, cells })
 }
@@ -207,25 +201,22 @@ fn milliseconds(text: &str) -> Result<Duration> {
     Ok(Duration::from_millis(whole) + Duration::from_nanos(fraction))
 }
 
-/// The input of a step, and its JSON.
-fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<(Do, String)> {
+/// The input of a step.
+fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<Do> {
     let (name, rest) = verb.split_once(' ').unwrap_or((verb, ""));
     let bytes = match name {
-        "connected" => return Ok((Do::Connected, r#"{"connected": true}"#.into())),
-        "disconnected" => return Ok((Do::Disconnected, r#"{"disconnected": true}"#.into())),
-        "timeout" => return Ok((Do::Timeout, r#"{"timeout": true}"#.into())),
-        "transmitted" => return Ok((Do::Transmitted, r#"{"transmitted": true}"#.into())),
-        "nothing" => return Ok((Do::Nothing, r#"{"nothing": true}"#.into())),
+        "connected" => return Ok(Do::Connected),
+        "disconnected" => return Ok(Do::Disconnected),
+        "timeout" => return Ok(Do::Timeout),
+        "transmitted" => return Ok(Do::Transmitted),
+        "nothing" => return Ok(Do::Nothing),
         "call" if !rest.starts_with('{') => {
-            let name = rest.to_owned();
-            let json = format!("{{\"{name}\": null}}");
-            return Ok((Do::Call { name, argument: Value::Null }, json));
+            return Ok(Do::Call { name: rest.to_owned(), argument: Value::Null });
         }
         "call" => {
             let call: Map<String, Value> = serde_json::from_str(rest)?;
-            let json = json::text(&call)?;
             let (name, argument) = call.into_iter().next().context("a call has one key")?;
-            return Ok((Do::Call { name, argument }, json));
+            return Ok(Do::Call { name, argument });
         }
         "in" => unhex(rest)?,
         // Each character is the byte of its number.
@@ -256,8 +247,7 @@ fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<(Do, String)> {
         }
         _ => bail!("no such verb"),
     };
-    let json = format!("{{\"input\": \"{}\"}}", hex(&bytes));
-    Ok((Do::Input(bytes), json))
+    Ok(Do::Input(bytes))
 }
 
 fn said(link: &str, inputs: &Inputs, word: &str) -> Result<Vec<u8>> {

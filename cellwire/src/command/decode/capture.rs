@@ -11,11 +11,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{Args, Lines};
+use crate::command::source::report;
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::write::SERIAL;
-use crate::io::capture::{Fault, Flow, Summary};
-use crate::io::output::remark;
+use crate::io::capture::{Fault, Flow, Line, Reading};
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 
@@ -23,27 +23,21 @@ use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 ///
 /// # Errors
 /// When the input is no capture, or holds nothing for the link.
-pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let (summary, found) = connections::read(input, args.port, &mut Decoding::new(args, out))?;
+pub(super) fn decode(
+    args: &Args,
+    reading: &Reading,
+    input: Box<dyn Read + Send>,
+    out: &mut Lines,
+) -> Result<()> {
+    let (summary, found) = connections::read(input, reading, &mut Decoding::new(args, out))?;
     report(&summary);
     ensure!(
         found || !out.clean,
         "the capture contains no TCP, UDP or serial bytes for {}{}",
         args.codec.of.link.name,
-        args.port.map_or_else(String::new, |port| format!(" on port {port}"))
+        args.source.on_port()
     );
     Ok(())
-}
-
-/// What never holds bytes of a link is counted on standard error: it is no fault.
-pub(in crate::command) fn report(summary: &Summary) {
-    if summary.others.is_empty() {
-        return;
-    }
-    let total: u64 = summary.others.values().sum();
-    let others: Vec<String> = summary.others.iter().map(|(what, count)| format!("{count} {what}")).collect();
-    let packets = summary.packets;
-    remark(&format!("{total} of {packets} packets are neither TCP nor UDP: {}", others.join(", ")));
 }
 
 /// Each direction becomes lines.
@@ -51,11 +45,18 @@ struct Decoding<'a> {
     args: &'a Args,
     out: &'a mut Lines,
     now: Duration,
-    /// Of each connection, by its client, its server and its number.
+    /// Of each conversation.
     watchers: HashMap<Ends, Watcher>,
 }
 
-type Ends = (SocketAddr, SocketAddr, u64);
+/// Whose conversation it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Ends {
+    /// A client's and a server's, counted from 1 for the same two.
+    Network(SocketAddr, SocketAddr, u64),
+    /// A program's with what is behind a line.
+    Kept(Line),
+}
 
 struct Decoded {
     stream: Stream,
@@ -73,15 +74,20 @@ impl<'a> Decoding<'a> {
 
     /// Whose conversation a direction is.
     fn watch(&mut self, flow: Flow, is_client: bool, number: u64, is_whole: bool) -> Result<Option<Ends>> {
-        let (Flow::Tcp(from, to) | Flow::Udp(from, to)) = flow else { return Ok(None) };
         if !self.args.shadow {
             return Ok(None);
         }
-        let (client, server) = if is_client { (from, to) } else { (to, from) };
-        let ends = (client, server, number);
+        let (ends, is_serial) = match flow {
+            Flow::Tcp(from, to) | Flow::Udp(from, to) => {
+                let (client, server) = if is_client { (from, to) } else { (to, from) };
+                // What a tap has written of a line.
+                (Ends::Network(client, server, number), server == SERIAL[1].into())
+            }
+            Flow::Kept(line, _) => (Ends::Kept(line), true),
+            Flow::Serial(_) => return Ok(None),
+        };
         if !self.watchers.contains_key(&ends) {
-            // What a tap has written of a line: nobody knows what was said before.
-            let is_serial = server == SERIAL[1].into();
+            // Of a line nobody knows what was said before.
             let mut watcher = self.args.codec.of.watcher(None, is_serial)?;
             if is_whole && !is_serial {
                 watcher.see(self.now, &Seen::Opened);
@@ -169,16 +175,19 @@ impl Lines {
     fn complain(&mut self, ends: &Ends, at: Duration, complaints: &[Complaint]) -> Result<()> {
         for Complaint { end, kind, clause, text, .. } in complaints {
             self.clean &= *kind != shadow::Kind::Rule;
-            let (client, server, number) = ends;
+            let (between, number) = match ends {
+                Ends::Network(client, server, number) => (format!("{client} > {server}"), *number),
+                Ends::Kept(line) => (format!("program > {line}"), 1),
+            };
             let mut line = json!({
                 "time": format_rfc3339_micros(UNIX_EPOCH + at).to_string(),
-                "ends": format!("{client} > {server}"),
+                "ends": between,
                 "from": end,
                 "shadow": kind,
                 "clause": clause,
                 "text": text,
             });
-            if let (Some(line), 2..) = (line.as_object_mut(), *number) {
+            if let (Some(line), 2..) = (line.as_object_mut(), number) {
                 line.insert("connection".into(), json!(number));
             }
             self.line(format_args!("{line}\n"))?;
@@ -206,6 +215,12 @@ fn begin(
                 return Ok(None);
             }
             (side, format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side)))
+        }
+        Flow::Kept(line, by_keeper) => {
+            let Some(side) = args.codec.of.link.keeper(wanted, by_keeper)? else { return Ok(None) };
+            sender = Some(side);
+            let ends = if by_keeper { format!("program > {line}") } else { format!("{line} > program") };
+            (side, format!("\"flow\":{},\"from\":{},", json!(ends), json!(side)))
         }
         Flow::Serial(0) => (args.codec.side()?, String::new()),
         Flow::Serial(interface) => (args.codec.side()?, format!("\"interface\":{interface},")),

@@ -6,11 +6,11 @@ use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::identify::{Sender, Stream};
 
 use super::Args;
-use crate::command::decode::{Format, TraceLines, hex::HexReader, report};
+use crate::command::decode::{TraceLines, hex::HexReader};
+use crate::command::source::{Format, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
-use crate::io::capture::{Fault, Flow};
-use crate::io::input;
+use crate::io::capture::{Fault, Flow, Reading};
 use crate::io::output::remark;
 use crate::io::trace::{Way, parse_line, parse_name};
 
@@ -34,11 +34,11 @@ impl Conversation {
 
 /// Reads the input.
 pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
-    let input = input::open(args.file.as_deref())?;
-    let mut all = match args.format {
-        Format::Hex | Format::Raw => vec![stream(args, input)?],
-        Format::Trace => vec![trace(args, input)?],
-        Format::Pcap => capture(args, input)?,
+    let input = args.source.open()?;
+    let mut all = match (args.source.format, args.source.reading()) {
+        (_, Some(reading)) => capture(args, &reading, input)?,
+        (Format::Trace, None) => vec![trace(args, input)?],
+        (_, None) => vec![stream(args, input)?],
     };
     all.retain(|conversation| conversation.len() > 0);
     ensure!(!all.is_empty(), "the input has no bytes to look at");
@@ -62,7 +62,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
         if taken == 0 || bytes.len() as u64 >= MOST {
             break;
         }
-        match args.format {
+        match args.source.format {
             Format::Hex => bytes.extend(hex.read(chunk)?),
             _ => bytes.extend_from_slice(chunk),
         }
@@ -70,7 +70,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
     }
     if bytes.len() as u64 >= MOST {
         remark("only the first 1 MiB is looked at");
-    } else if let Format::Hex = args.format {
+    } else if let Format::Hex = args.source.format {
         hex.finish()?;
     }
     let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);
@@ -103,10 +103,10 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
     Ok(Conversation { name, streams: vec![sent, received] })
 }
 
-fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
+fn capture(args: &Args, reading: &Reading, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
     let mut collecting =
         Collecting { from: args.from.as_deref(), conversations: Vec::new(), faults: 0, cut: false };
-    let (summary, found) = connections::read(input, args.port, &mut collecting)?;
+    let (summary, found) = connections::read(input, reading, &mut collecting)?;
     report(&summary);
     let Collecting { conversations, faults, cut, .. } = collecting;
     if faults > 0 {
@@ -115,8 +115,7 @@ fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>
     if cut {
         remark("only the first 1 MiB of each direction is looked at");
     }
-    let port = args.port.map_or_else(String::new, |port| format!(" on port {port}"));
-    ensure!(found, "the capture contains no TCP, UDP or serial bytes{port}");
+    ensure!(found, "the capture contains no TCP, UDP or serial bytes{}", args.source.on_port());
     Ok(conversations)
 }
 
@@ -145,9 +144,10 @@ impl Directions for Collecting<'_> {
                 (format!("{kind} {server}"), Sender::Connected { is_client, port: server.port() })
             }
             Flow::Serial(_) => ("the serial line".into(), Sender::Unknown),
+            Flow::Kept(line, is_client) => (line.to_string(), Sender::Connected { is_client, port: 0 }),
         };
         let sender = match (self.from, flow) {
-            (Some(from), Flow::Serial(_)) => Sender::Named(from.into()),
+            (Some(from), Flow::Serial(_) | Flow::Kept(_, true)) => Sender::Named(from.into()),
             _ => sender,
         };
         Ok(Some(Collected { name, stream: Stream { sender, parts: vec![Vec::new()] }, len: 0 }))

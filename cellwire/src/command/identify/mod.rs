@@ -11,7 +11,7 @@ use cellwire_links::identify::{Finding, identify};
 use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;
-use super::decode::Format;
+use super::source::SourceArgs;
 use crate::io::files;
 use crate::links::link_parser;
 
@@ -31,12 +31,6 @@ pub struct Args {
     /// The side that sends the bytes, where it is known; in a trace, the end that wrote it [default: all are tried]
     #[arg(long, value_name = "SIDE")]
     from: Option<String>,
-    /// The format of the input
-    #[arg(long, value_enum, default_value_t = Format::Hex)]
-    format: Format,
-    /// In a capture, read only what is sent from or to this TCP or UDP port
-    #[arg(long, value_name = "N")]
-    port: Option<u16>,
     /// Print one JSON object for each conversation in place of tables
     #[arg(long)]
     json: bool,
@@ -46,8 +40,8 @@ pub struct Args {
     /// Print the settings as Rust, for the configuration of the link's crate
     #[arg(long)]
     rust: bool,
-    /// The input; - is standard input [default: -]
-    file: Option<PathBuf>,
+    #[command(flatten)]
+    source: SourceArgs,
 }
 
 const EXAMPLES: &str = "\

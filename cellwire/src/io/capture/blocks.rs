@@ -43,11 +43,13 @@ pub(super) struct Frame<'a> {
     pub(super) interface: usize,
     /// Which section of the capture, from 0.
     pub(super) section: usize,
-    /// When it was captured, since 1970, if the capture has that.
-    pub(super) at: Option<Duration>,
     pub(super) data: &'a [u8],
     /// Its length on the wire.
     pub(super) original: u32,
+    /// When it was captured, since 1970; a simple packet of pcapng does not say.
+    pub(super) at: Option<Duration>,
+    /// The byte order of the file, which is that of usbmon's headers.
+    pub(super) is_big: bool,
 }
 
 /// Reads block after block.
@@ -70,10 +72,11 @@ enum Form {
 /// What a section says of an interface.
 struct Interface {
     link_type: u32,
-    /// The most bytes of a packet that are kept; 0: all.
+    /// So much is captured of a packet at most; 0: all of it.
     limit: u32,
-    /// The units of its times in a second, and the seconds that are added to them.
-    units: u64,
+    /// The parts of a second in which its times are.
+    resolution: u64,
+    /// Seconds to be added to its times.
     offset: i64,
 }
 
@@ -234,12 +237,12 @@ impl Form {
                     (false, false) => parse_pcap_frame(block),
                 };
                 let Ok((_, packet)) = parsed else { return corrupt() };
-                let (data, original) = (packet.data, packet.origlen);
-                let unit = if header.is_nanosecond_precision() { 1 } else { 1000 };
-                let part = Duration::from_nanos(u64::from(packet.ts_usec) * unit);
-                let at = Some(Duration::from_secs(packet.ts_sec.into()) + part);
+                let (data, original, is_big) = (packet.data, packet.origlen, header.is_bigendian());
+                let parts = if header.is_nanosecond_precision() { 1 } else { 1000 };
+                let nanoseconds = packet.ts_usec.saturating_mul(parts);
+                let at = Some(Duration::new(packet.ts_sec.into(), nanoseconds));
                 let link_type = Some(*link_type);
-                Parsed::Frame(Frame { link_type, interface: 0, section: 0, at, data, original })
+                Parsed::Frame(Frame { link_type, interface: 0, section: 0, data, original, at, is_big })
             }
             Self::PcapNg { is_big, section, interfaces } => {
                 let parsed = if *is_big { parse_block_be(block) } else { parse_block_le(block) };
@@ -259,22 +262,19 @@ impl Form {
                         interfaces.push(Interface {
                             link_type: interface.linktype.0.cast_unsigned(),
                             limit: interface.snaplen,
-                            units: interface.ts_resolution().unwrap_or(MICROSECONDS),
-                            offset: interface.ts_offset(),
+                            resolution: interface.ts_resolution().unwrap_or(1_000_000),
+                            offset: interface.if_tsoffset,
                         });
                         return Parsed::Skip;
                     }
                     _ => *section,
                 };
-                let mut at = None;
-                let (interface, data, original) = match parsed {
+                let (interface, data, original, ticks) = match parsed {
                     NgBlock::EnhancedPacket(packet) => {
                         let length = (packet.caplen as usize).min(packet.data.len());
                         let data = packet.data.get(..length).unwrap_or_default(); // without the padding
                         let ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
-                        at =
-                            interfaces.get(packet.if_id as usize).and_then(|interface| interface.time(ticks));
-                        (packet.if_id as usize, data, packet.origlen)
+                        (packet.if_id as usize, data, packet.origlen, Some(ticks))
                     }
                     NgBlock::SimplePacket(packet) => {
                         // What was captured is not said: the lesser of its length and the interface's limit.
@@ -283,7 +283,7 @@ impl Form {
                             _ => u32::MAX,
                         };
                         let length = (packet.origlen.min(limit) as usize).min(packet.data.len());
-                        (0, packet.data.get(..length).unwrap_or_default(), packet.origlen)
+                        (0, packet.data.get(..length).unwrap_or_default(), packet.origlen, None)
                     }
                     // The packet block of the first drafts: 2 bytes of interface, 2 of drops, times, lengths.
                     NgBlock::Unknown(unknown) if unknown.block_type == 2 => {
@@ -294,32 +294,32 @@ impl Form {
                     }
                     _ => return Parsed::Skip,
                 };
-                let link_type = interfaces.get(interface).map(|interface| interface.link_type);
-                Parsed::Frame(Frame { link_type, interface, section, at, data, original })
+                let about = interfaces.get(interface);
+                let link_type = about.map(|about| about.link_type);
+                let at = about.zip(ticks).and_then(|(about, ticks)| about.time(ticks));
+                Parsed::Frame(Frame { link_type, interface, section, data, original, at, is_big: *is_big })
             }
         }
     }
 }
 
 impl Interface {
-    /// A time since 1970.
     fn time(&self, ticks: u64) -> Option<Duration> {
-        let seconds = ticks.checked_div(self.units)?.checked_add_signed(self.offset)?;
-        let nanos = u128::from(ticks % self.units) * 1_000_000_000 / u128::from(self.units);
-        Some(Duration::from_secs(seconds) + Duration::from_nanos(u64::try_from(nanos).ok()?))
+        let seconds = ticks.checked_div(self.resolution)?;
+        let parts = u128::from(ticks.checked_rem(self.resolution)?) * 1_000_000_000;
+        let nanoseconds = u32::try_from(parts.checked_div(self.resolution.into())?).ok()?;
+        Some(Duration::new(seconds.checked_add_signed(self.offset)?, nanoseconds))
     }
 }
 
-/// The units of a time in a second where nothing says otherwise.
-const MICROSECONDS: u64 = 1_000_000;
-
-fn obsolete(data: &[u8], is_big: bool) -> Option<(usize, &[u8], u32)> {
+fn obsolete(data: &[u8], is_big: bool) -> Option<(usize, &[u8], u32, Option<u64>)> {
     let word = |at: usize| -> Option<u32> {
         let bytes = *data.get(at..)?.first_chunk::<4>()?;
         Some(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
     };
     let interface = *data.first_chunk::<2>()?;
     let interface = if is_big { u16::from_be_bytes(interface) } else { u16::from_le_bytes(interface) };
+    let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
     let (captured, original) = (word(12)? as usize, word(16)?);
-    Some((interface.into(), data.get(20..)?.get(..captured)?, original))
+    Some((interface.into(), data.get(20..)?.get(..captured)?, original, Some(ticks)))
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::reassembly::{Piece, Reassembly};
-use super::{Fault, Flow, Found, Packet, Segment, Summary};
+use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
 
 /// So many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
 /// connection. A connection takes what its two directions hold, and the segments that wait.
@@ -29,7 +29,7 @@ pub trait Directions {
 
     /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
     /// says whether the client sends them: where the capture lacks the beginning of the connection, which `is_whole` says, the lower port
-    /// counts as the server's.
+    /// counts as the server's, and of a line that was recorded at one end, this end as the client.
     ///
     /// # Errors
     /// They end the reading.
@@ -60,17 +60,17 @@ pub trait Directions {
     fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()>;
 }
 
-/// Reads every direction of a capture, or those from or to a port; and whether there was any that is taken.
+/// Reads every direction of a capture, or those that are asked for; and whether there was any that is taken.
 ///
 /// # Errors
 /// When the input cannot be read or is not a capture, or those of `to`.
 pub fn read<D: Directions>(
     input: Box<dyn Read + Send>,
-    port: Option<u16>,
+    reading: &Reading,
     to: &mut D,
 ) -> Result<(Summary, bool)> {
-    let mut table = Table { to, port, connections: HashMap::new(), clock: 0, found: false };
-    let summary = super::read(input, |found| match found {
+    let mut table = Table { to, port: reading.port, connections: HashMap::new(), clock: 0, found: false };
+    let summary = super::read(input, reading, |found| match found {
         Found::Packet(packet) => table.take(&packet),
         Found::Fault(number, fault) => table.to.fault(number, &fault),
     })?;
@@ -84,6 +84,7 @@ enum Ends {
     Tcp(SocketAddr, SocketAddr),
     Udp(SocketAddr, SocketAddr),
     Serial(usize),
+    Kept(Line),
 }
 
 impl Ends {
@@ -100,6 +101,7 @@ impl Ends {
                 (Self::Udp(a, b), sender)
             }
             Flow::Serial(interface) => (Self::Serial(interface), 0),
+            Flow::Kept(line, by_keeper) => (Self::Kept(line), usize::from(!by_keeper)),
         }
     }
 }
@@ -188,7 +190,7 @@ impl<D: Directions> Table<'_, D> {
 
     fn is_wanted(&self, flow: Flow) -> bool {
         match (self.port, flow) {
-            (None, _) | (_, Flow::Serial(_)) => true,
+            (None, _) | (_, Flow::Serial(_) | Flow::Kept(..)) => true,
             (Some(port), Flow::Tcp(from, to) | Flow::Udp(from, to)) => {
                 from.port() == port || to.port() == port
             }
@@ -271,5 +273,6 @@ fn is_likely_client(flow: Flow) -> bool {
     match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => from.port() > to.port(),
         Flow::Serial(_) => false,
+        Flow::Kept(_, by_keeper) => by_keeper,
     }
 }

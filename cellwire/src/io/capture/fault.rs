@@ -27,6 +27,11 @@ pub enum Fault {
         /// How many bytes of the packet the capture has cut off.
         missing: u64,
     },
+    /// A USB device carries bytes, and nothing shows whether it is a serial adapter, and which: once for each device.
+    UnknownDevice {
+        /// Its bus and its number, as `1.5`.
+        device: String,
+    },
     /// Fragments of an IP packet whose rest is not in the capture, or came too late.
     Fragments {
         /// The sender.
@@ -39,6 +44,11 @@ pub enum Fault {
         captured: usize,
         /// Why they are no packet.
         why: &'static str,
+    },
+    /// A line of a hex dump that does not go on where the one before ends.
+    Line {
+        /// What is wrong with it.
+        why: String,
     },
     /// The capture ends in the middle of a block.
     Truncated {

@@ -1,4 +1,5 @@
-//! Captures (pcap and pcapng): the bytes of TCP connections, UDP and serial lines, and what keeps some of them from being read.
+//! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being read. They
+//! are files of pcap and pcapng, the text of hex dumps, and what strace has written of a program.
 //!
 //! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
 //! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
@@ -8,23 +9,54 @@ mod blocks;
 pub mod connections;
 mod fault;
 mod fragments;
+mod hexdump;
 mod network;
 pub mod reassembly;
+mod strace;
+mod usb;
 pub mod write;
 
+use core::fmt;
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
 use anyhow::Result;
 use etherparse::{IpNumber, TcpSlice, UdpSlice};
 
-use self::blocks::{Block, Blocks};
+use self::blocks::{Block, Blocks, Frame};
 use self::fragments::Fragments;
 use self::network::{Network, Other};
+use self::usb::{Captured, Devices};
 
 pub use self::fault::Fault;
+pub use self::usb::Adapter;
+
+/// What a capture is, and what is read of it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Reading {
+    /// Its form.
+    pub form: Form,
+    /// Only what is sent from or to this TCP or UDP port.
+    pub port: Option<u16>,
+    /// What a USB device is that does not show it.
+    pub adapter: Option<Adapter>,
+    /// Only what strace has of this file descriptor.
+    pub descriptor: Option<u32>,
+}
+
+/// The forms of captures.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Form {
+    /// pcap or pcapng.
+    #[default]
+    Pcap,
+    /// The text that text2pcap reads.
+    HexDump,
+    /// What strace writes.
+    Strace,
+}
 
 /// The two ends of a flow, the sender first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -35,6 +67,43 @@ pub enum Flow {
     Udp(SocketAddr, SocketAddr),
     /// A serial line, captured with one of the user link types (147 to 162): the interface that it was captured on, from 0.
     Serial(usize),
+    /// A line that was recorded at one of its ends, such as the PC with an adapter; whether that end sends.
+    Kept(Line, bool),
+}
+
+/// A line that was recorded at one of its ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Line {
+    /// A port of a USB adapter.
+    Usb {
+        /// Its bus.
+        bus: u16,
+        /// Its number on the bus.
+        device: u16,
+        /// The port or the interface, from 0.
+        port: u8,
+    },
+    /// A file that a program has opened.
+    Opened {
+        /// Its descriptor.
+        descriptor: u32,
+        /// How many files have had this descriptor before.
+        turn: u32,
+    },
+    /// A hex dump.
+    Dump,
+}
+
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usb { bus, device, port: 0 } => write!(f, "USB {bus}.{device}"),
+            Self::Usb { bus, device, port } => write!(f, "USB {bus}.{device} port {port}"),
+            Self::Opened { descriptor, turn: 0 } => write!(f, "descriptor {descriptor}"),
+            Self::Opened { descriptor, turn } => write!(f, "descriptor {descriptor} file {}", turn + 1),
+            Self::Dump => f.write_str("the dump"),
+        }
+    }
 }
 
 /// What a TCP segment says beside its payload.
@@ -51,9 +120,9 @@ pub struct Segment {
 /// A piece of a flow.
 #[derive(Debug, Clone, Copy)]
 pub struct Packet<'a> {
-    /// Which packet of the capture it is, from 1.
+    /// Which packet of the capture it is, from 1; of a text, the line.
     pub number: u64,
-    /// When it was captured, since 1970, if the capture has that.
+    /// When it was captured, from any beginning.
     pub at: Option<Duration>,
     /// The sender and the receiver.
     pub flow: Flow,
@@ -81,13 +150,32 @@ pub struct Summary {
     pub packets: u64,
     /// How many of them never carry the bytes of a link, by protocol.
     pub others: BTreeMap<String, u64>,
+    /// The serial adapters, and how their lines are set.
+    pub adapters: Vec<String>,
 }
 
 /// Calls `take` for every packet of a capture that carries TCP, UDP or bytes of a serial line, and for every fault.
 ///
 /// # Errors
 /// When the input cannot be read or is not a capture, or whatever `take` returns.
-pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Result<()>) -> Result<Summary> {
+pub fn read(
+    input: Box<dyn Read + Send>,
+    reading: &Reading,
+    take: impl FnMut(Found<'_>) -> Result<()>,
+) -> Result<Summary> {
+    match reading.form {
+        Form::Pcap => read_packets(input, reading.adapter, take),
+        Form::HexDump => hexdump::read(BufReader::new(input), take),
+        Form::Strace => strace::read(BufReader::new(input), reading.descriptor, take),
+    }
+}
+
+fn read_packets(
+    input: Box<dyn Read + Send>,
+    adapter: Option<Adapter>,
+    mut take: impl FnMut(Found<'_>) -> Result<()>,
+) -> Result<Summary> {
+    let mut devices = Devices::new(adapter);
     let mut blocks = Blocks::new(input)?;
     let mut fragments = Fragments::default();
     let mut summary = Summary::default();
@@ -103,6 +191,7 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
         };
         summary.packets += 1;
         let number = summary.packets;
+        let at = frame.at;
         let cut = u64::from(frame.original).saturating_sub(frame.data.len() as u64);
         let Some(link_type) = frame.link_type else {
             take(Found::Fault(number, Fault::NoInterface { interface: frame.interface }))?;
@@ -111,12 +200,16 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
         match network::of(link_type, frame.data) {
             Network::Serial => {
                 let flow = Flow::Serial(frame.interface);
-                let (at, payload) = (frame.at, frame.data);
-                let packet = Packet { number, at, flow, segment: None, payload, missing: cut };
+                let packet = Packet { number, at, flow, segment: None, payload: frame.data, missing: cut };
                 take(Found::Packet(packet))?;
             }
+            Network::Usb(header) => {
+                let Frame { data, is_big, .. } = frame;
+                let captured = Captured { number, at, header, data, is_big, missing: cut };
+                devices.add(&captured, &mut take)?;
+            }
             Network::Ip(data) => {
-                internet((number, frame.at), data, cut, &mut fragments, &mut summary, &mut take)?;
+                internet((number, at), data, cut, &mut fragments, &mut summary, &mut take)?;
             }
             Network::Other(other) => summary.count(&other),
             Network::Unreadable(why) => {
@@ -132,18 +225,16 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
             }
         }
     }
+    devices.finish(&mut summary, &mut take)?;
     for fault in fragments.finish() {
         take(Found::Fault(summary.packets, fault))?;
     }
     Ok(summary)
 }
 
-/// The number of a packet, and its time.
-type Numbered = (u64, Option<Duration>);
-
 /// An IP packet, or a fragment of one.
 fn internet(
-    (number, at): Numbered,
+    (number, at): (u64, Option<Duration>),
     data: &[u8],
     cut: u64,
     fragments: &mut Fragments,
@@ -167,12 +258,11 @@ fn internet(
             }
         };
     }
-    let ends = (ip.source, ip.destination);
-    transport((number, at), ends, (ip.protocol, ip.payload), ip.missing, summary, take)
+    transport((number, at), (ip.source, ip.destination), (ip.protocol, ip.payload), ip.missing, summary, take)
 }
 
 fn transport(
-    (number, at): Numbered,
+    (number, at): (u64, Option<Duration>),
     (source, destination): (IpAddr, IpAddr),
     (protocol, payload): (IpNumber, &[u8]),
     missing: u64,

@@ -5,6 +5,8 @@ use std::net::IpAddr;
 
 use etherparse::{IpFragOffset, IpNumber, Ipv6ExtensionSlice, LaxIpSlice};
 
+use super::usb::Header;
+
 const IPV4: u16 = 0x0800;
 const IPV6: u16 = 0x86DD;
 const PPPOE_SESSION: u16 = 0x8864;
@@ -18,6 +20,8 @@ pub(super) enum Network<'a> {
     Serial,
     /// An IP packet.
     Ip(&'a [u8]),
+    /// A USB transfer.
+    Usb(Header),
     /// What never holds a link's bytes.
     Other(Other),
     /// A header that was cut, or is none.
@@ -62,6 +66,9 @@ pub(super) fn of(link_type: u32, data: &[u8]) -> Network<'_> {
     const CUT: Network<'_> = Network::Unreadable("the header of the link was cut off");
     match link_type {
         147..=162 => Network::Serial,
+        189 => Network::Usb(Header::Linux),
+        220 => Network::Usb(Header::LinuxMapped),
+        249 => Network::Usb(Header::UsbPcap),
         // RAW, also by its numbers on other systems, and RAW of one version.
         12 | 14 | 101 | 228 | 229 => Network::Ip(data),
         // ETHERNET

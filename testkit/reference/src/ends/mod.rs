@@ -6,37 +6,13 @@ use core::time::Duration;
 
 use anyhow::Result;
 use cellwire_links::Link;
+use cellwire_links::reference::story::{self, Do, Done, Omits};
 use serde_json::{Map, Value};
-
-use crate::json;
-
-/// An input of a session.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Do {
-    Connected,
-    Disconnected,
-    Input(Vec<u8>),
-    Timeout,
-    Transmitted,
-    Nothing,
-    Call { name: String, argument: Value },
-}
-
-/// What the driver of a session does not do in a step.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Omits {
-    /// `hold`: it asks for nothing to transmit.
-    pub(crate) transmit: bool,
-    /// `keep`: it takes no event.
-    pub(crate) events: bool,
-}
 
 /// What a session did.
 #[derive(Debug, Default)]
 pub(crate) struct Step {
-    pub(crate) refused: Option<String>,
-    pub(crate) events: Vec<String>,
-    pub(crate) transmit: Vec<Vec<u8>>,
+    pub(crate) done: Done,
     /// The cells of the machine's matrix: `state: input`.
     pub(crate) cells: Vec<String>,
 }
@@ -67,39 +43,8 @@ impl End {
     }
 
     pub(crate) fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
-        let (end, mut step) = (&mut *self.end, Step::default());
-        match input {
-            Do::Connected => end.handle_connected(now),
-            Do::Disconnected => end.handle_disconnected(now),
-            Do::Input(bytes) => end.handle_input(now, bytes),
-            Do::Timeout => end.handle_timeout(now),
-            Do::Transmitted => end.handle_transmitted(now),
-            Do::Nothing => {}
-            Do::Call { name, argument } => {
-                step.refused = end.call(now, name, argument)?.err().map(|json| json::spaced(&json));
-            }
-        }
-        let mut buffer = vec![0; end.max_transmit()];
-        loop {
-            let mut idle = true;
-            while !omits.events
-                && let Some(event) = end.poll_event()
-            {
-                step.events.push(json::spaced(&event));
-                idle = false;
-            }
-            while !omits.transmit
-                && let Some(length) = end.poll_transmit(now, &mut buffer)
-            {
-                step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
-                idle = false;
-            }
-            if idle {
-                break;
-            }
-        }
-        step.cells = (self.names.cells)(end);
-        Ok(step)
+        let done = story::step(&mut *self.end, now, input, omits)?;
+        Ok(Step { done, cells: (self.names.cells)(&mut *self.end) })
     }
 
     pub(crate) fn deadline(&self) -> Option<Duration> {

@@ -6,28 +6,44 @@ use anyhow::Result;
 use serde::Serialize;
 
 /// An object that is being written.
-pub(crate) struct Object(String);
+#[derive(Debug)]
+pub struct Object(String);
+
+impl Default for Object {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl Object {
-    pub(crate) fn new() -> Self {
+    /// An empty one.
+    pub fn new() -> Self {
         Self("{".into())
     }
 
     /// A key and a value that is JSON already.
-    pub(crate) fn raw(mut self, key: &str, json: impl core::fmt::Display) -> Self {
+    #[must_use]
+    pub fn raw(mut self, key: &str, json: impl core::fmt::Display) -> Self {
         let comma = if self.0.len() > 1 { ", " } else { "" };
         // Writing to a string cannot fail.
         let _ = write!(self.0, "{comma}\"{key}\": {json}");
         self
     }
 
-    pub(crate) fn value(self, key: &str, value: &(impl Serialize + ?Sized)) -> Result<Self> {
+    /// A key and a value.
+    ///
+    /// # Errors
+    /// When the value cannot be JSON.
+    pub fn value(self, key: &str, value: &(impl Serialize + ?Sized)) -> Result<Self> {
         let json = text(value)?;
         Ok(self.raw(key, json))
     }
 
     /// The key is left out when there is nothing to say.
-    pub(crate) fn optional(self, key: &str, value: Option<&(impl Serialize + ?Sized)>) -> Result<Self> {
+    ///
+    /// # Errors
+    /// When the value cannot be JSON.
+    pub fn optional(self, key: &str, value: Option<&(impl Serialize + ?Sized)>) -> Result<Self> {
         match value {
             Some(value) => self.value(key, value),
             None => Ok(self),
@@ -35,22 +51,27 @@ impl Object {
     }
 
     /// A list of values that are JSON already; an empty one is left out.
-    pub(crate) fn list(self, key: &str, items: &[String]) -> Self {
+    #[must_use]
+    pub fn list(self, key: &str, items: &[String]) -> Self {
         if items.is_empty() { self } else { self.raw(key, format_args!("[{}]", items.join(", "))) }
     }
 
-    pub(crate) fn end(self) -> String {
+    /// The text.
+    pub fn end(self) -> String {
         self.0 + "}"
     }
 }
 
 /// A value as JSON, with a space after each comma and colon outside of its strings.
-pub(crate) fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
+///
+/// # Errors
+/// When the value cannot be JSON.
+pub fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
     Ok(spaced(&serde_json::to_string(value)?))
 }
 
 /// JSON with those spaces.
-pub(crate) fn spaced(dense: &str) -> String {
+pub fn spaced(dense: &str) -> String {
     let (mut text, mut in_string, mut escaped) = (String::with_capacity(dense.len()), false, false);
     for c in dense.chars() {
         text.push(c);
@@ -66,7 +87,7 @@ pub(crate) fn spaced(dense: &str) -> String {
 }
 
 /// The head of a file and its list, one item a line.
-pub(crate) fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[String]) -> String {
+pub fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[String]) -> String {
     let mut text = format!("{{\n  \"$schema\": \"../{schema}\",\n");
     for (key, json) in head {
         let _ = writeln!(text, "  \"{key}\": {json},");
@@ -75,7 +96,8 @@ pub(crate) fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[S
     text
 }
 
-pub(crate) fn hex(bytes: &[u8]) -> String {
+/// Bytes as hex digits in capitals.
+pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02X}");
         text

@@ -1,0 +1,75 @@
+//! `cellwire capture`: makes tests of what was recorded.
+
+mod anonymous;
+mod story;
+mod stretch;
+mod vectors;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use cellwire_links::reference::json;
+use clap::Subcommand;
+
+use self::stretch::StretchArgs;
+use crate::io::files;
+
+/// Turns a stretch of a capture into a file of the reference's form, which the project's tests read in `reference/field/`.
+///
+/// `cellwire vectors check reference/field` checks such a file.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    ToVectors(VectorsArgs),
+    ToStory(story::Args),
+}
+
+/// Writes the messages of a stretch as vectors, and what each side sent as a stream
+#[derive(Debug, clap::Args)]
+struct VectorsArgs {
+    #[command(flatten)]
+    stretch: StretchArgs,
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Where the file goes, and what is said in it.
+#[derive(Debug, clap::Args)]
+struct OutArgs {
+    /// What was recorded: the machine, its controller's version, and the date
+    #[arg(long, value_name = "TEXT")]
+    source: String,
+    /// The file; - is standard output
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Returns true when what was asked for is whole.
+pub fn run(args: &Args) -> Result<bool> {
+    match &args.command {
+        Command::ToVectors(args) => vectors::run(args),
+        Command::ToStory(args) => story::run(args),
+    }
+}
+
+impl OutArgs {
+    /// Writes a file with these lists.
+    fn write(&self, link: &str, lists: &[(&str, Vec<String>)]) -> Result<()> {
+        let mut head = vec![("link", json::text(link)?), ("source", json::text(&self.source)?)];
+        let Some(((last, items), others)) = lists.split_last() else { return Ok(()) };
+        for (name, items) in others {
+            head.push((name, format!("[\n    {}\n  ]", items.join(",\n    "))));
+        }
+        let text = json::file("field.schema.json", &head, last, items);
+        match self.out.as_path() {
+            path if path == Path::new("-") => Ok(std::io::stdout().write_all(text.as_bytes())?),
+            path => files::write(path, text.as_bytes()),
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! One conversation of a capture: what both ends sent, in order, with times.
+
+use std::io::{BufReader, Read};
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::Link;
+
+use super::decode::TraceLines;
+use super::source::{Format, SourceArgs, report};
+use crate::io::capture::connections::{self, Directions};
+use crate::io::capture::reassembly::Piece;
+use crate::io::capture::{Fault, Flow, Line};
+use crate::io::output::remark;
+use crate::io::trace::{Way, parse_line, parse_name};
+
+/// Which of the conversations of a capture.
+#[derive(Debug, clap::Args)]
+pub(super) struct ConversationArgs {
+    #[command(flatten)]
+    source: SourceArgs,
+    /// Which conversation of the capture, by number [default: the one with most bytes]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    conversation: Option<u32>,
+}
+
+/// What both ends sent.
+#[derive(Debug)]
+pub(super) struct Conversation {
+    name: String,
+    /// The server's port, or 0.
+    port: u16,
+    place: Place,
+    /// In the order of the capture.
+    pub(super) sent: Vec<Sent>,
+}
+
+/// What tells conversations apart.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Place {
+    /// The ends of a network, the client's first, and the how manyth connection it is.
+    Network(Flow, u64),
+    /// A line that was recorded at one end.
+    Kept(Line),
+    /// A trace of the tool.
+    Trace(String),
+}
+
+/// Something that an end sent.
+#[derive(Debug)]
+pub(super) struct Sent {
+    /// Since the first.
+    pub(super) at: Duration,
+    /// It is the client's, or that of the end that recorded the line.
+    is_first: bool,
+    pub(super) bytes: Vec<u8>,
+    /// Bytes are missing before it.
+    pub(super) after_gap: bool,
+}
+
+impl ConversationArgs {
+    /// Reads the conversation.
+    ///
+    /// # Errors
+    /// When the input is no capture of both ends, or has no such conversation.
+    pub(super) fn read(&self) -> Result<Conversation> {
+        let input = self.source.open()?;
+        let mut all = match (self.source.format, self.source.reading()) {
+            (Format::Trace, _) => vec![trace(input)?],
+            (_, Some(reading)) => {
+                let mut collecting = Collecting::default();
+                let (summary, _) = connections::read(input, &reading, &mut collecting)?;
+                report(&summary);
+                if collecting.faults > 0 {
+                    remark(&format!(
+                        "{} packets could not be read: cellwire decode names them",
+                        collecting.faults
+                    ));
+                }
+                collecting.all
+            }
+            (_, None) => bail!("give a capture that has both ends: --format pcap, hexdump, strace or trace"),
+        };
+        all.retain(|it| !it.sent.is_empty());
+        let count = all.len();
+        let size = |it: &Conversation| it.sent.iter().map(|sent| sent.bytes.len()).sum::<usize>();
+        let chosen = match self.conversation {
+            Some(number) => (number as usize).checked_sub(1).filter(|index| *index < count),
+            None => (0..count).max_by_key(|index| (all.get(*index).map(size), core::cmp::Reverse(*index))),
+        };
+        let Some(index) = chosen else {
+            ensure!(count > 0, "the capture contains no bytes of both ends{}", self.source.on_port());
+            bail!("the capture has {count} conversations");
+        };
+        let mut conversation = all.swap_remove(index);
+        if count > 1 && self.conversation.is_none() {
+            remark(&format!(
+                "of {count} conversations the largest is taken, number {}: {}; choose with --conversation or --port",
+                index + 1,
+                conversation.name
+            ));
+        }
+        conversation.sent.sort_by_key(|sent| sent.at);
+        let begin = conversation.sent.first().map_or(Duration::ZERO, |sent| sent.at);
+        conversation.sent.iter_mut().for_each(|sent| sent.at -= begin);
+        Ok(conversation)
+    }
+}
+
+impl Conversation {
+    /// Both ends: the client or the one that recorded, and the other. Each has the side whose messages it sends, if it sends any.
+    ///
+    /// # Errors
+    /// When the trace is none of the link.
+    pub(super) fn parties(&self, link: &Link) -> Result<[Party; 2]> {
+        let sides = match &self.place {
+            Place::Network(..) => [true, false].map(|is_client| (link.sender)(is_client, self.port)),
+            Place::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
+            Place::Trace(name) => {
+                let known = link.traces.iter().find(|(known, _)| known == name);
+                known
+                    .map(|(_, sides)| *sides)
+                    .with_context(|| format!("`{name}` is no trace of {}", link.name))?
+            }
+        };
+        let [first, second] = sides;
+        let [first, second] =
+            [(true, first), (false, second)].map(|(is_first, side)| Party { is_first, side });
+        Ok([first, second])
+    }
+
+    /// The ends of a link: the one that is named, and the other.
+    ///
+    /// # Errors
+    /// When the link has no such end.
+    pub(super) fn ends(&self, link: &Link, named: &str) -> Result<[Party; 2]> {
+        let [first, second] = self.parties(link)?;
+        let silent = link.ends.iter().map(|end| end.name).find(|end| !link.sides.contains(end));
+        let names = [first, second].map(|party| party.side.or(silent).unwrap_or_default());
+        // A side may be called after its kind of device, and its end only `device`.
+        let is_named = |index: usize| {
+            names.get(index) == Some(&named) || named == "device" && names.get(index) != Some(&"central")
+        };
+        match (is_named(0), is_named(1)) {
+            (true, _) => Ok([first, second]),
+            (_, true) => Ok([second, first]),
+            _ => bail!(
+                "the capture has no end `{named}` of {}: use --as {}",
+                link.name,
+                names.join(" or --as ")
+            ),
+        }
+    }
+}
+
+/// An end of a conversation.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Party {
+    /// It is the client, or the end that recorded the line.
+    pub(super) is_first: bool,
+    /// The side of the link whose messages it sends; none where it polls.
+    pub(super) side: Option<&'static str>,
+}
+
+impl Party {
+    /// Whether it has sent something.
+    pub(super) fn has_sent(self, sent: &Sent) -> bool {
+        sent.is_first == self.is_first
+    }
+}
+
+fn trace(input: Box<dyn Read + Send>) -> Result<Conversation> {
+    let mut lines = TraceLines::new(BufReader::new(input));
+    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
+    let mut sent = Vec::new();
+    while let Some(text) = lines.next()? {
+        if text.trim().is_empty() {
+            continue;
+        }
+        let (at, way, bytes) =
+            parse_line(text).with_context(|| format!("not a line of a trace: {}", text.trim()))?;
+        let at = Duration::try_from_secs_f64(at)?;
+        sent.push(Sent { at, is_first: way == Way::Sent, bytes, after_gap: false });
+    }
+    Ok(Conversation { place: Place::Trace(name.clone()), name, port: 0, sent })
+}
+
+#[derive(Default)]
+struct Collecting {
+    all: Vec<Conversation>,
+    faults: usize,
+    /// The time of the last packet.
+    now: Duration,
+}
+
+/// A direction: of which conversation, and whether the client's.
+struct Direction {
+    index: usize,
+    is_first: bool,
+    has_gap: bool,
+}
+
+impl Directions for Collecting {
+    type Direction = Direction;
+
+    fn pass_time(&mut self, at: Duration) -> Result<()> {
+        self.now = at;
+        Ok(())
+    }
+
+    fn begin(&mut self, flow: Flow, is_first: bool, connection: u64, _: bool) -> Result<Option<Direction>> {
+        let ordered = |from, to| if is_first { (from, to) } else { (to, from) };
+        let (place, name, port) = match flow {
+            Flow::Tcp(from, to) => {
+                let (client, server) = ordered(from, to);
+                (
+                    Place::Network(Flow::Tcp(client, server), connection),
+                    format!("TCP {client} > {server}"),
+                    server.port(),
+                )
+            }
+            Flow::Udp(from, to) => {
+                let (client, server) = ordered(from, to);
+                (
+                    Place::Network(Flow::Udp(client, server), connection),
+                    format!("UDP {client} > {server}"),
+                    server.port(),
+                )
+            }
+            Flow::Kept(line, _) => (Place::Kept(line), line.to_string(), 0),
+            // One direction, or both at once.
+            Flow::Serial(_) => return Ok(None),
+        };
+        let index = self.all.iter().position(|it| it.place == place).unwrap_or_else(|| {
+            self.all.push(Conversation { name, port, place, sent: Vec::new() });
+            self.all.len() - 1
+        });
+        Ok(Some(Direction { index, is_first, has_gap: false }))
+    }
+
+    fn take(&mut self, direction: &mut Direction, piece: Piece<'_>) -> Result<()> {
+        match piece {
+            Piece::Bytes(bytes) => {
+                if let Some(conversation) = self.all.get_mut(direction.index) {
+                    let (is_first, after_gap) = (direction.is_first, direction.has_gap);
+                    conversation.sent.push(Sent { at: self.now, is_first, bytes: bytes.to_vec(), after_gap });
+                }
+                direction.has_gap = false;
+            }
+            Piece::Gap(_) | Piece::Cut(_) => direction.has_gap = true,
+            Piece::Late(_) | Piece::BeforeStart(_) => {}
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, _: Direction) -> Result<()> {
+        Ok(())
+    }
+
+    fn fault(&mut self, _: u64, _: &Fault) -> Result<()> {
+        self.faults += 1;
+        Ok(())
+    }
+}

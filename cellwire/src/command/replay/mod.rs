@@ -1,0 +1,232 @@
+//! `cellwire replay`: plays one end of a capture, and says where the other departs from it.
+
+mod script;
+mod transport;
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, ensure};
+use clap::ValueEnum;
+use robot_session::{Received, Wait};
+
+use self::script::{Part, Reader, Script};
+use self::transport::TransportArgs;
+use super::codec::LinkArgs;
+use super::compare::Compare;
+use super::recorded::{ConversationArgs, Party};
+use crate::io::input::seconds;
+use crate::io::interrupt;
+use crate::io::output::{self, remark};
+
+/// Plays one end of a captured conversation against a program or a device, and says where the other end departs from what it did then.
+///
+/// Prints one line of JSON for each departure, with the message of then and of now: `other`, `missing`, `again` (what was sent before is
+/// sent again), `later` (after its successor), `more`, or `values` where only numbers differ, as what is measured does, which changes nothing of the exit status; and
+/// one at the end. The messages are read with the settings that are given.
+///
+/// What is sent are the messages of the capture, as they were: a device moves as it did then. Only a number that the other end chooses
+/// and this end repeats, such as an order's or a transaction's, is the one that the other end has chosen now.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(flatten)]
+    of: LinkArgs,
+    #[command(flatten)]
+    conversation: ConversationArgs,
+    /// The end to play: a side of the link, or the end that polls
+    #[arg(long = "as", value_name = "END")]
+    end: String,
+    #[command(flatten)]
+    transport: TransportArgs,
+    /// When this end sends
+    #[arg(long, value_enum, default_value_t = Pace::Turns)]
+    pace: Pace,
+    /// How much longer than then, in seconds, a message of the other end may take before it counts as missing
+    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
+    patience: Duration,
+    /// Send the bytes of the capture and nothing else, whatever numbers the other end chooses
+    #[arg(long)]
+    verbatim: bool,
+}
+
+/// When this end sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Pace {
+    /// When the other end has sent what it sent before, and as long after it as then
+    Turns,
+    /// As soon as the other end has sent what it sent before
+    Answers,
+    /// At the times of the capture, whatever the other end sends
+    Times,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire replay laser-eb90 tap.pcapng --as controller --pty /tmp/laser
+      a laser's controller as it was captured, for a program that opens /tmp/laser
+  cellwire replay kawasaki-msg day.pcapng --as robot --connect 127.0.0.1:9105
+      a robot that connects to a PC
+  cellwire replay fanuc-hmi-modbus day.pcapng --as client --connect 192.168.0.10:502 --pace times
+      the requests of a client, to a server
+
+Exit status: 0 the other end did what it did then   1 it departed from it";
+
+/// Returns true when the other end did what it did then.
+pub fn run(args: &Args) -> Result<bool> {
+    let conversation = args.conversation.read()?;
+    let parties = conversation.ends(args.of.link, &args.end)?;
+    let Script { parts, expected } = Script::new(&args.of, &conversation, parties)?;
+    ensure!(!parts.is_empty(), "the capture has nothing that `{}` sent", args.end);
+    let [ours, other] = parties;
+    let mut play = Play {
+        reader: Reader::new(&args.of, other.side)?,
+        compare: Compare::new(expected),
+        begun: None,
+        heard: Instant::now(),
+        is_closed: false,
+    };
+    interrupt::handle()?;
+    let mut transport = args.transport.open(&args.end)?;
+    let mut sent = 0;
+    // The times of the capture count from its first message, whoever sends it.
+    let mut last = Instant::now();
+    if parts.first().is_some_and(|part| part.after == 0) {
+        play.begun = Some(last);
+    }
+    for part in &parts {
+        play.wait_for(&mut *transport, args, part, &mut last)?;
+        if play.is_closed {
+            break;
+        }
+        let bytes = if args.verbatim { part.bytes.clone() } else { play.bytes(args, ours, part)? };
+        if let Err(error) = transport.send(&bytes) {
+            remark(&format!("the connection has ended: {error}"));
+            break;
+        }
+        last = Instant::now();
+        sent += 1;
+    }
+    play.rest(&mut *transport, args.patience)?;
+    play.linger(&mut *transport);
+    let Play { mut reader, mut compare, begun, .. } = play;
+    let at = begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+    let mut items = Vec::new();
+    reader.finish(&mut |content| items.push(content))?;
+    items.iter().try_for_each(|content| compare.take(at, content))?;
+    let (mut all, is_same) = compare.finish()?;
+    if let Some(fields) = all.as_object_mut() {
+        fields.insert("event".into(), "replayed".into());
+        fields.insert("sent".into(), sent.into());
+        fields.insert("of".into(), parts.len().into());
+    }
+    output::log(&all)?;
+    Ok(is_same && sent == parts.len())
+}
+
+struct Play {
+    reader: Reader,
+    compare: Compare,
+    begun: Option<Instant>,
+    /// When a message came last.
+    heard: Instant,
+    is_closed: bool,
+}
+
+impl Play {
+    /// A part, with the numbers that the other end has chosen.
+    fn bytes(&self, args: &Args, ours: Party, part: &Part) -> Result<Vec<u8>> {
+        let Some(side) = ours.side.filter(|_| !part.messages.is_empty()) else {
+            return Ok(part.bytes.clone());
+        };
+        let mut bytes = Vec::new();
+        for (its, message) in &part.messages {
+            let followed =
+                message.clone().and_then(|mut it| self.compare.follow.apply(&mut it).then_some(it));
+            match followed {
+                Some(message) => bytes.extend(args.of.codec_of(side)?.encode(message)?),
+                None => bytes.extend_from_slice(its),
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// Reads until it is time to send a part. `last` is when something was sent or came last.
+    fn wait_for(
+        &mut self,
+        transport: &mut dyn robot_session::Transport,
+        args: &Args,
+        part: &Part,
+        last: &mut Instant,
+    ) -> Result<()> {
+        let mut waited = Instant::now();
+        while !self.is_closed {
+            let due = match (args.pace, self.begun) {
+                (Pace::Times, Some(begun)) => Some(begun + part.at),
+                _ if self.compare.passed < part.after => None,
+                (Pace::Turns, _) => Some((*last).max(self.heard) + part.delay),
+                (Pace::Answers | Pace::Times, _) => Some(Instant::now()),
+            };
+            let now = Instant::now();
+            match due {
+                Some(due) if due <= now => return Ok(()),
+                Some(due) => self.read(transport, due - now)?,
+                None => {
+                    let before = self.compare.passed;
+                    self.read(transport, Duration::from_millis(50))?;
+                    if self.compare.passed > before || self.begun.is_none() {
+                        waited = Instant::now();
+                    } else if waited.elapsed() > args.patience + part.delay {
+                        // The next of them may come all the same.
+                        self.compare.missed(1);
+                        waited = Instant::now();
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads what comes after the last part was sent.
+    fn rest(&mut self, transport: &mut dyn robot_session::Transport, patience: Duration) -> Result<()> {
+        self.heard = Instant::now();
+        while !self.is_closed && !self.compare.is_over() {
+            let Some(left) = patience.checked_sub(self.heard.elapsed()) else { return Ok(()) };
+            self.read(transport, left)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps the line for as long as the other end may need to read the last message.
+    fn linger(&mut self, transport: &mut dyn robot_session::Transport) {
+        const LINGER: Duration = Duration::from_millis(500);
+        let end = Instant::now() + LINGER;
+        while !self.is_closed
+            && let Some(left) = end.checked_duration_since(Instant::now())
+        {
+            self.is_closed = !matches!(
+                transport.receive(&mut [0; 4096], Wait::limited(left)),
+                Ok(Received::Bytes(_) | Received::Nothing)
+            );
+        }
+    }
+
+    fn read(&mut self, transport: &mut dyn robot_session::Transport, limit: Duration) -> Result<()> {
+        let mut buffer = [0; 4096];
+        let length = match transport.receive(&mut buffer, Wait::limited(limit)) {
+            Ok(Received::Bytes(length)) => length,
+            Ok(Received::Nothing) => return Ok(()),
+            Ok(_) | Err(_) => {
+                self.is_closed = true;
+                return Ok(());
+            }
+        };
+        let begun = *self.begun.get_or_insert_with(Instant::now);
+        let mut items = Vec::new();
+        self.reader.push(buffer.get(..length).unwrap_or_default(), &mut |content| items.push(content))?;
+        for content in &items {
+            self.heard = Instant::now();
+            self.compare.take(begun.elapsed(), content)?;
+        }
+        Ok(())
+    }
+}

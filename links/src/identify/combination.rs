@@ -133,8 +133,9 @@ impl Stream {
         }
     }
 
-    pub(super) fn len(&self) -> u64 {
-        self.parts.iter().map(|part| part.len() as u64).sum()
+    /// How many bytes it has.
+    pub fn size(&self) -> usize {
+        self.parts.iter().map(Vec::len).sum()
     }
 }
 
@@ -229,7 +230,7 @@ impl Combination {
             }
             // The other end may send no messages.
             if !pieces.is_empty() || possible > 0 && self.link.sides.len() > 1 {
-                reading.bytes += stream.len();
+                reading.bytes += stream.size() as u64;
             }
             reading.corrupt += corrupt(stream, &pieces);
             let mut senders: Vec<&'static str> = Vec::new();

@@ -14,6 +14,8 @@ mod search;
 mod tests;
 pub mod unknown;
 
+use std::time::Duration;
+
 use serde_json::{Map, Value};
 
 use crate::link::Link;
@@ -27,6 +29,8 @@ pub struct Stream {
     pub sender: Sender,
     /// Its bytes; between two parts some are missing.
     pub parts: Vec<Vec<u8>>,
+    /// Where bytes arrived, and when: at which byte of all parts a packet, or what was read at once, begins. May be empty.
+    pub arrivals: Vec<(usize, Duration)>,
 }
 
 /// What is known of a sender.

@@ -89,7 +89,7 @@ fn sample(streams: &[Stream]) -> Vec<Stream> {
             left -= taken.len();
             Some(taken.to_vec())
         });
-        Stream { sender: stream.sender.clone(), parts: parts.collect() }
+        Stream { sender: stream.sender.clone(), parts: parts.collect(), arrivals: Vec::new() }
     };
     streams.iter().map(begin).collect()
 }

@@ -14,7 +14,8 @@ fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
 }
 
 fn found(link: &str, streams: &[&[u8]]) -> Finding {
-    let stream = |bytes: &&[u8]| Stream { sender: Sender::Unknown, parts: vec![bytes.to_vec()] };
+    let stream =
+        |bytes: &&[u8]| Stream { sender: Sender::Unknown, parts: vec![bytes.to_vec()], arrivals: vec![] };
     identify(Link::by_name(link).unwrap(), &streams.iter().map(stream).collect::<Vec<_>>()).unwrap()
 }
 

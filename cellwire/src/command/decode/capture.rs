@@ -1,6 +1,7 @@
 //! The connections of a capture, each direction decoded by itself.
 
 use std::io::Read;
+use std::time::Duration;
 
 use anyhow::{Result, ensure};
 use serde::Serialize;
@@ -60,7 +61,7 @@ impl Directions for Decoding<'_> {
         begin(self.args, flow, is_client, connection)
     }
 
-    fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
+    fn take(&mut self, decoded: &mut Box<Decoded>, _: Duration, piece: Piece<'_>) -> Result<()> {
         decoded.take(self.args, piece, self.out)
     }
 

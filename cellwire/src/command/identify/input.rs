@@ -1,6 +1,7 @@
 //! The bytes of each conversation.
 
 use std::io::{BufRead, BufReader, Read};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::identify::{Sender, Stream};
@@ -74,7 +75,10 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
         hex.finish()?;
     }
     let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);
-    Ok(Conversation { name: "the input".into(), streams: vec![Stream { sender, parts: vec![bytes] }] })
+    Ok(Conversation {
+        name: "the input".into(),
+        streams: vec![Stream { sender, parts: vec![bytes], arrivals: Vec::new() }],
+    })
 }
 
 fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
@@ -87,17 +91,19 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
             Some(_) => Sender::Unknown,
             None => Sender::Traced { name: name.clone(), sent },
         };
-        Stream { sender, parts: vec![Vec::new()] }
+        Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() }
     });
     while let Some(text) = lines.next()? {
         if text.trim().is_empty() {
             continue;
         }
-        let Some((_, way, bytes)) = parse_line(text) else {
+        let Some((at, way, bytes)) = parse_line(text) else {
             let text = text.trim().escape_debug().to_string();
             bail!("line {}: not a line of a trace: {text}", lines.number());
         };
         let stream = if way == Way::Sent { &mut sent } else { &mut received };
+        let time = Duration::try_from_secs_f64(at).unwrap_or_default();
+        stream.arrivals.push((stream.size(), time));
         stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
     }
     Ok(Conversation { name, streams: vec![sent, received] })
@@ -150,13 +156,18 @@ impl Directions for Collecting<'_> {
             (Some(from), Flow::Serial(_)) => Sender::Named(from.into()),
             _ => sender,
         };
-        Ok(Some(Collected { name, stream: Stream { sender, parts: vec![Vec::new()] }, len: 0 }))
+        Ok(Some(Collected {
+            name,
+            stream: Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() },
+            len: 0,
+        }))
     }
 
-    fn take(&mut self, direction: &mut Collected, piece: Piece<'_>) -> Result<()> {
+    fn take(&mut self, direction: &mut Collected, time: Duration, piece: Piece<'_>) -> Result<()> {
         match piece {
             Piece::Bytes(bytes) if direction.len < MOST => {
                 direction.len += bytes.len() as u64;
+                direction.stream.arrivals.push((direction.stream.size(), time));
                 if let Some(part) = direction.stream.parts.last_mut() {
                     part.extend_from_slice(bytes);
                 }

@@ -39,7 +39,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
         let advice =
             "capture more, or at another point: most of the bytes should be messages, and several of them";
         writeln!(out, "  None of these is sure: {advice}.\n")?;
-        return Ok(());
+        return unknown(conversation, &mut out);
     }
     if best.options.is_empty() {
         writeln!(out, "  It is {}, whose source leaves no option open.\n", best.link.name)?;

@@ -1,6 +1,7 @@
 //! The blocks of a capture file, in bounded memory, from files and pipes.
 
 use std::io::{self, Read};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use pcap_parser::pcapng::{Block as NgBlock, parse_block_be, parse_block_le};
@@ -45,6 +46,8 @@ pub(super) struct Frame<'a> {
     pub(super) data: &'a [u8],
     /// Its length on the wire.
     pub(super) original: u32,
+    /// When it was captured, since an epoch of the capture's own; zero where the capture does not say.
+    pub(super) time: Duration,
 }
 
 /// Reads block after block.
@@ -61,7 +64,28 @@ pub(super) struct Blocks {
 
 enum Form {
     Pcap { header: PcapHeader, link_type: u32 },
-    PcapNg { is_big: bool, section: usize, link_types: Vec<(u32, u32)> },
+    PcapNg { is_big: bool, section: usize, interfaces: Vec<Interface> },
+}
+
+/// An interface of a pcapng section.
+struct Interface {
+    link_type: u32,
+    limit: u32,
+    /// How many units of time a second has.
+    ticks: Option<u64>,
+}
+
+impl Interface {
+    fn time(&self, count: u64) -> Duration {
+        self.ticks.map_or(Duration::ZERO, |second| ticks(count, second))
+    }
+}
+
+/// So many units of which a second has so many.
+fn ticks(count: u64, second: u64) -> Duration {
+    let second = second.max(1);
+    let rest = u128::from(count % second) * 1_000_000_000 / u128::from(second);
+    Duration::from_secs(count / second) + Duration::from_nanos(rest.try_into().unwrap_or(u64::MAX))
 }
 
 /// A block that was found at the beginning of the buffer.
@@ -74,7 +98,7 @@ enum Parsed<'a> {
 
 impl Blocks {
     pub(super) fn new(input: Box<dyn Read + Send>) -> Result<Self> {
-        let form = Form::PcapNg { is_big: false, section: 0, link_types: Vec::new() };
+        let form = Form::PcapNg { is_big: false, section: 0, interfaces: Vec::new() };
         let (buffer, begin, end) = (vec![0; CHUNK], 0, 0);
         let mut blocks = Self { input, buffer, begin, end, passed: 0, is_over: false, form };
         const NONE: &str = "the input is not a capture: neither pcap nor pcapng";
@@ -222,9 +246,12 @@ impl Form {
                 };
                 let Ok((_, packet)) = parsed else { return corrupt() };
                 let (data, original) = (packet.data, packet.origlen);
-                Parsed::Frame(Frame { link_type: Some(*link_type), interface: 0, section: 0, data, original })
+                let parts = if header.is_nanosecond_precision() { 1_000_000_000 } else { 1_000_000 };
+                let time = Duration::from_secs(packet.ts_sec.into()) + ticks(packet.ts_usec.into(), parts);
+                let link_type = Some(*link_type);
+                Parsed::Frame(Frame { link_type, interface: 0, section: 0, data, original, time })
             }
-            Self::PcapNg { is_big, section, link_types } => {
+            Self::PcapNg { is_big, section, interfaces } => {
                 let parsed = if *is_big { parse_block_be(block) } else { parse_block_le(block) };
                 let Ok((_, parsed)) = parsed else { return corrupt() };
                 let section = match parsed {
@@ -232,28 +259,34 @@ impl Form {
                         // Its interfaces are its own.
                         *is_big = header.big_endian();
                         *section += 1;
-                        link_types.clear();
+                        interfaces.clear();
                         return Parsed::Skip;
                     }
                     NgBlock::InterfaceDescription(interface) => {
-                        if link_types.len() >= MAX_INTERFACES {
+                        if interfaces.len() >= MAX_INTERFACES {
                             return Parsed::Corrupt(format!("more than {MAX_INTERFACES} interfaces"));
                         }
-                        link_types.push((interface.linktype.0.cast_unsigned(), interface.snaplen));
+                        interfaces.push(Interface {
+                            link_type: interface.linktype.0.cast_unsigned(),
+                            limit: interface.snaplen,
+                            ticks: interface.ts_resolution(),
+                        });
                         return Parsed::Skip;
                     }
                     _ => *section,
                 };
+                let mut ticks = 0;
                 let (interface, data, original) = match parsed {
                     NgBlock::EnhancedPacket(packet) => {
                         let length = (packet.caplen as usize).min(packet.data.len());
                         let data = packet.data.get(..length).unwrap_or_default(); // without the padding
+                        ticks = u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low);
                         (packet.if_id as usize, data, packet.origlen)
                     }
                     NgBlock::SimplePacket(packet) => {
                         // What was captured is not said: the lesser of its length and the interface's limit.
-                        let limit = match link_types.first() {
-                            Some((_, limit @ 1..)) => *limit,
+                        let limit = match interfaces.first() {
+                            Some(Interface { limit: limit @ 1.., .. }) => *limit,
                             _ => u32::MAX,
                         };
                         let length = (packet.origlen.min(limit) as usize).min(packet.data.len());
@@ -268,8 +301,10 @@ impl Form {
                     }
                     _ => return Parsed::Skip,
                 };
-                let link_type = link_types.get(interface).map(|(link_type, _)| *link_type);
-                Parsed::Frame(Frame { link_type, interface, section, data, original })
+                let known = interfaces.get(interface);
+                let time = known.map_or(Duration::ZERO, |it| it.time(ticks));
+                let link_type = known.map(|it| it.link_type);
+                Parsed::Frame(Frame { link_type, interface, section, data, original, time })
             }
         }
     }

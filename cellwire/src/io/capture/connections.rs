@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::io::Read;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use anyhow::Result;
 
@@ -25,11 +26,11 @@ pub trait Directions {
     /// They end the reading.
     fn begin(&mut self, flow: Flow, is_client: bool, connection: u64) -> Result<Option<Self::Direction>>;
 
-    /// The next piece of a direction.
+    /// The next piece of a direction, and when the packet was captured with which it is complete.
     ///
     /// # Errors
     /// They end the reading.
-    fn take(&mut self, direction: &mut Self::Direction, piece: Piece<'_>) -> Result<()>;
+    fn take(&mut self, direction: &mut Self::Direction, time: Duration, piece: Piece<'_>) -> Result<()>;
 
     /// A direction has ended.
     ///
@@ -107,6 +108,8 @@ struct Connection<T> {
     client: Option<usize>,
     directions: [Direction<T>; 2],
     last: u64,
+    /// When the last packet was captured.
+    time: Duration,
 }
 
 /// One direction.
@@ -134,7 +137,7 @@ impl<D: Directions> Table<'_, D> {
             self.forget_the_silent()?;
         }
         let connection = self.connections.entry(ends).or_insert_with(|| Connection::new(1));
-        connection.last = self.clock;
+        (connection.last, connection.time) = (self.clock, packet.time);
         if let Some(segment) = packet.segment {
             connection.open(sender, segment, self.to)?;
         }
@@ -153,15 +156,15 @@ impl<D: Directions> Table<'_, D> {
         match packet.segment {
             Some(Segment { sequence, .. }) => {
                 let (payload, cut) = (packet.payload, packet.missing);
-                direction.tcp.push(sequence, payload, cut, |piece| self.to.take(taken, piece))
+                direction.tcp.push(sequence, payload, cut, |piece| self.to.take(taken, packet.time, piece))
             }
             None => {
                 if !packet.payload.is_empty() {
-                    self.to.take(taken, Piece::Bytes(packet.payload))?;
+                    self.to.take(taken, packet.time, Piece::Bytes(packet.payload))?;
                 }
                 match packet.missing {
                     0 => Ok(()),
-                    cut => self.to.take(taken, Piece::Cut(cut)),
+                    cut => self.to.take(taken, packet.time, Piece::Cut(cut)),
                 }
             }
         }
@@ -210,7 +213,7 @@ impl<D: Directions> Table<'_, D> {
 impl<T> Connection<T> {
     fn new(number: u64) -> Self {
         let silent = || Direction { tcp: Reassembly::default(), state: State::Silent };
-        Self { number, client: None, directions: [silent(), silent()], last: 0 }
+        Self { number, client: None, directions: [silent(), silent()], last: 0, time: Duration::ZERO }
     }
 
     /// A segment that opens a direction: again, for the first time, or of another connection between the same ports.
@@ -226,7 +229,7 @@ impl<T> Connection<T> {
         let is_another =
             self.directions.get_mut(sender).is_some_and(|direction| direction.tcp.open(segment.sequence));
         if is_another {
-            let next = Self { last: self.last, ..Self::new(self.number + 1) };
+            let next = Self { last: self.last, time: self.time, ..Self::new(self.number + 1) };
             core::mem::replace(self, next).end(to)?;
             if let Some(direction) = self.directions.get_mut(sender) {
                 direction.tcp.open(segment.sequence);
@@ -239,7 +242,7 @@ impl<T> Connection<T> {
     fn end(self, to: &mut impl Directions<Direction = T>) -> Result<()> {
         for Direction { mut tcp, state } in self.directions {
             if let State::Taken(mut taken) = state {
-                tcp.finish(|piece| to.take(&mut taken, piece))?;
+                tcp.finish(|piece| to.take(&mut taken, self.time, piece))?;
                 to.end(taken)?;
             }
         }

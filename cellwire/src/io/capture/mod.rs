@@ -15,6 +15,7 @@ pub mod write;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
 
 use anyhow::Result;
 use etherparse::{IpNumber, TcpSlice, UdpSlice};
@@ -60,6 +61,8 @@ pub struct Packet<'a> {
     pub payload: &'a [u8],
     /// How many bytes of the payload the capture has cut off.
     pub missing: u64,
+    /// When it was captured: only the time between two packets means something.
+    pub time: Duration,
 }
 
 /// What a capture holds.
@@ -108,11 +111,18 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
         match network::of(link_type, frame.data) {
             Network::Serial => {
                 let flow = Flow::Serial(frame.interface);
-                let packet = Packet { number, flow, segment: None, payload: frame.data, missing: cut };
+                let packet = Packet {
+                    number,
+                    flow,
+                    segment: None,
+                    payload: frame.data,
+                    missing: cut,
+                    time: frame.time,
+                };
                 take(Found::Packet(packet))?;
             }
             Network::Ip(data) => {
-                internet(number, data, cut, &mut fragments, &mut summary, &mut take)?;
+                internet((number, frame.time), data, cut, &mut fragments, &mut summary, &mut take)?;
             }
             Network::Other(other) => summary.count(&other),
             Network::Unreadable(why) => {
@@ -136,7 +146,7 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Found<'_>) -> Resu
 
 /// An IP packet, or a fragment of one.
 fn internet(
-    number: u64,
+    (number, time): (u64, Duration),
     data: &[u8],
     cut: u64,
     fragments: &mut Fragments,
@@ -156,15 +166,22 @@ fn internet(
             None => Ok(()),
             Some(payload) => {
                 let ends = (ip.source, ip.destination);
-                transport(number, ends, (ip.protocol, &payload), 0, summary, take)
+                transport((number, time), ends, (ip.protocol, &payload), 0, summary, take)
             }
         };
     }
-    transport(number, (ip.source, ip.destination), (ip.protocol, ip.payload), ip.missing, summary, take)
+    transport(
+        (number, time),
+        (ip.source, ip.destination),
+        (ip.protocol, ip.payload),
+        ip.missing,
+        summary,
+        take,
+    )
 }
 
 fn transport(
-    number: u64,
+    (number, time): (u64, Duration),
     (source, destination): (IpAddr, IpAddr),
     (protocol, payload): (IpNumber, &[u8]),
     missing: u64,
@@ -183,11 +200,11 @@ fn transport(
             };
             // What comes with a reset is a text for people, if anything.
             let payload = if tcp.rst() { &[] } else { tcp.payload() };
-            Packet { number, flow: Flow::Tcp(from, to), segment: Some(segment), payload, missing }
+            Packet { number, flow: Flow::Tcp(from, to), segment: Some(segment), payload, missing, time }
         }),
         IpNumber::UDP => UdpSlice::from_slice_lax(payload).map_err(|error| error.to_string()).map(|udp| {
             let (from, to) = ends(udp.source_port(), udp.destination_port());
-            Packet { number, flow: Flow::Udp(from, to), segment: None, payload: udp.payload(), missing }
+            Packet { number, flow: Flow::Udp(from, to), segment: None, payload: udp.payload(), missing, time }
         }),
         IpNumber(other) => {
             summary.count(&Other::Protocol(other));

@@ -112,7 +112,7 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
 fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
     let mut collecting =
         Collecting { from: args.from.as_deref(), conversations: Vec::new(), faults: 0, cut: false };
-    let (summary, found) = connections::read(input, args.port, &mut collecting)?;
+    let (summary, found) = connections::read(input, args.number(), &mut collecting)?;
     report(&summary);
     let Collecting { conversations, faults, cut, .. } = collecting;
     if faults > 0 {
@@ -121,7 +121,7 @@ fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>
     if cut {
         remark("only the first 1 MiB of each direction is looked at");
     }
-    let port = args.port.map_or_else(String::new, |port| format!(" on port {port}"));
+    let port = args.number().map_or_else(String::new, |port| format!(" on port {port}"));
     ensure!(found, "the capture contains no TCP, UDP or serial bytes{port}");
     Ok(conversations)
 }

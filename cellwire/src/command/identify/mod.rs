@@ -1,10 +1,16 @@
 //! `cellwire identify`: which link and which of its options explain bytes.
 
 mod input;
+#[cfg(unix)]
+mod line;
+#[cfg(unix)]
+mod live;
 mod report;
 mod settings;
 
+use core::str::FromStr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use cellwire_links::identify::{Finding, identify};
@@ -22,6 +28,9 @@ use crate::links::link_parser;
 /// matter. What the bytes do not decide is said, with the other values and the message that would decide it: let the ends send
 /// that message, and capture again. --write makes the file for --settings of decode, simulate and the clients, --rust the lines
 /// for a program.
+///
+/// --port PATH listens to a serial line: with 300 to 115200 baud, eight or seven data bits, each parity, in turn. Which explain what is
+/// heard shows in broken characters (a low bit where a stop bit is due, a wrong parity), and in what the links make of the rest.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -34,9 +43,12 @@ pub struct Args {
     /// The format of the input
     #[arg(long, value_enum, default_value_t = Format::Hex)]
     format: Format,
-    /// In a capture, read only what is sent from or to this TCP or UDP port
-    #[arg(long, value_name = "N")]
-    port: Option<u16>,
+    /// In a capture, read only what is sent from or to this TCP or UDP port; or, by its path, the serial port to listen to
+    #[arg(long, value_name = "N|PATH")]
+    port: Option<Port>,
+    /// How long to listen to a serial port; Ctrl-C ends it before
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, default_value = "60s")]
+    listen_for: Duration,
     /// Print one JSON object for each conversation in place of tables
     #[arg(long)]
     json: bool,
@@ -50,11 +62,43 @@ pub struct Args {
     file: Option<PathBuf>,
 }
 
+/// What to read of a capture, or what to read in place of one.
+#[derive(Debug, Clone)]
+enum Port {
+    Number(u16),
+    Serial(String),
+}
+
+impl FromStr for Port {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.parse() {
+            Ok(number) => Ok(Self::Number(number)),
+            Err(_) if text.bytes().all(|byte| byte.is_ascii_digit()) => {
+                Err("a TCP or UDP port is at most 65535")
+            }
+            Err(_) => Ok(Self::Serial(text.into())),
+        }
+    }
+}
+
+impl Args {
+    /// The only port of a capture.
+    fn number(&self) -> Option<u16> {
+        match self.port {
+            Some(Port::Number(number)) => Some(number),
+            _ => None,
+        }
+    }
+}
+
 const EXAMPLES: &str = "\
 Examples:
   cellwire identify --format pcap monday.pcapng               each conversation of a capture
   cellwire identify --format raw port.bin --link laser-eb90   the options of a link that is known
   cellwire identify --format pcap monday.pcapng --port 2001 --write cell.toml
+  cellwire identify --port /dev/ttyUSB0 --listen-for 2m       a serial line of an unknown rate, by listening
   cellwire decode laser-eb90 --settings cell.toml …           what was found, in use
 
 Exit status: 0 every conversation is explained   1 one is not";
@@ -64,7 +108,10 @@ pub fn run(args: &Args) -> Result<bool> {
     if let (Some(from), Some(link)) = (&args.from, args.link) {
         link.side(Some(from))?;
     }
-    let conversations = input::read(args)?;
+    let conversations = match &args.port {
+        Some(Port::Serial(name)) => vec![heard(args, name)?],
+        _ => input::read(args)?,
+    };
     let links: Vec<&'static Link> = args.link.map_or_else(|| LINKS.iter().collect(), |link| vec![link]);
     let mut all = true;
     let mut found = Vec::new();
@@ -96,6 +143,25 @@ pub fn run(args: &Args) -> Result<bool> {
         }
     }
     Ok(all)
+}
+
+/// What is said on a serial line, after its rate and format are told.
+#[cfg(unix)]
+fn heard(args: &Args, name: &str) -> Result<Conversation> {
+    let line = live::listen(args, name)?;
+    if args.json {
+        report::line_json(&line)?;
+    } else {
+        report::line(&line)?;
+    }
+    Ok(line.conversation)
+}
+
+#[cfg(not(unix))]
+fn heard(_: &Args, _: &str) -> Result<Conversation> {
+    bail!(
+        "a port that marks broken characters needs Unix: capture with cellwire tap, at a rate that you know"
+    )
 }
 
 /// What each link makes of a conversation, the best first.

@@ -12,6 +12,8 @@ use serde_json::{Value, json};
 
 use super::super::encode::hex;
 use super::input::Conversation;
+#[cfg(unix)]
+use super::live::Line;
 use super::settings::{or, plain, would_decide};
 use crate::io::output::log;
 
@@ -51,6 +53,46 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
         options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
     }
     Ok(writeln!(out, "{options}\n")?)
+}
+
+/// So many settings of a line are shown.
+#[cfg(unix)]
+const SHOWN: usize = 8;
+
+/// The settings of a serial line.
+#[cfg(unix)]
+pub(super) fn line(line: &Line) -> Result<()> {
+    let mut out = io::stdout().lock();
+    let mut settings = table(["line", "characters", "broken", "text", "link", "likelier than a wrong one"]);
+    for it in line.judged.iter().take(SHOWN) {
+        settings.add_row([
+            it.setting.to_string(),
+            it.characters.to_string(),
+            it.broken.to_string(),
+            format!("{:.0} %", 100.0 * it.text),
+            it.link.unwrap_or_default().to_owned(),
+            format!("2^{:.0}", it.bits),
+        ]);
+    }
+    writeln!(out, "{}:\n{settings}\n", line.conversation.name)?;
+    let likely: Vec<String> = line.judged.iter().take(line.likely).map(|it| it.setting.to_string()).collect();
+    match likely.as_slice() {
+        [only] => writeln!(out, "  The line has {only}.")?,
+        several => {
+            let several = several.join(" or ");
+            writeln!(out, "  Undecided: {several}; listen longer, while both ends speak.")?;
+        }
+    }
+    Ok(writeln!(
+        out,
+        "  One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.\n"
+    )?)
+}
+
+/// The settings of a serial line, one line.
+#[cfg(unix)]
+pub(super) fn line_json(line: &Line) -> Result<()> {
+    log(&json!({"port": line.conversation.name, "likely": line.likely, "lines": line.judged}))
 }
 
 /// What can be seen of bytes that no link explains.

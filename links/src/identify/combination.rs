@@ -243,7 +243,21 @@ impl Combination {
             reading.pieces.extend(pieces);
         }
         if exactly {
-            reading.pieces.iter_mut().for_each(|piece| piece.sense = plausible(&piece.value()));
+            let mut before: Vec<(usize, &'static str, Value)> = Vec::new();
+            for piece in &mut reading.pieces {
+                let value = piece.value();
+                piece.sense = plausible(&value);
+                let same = before
+                    .iter_mut()
+                    .find(|(stream, side, _)| (*stream, *side) == (piece.stream, piece.side));
+                match same {
+                    Some((.., last)) => {
+                        piece.sense += (self.link.open.sense)(last, &value);
+                        *last = value;
+                    }
+                    None => before.push((piece.stream, piece.side, value)),
+                }
+            }
         }
         Ok(reading)
     }

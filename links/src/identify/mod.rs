@@ -73,6 +73,8 @@ pub struct Finding {
     pub bits: f64,
     /// The sides that sent each stream.
     pub senders: Vec<Vec<&'static str>>,
+    /// The messages that were read, stream by stream.
+    pub read: Vec<(&'static str, Value)>,
 }
 
 impl Finding {

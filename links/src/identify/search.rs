@@ -68,6 +68,7 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
         ],
         bytes: [reading.explained(), reading.bytes],
         bits,
+        read: reading.pieces.iter().map(|piece| (piece.side, piece.value())).collect(),
         senders: reading.senders,
     })
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::identify::{Sender, Stream};
+use cellwire_links::link::Carrier;
 
 use super::Args;
 use crate::command::decode::{Format, TraceLines, hex::HexReader, report};
@@ -24,6 +25,7 @@ const CONVERSATIONS: usize = 8;
 #[derive(Debug)]
 pub(super) struct Conversation {
     pub(super) name: String,
+    pub(super) carrier: Carrier,
     pub(super) streams: Vec<Stream>,
 }
 
@@ -77,6 +79,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
     let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);
     Ok(Conversation {
         name: "the input".into(),
+        carrier: Carrier::Unknown,
         streams: vec![Stream { sender, parts: vec![bytes], arrivals: Vec::new() }],
     })
 }
@@ -106,7 +109,7 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
         stream.arrivals.push((stream.size(), time));
         stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
     }
-    Ok(Conversation { name, streams: vec![sent, received] })
+    Ok(Conversation { name, carrier: Carrier::Unknown, streams: vec![sent, received] })
 }
 
 fn capture(args: &Args, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
@@ -136,6 +139,7 @@ struct Collecting<'a> {
 /// A direction, and where it goes.
 struct Collected {
     name: String,
+    carrier: Carrier,
     stream: Stream,
     len: u64,
 }
@@ -144,13 +148,17 @@ impl Directions for Collecting<'_> {
     type Direction = Collected;
 
     fn begin(&mut self, flow: Flow, is_client: bool, _: u64) -> Result<Option<Collected>> {
-        let (name, sender) = match flow {
+        let (name, sender, carrier) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
                 let server = if is_client { to } else { from };
                 let kind = if let Flow::Tcp(..) = flow { "TCP" } else { "UDP" };
-                (format!("{kind} {server}"), Sender::Connected { is_client, port: server.port() })
+                (
+                    format!("{kind} {server}"),
+                    Sender::Connected { is_client, port: server.port() },
+                    Carrier::Network,
+                )
             }
-            Flow::Serial(_) => ("the serial line".into(), Sender::Unknown),
+            Flow::Serial(_) => ("the serial line".into(), Sender::Unknown, Carrier::Serial(None)),
         };
         let sender = match (self.from, flow) {
             (Some(from), Flow::Serial(_)) => Sender::Named(from.into()),
@@ -158,6 +166,7 @@ impl Directions for Collecting<'_> {
         };
         Ok(Some(Collected {
             name,
+            carrier,
             stream: Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() },
             len: 0,
         }))
@@ -180,10 +189,10 @@ impl Directions for Collecting<'_> {
         Ok(())
     }
 
-    fn end(&mut self, Collected { name, stream, .. }: Collected) -> Result<()> {
+    fn end(&mut self, Collected { name, carrier, stream, .. }: Collected) -> Result<()> {
         match self.conversations.iter_mut().find(|conversation| conversation.name == name) {
             Some(conversation) => conversation.streams.push(stream),
-            None => self.conversations.push(Conversation { name, streams: vec![stream] }),
+            None => self.conversations.push(Conversation { name, carrier, streams: vec![stream] }),
         }
         Ok(())
     }

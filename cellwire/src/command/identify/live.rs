@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 use cellwire_links::identify::{Sender, Stream};
+use cellwire_links::link::Carrier;
 use cellwire_links::{LINKS, Link};
 
 use super::Args;
@@ -69,7 +70,12 @@ pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
     let parts = [first, rest].map(<[u8]>::to_vec).into_iter().filter(|part| !part.is_empty()).collect();
     let stream = Stream { sender, parts, arrivals: heard.arrivals };
     let likely = likely(&judged).len();
-    Ok(Line { conversation: Conversation { name: name.into(), streams: vec![stream] }, judged, likely })
+    let carrier = Carrier::Serial(Some(best.baud));
+    Ok(Line {
+        conversation: Conversation { name: name.into(), carrier, streams: vec![stream] },
+        judged,
+        likely,
+    })
 }
 
 struct Ear<'a> {

@@ -124,17 +124,17 @@ pub fn run(args: &Args) -> Result<bool> {
             report::tables(conversation, &findings)?;
         }
         if let Some(best) = findings.into_iter().next().filter(Finding::is_sure) {
-            found.push(best);
+            found.push((best, conversation.carrier));
         }
     }
     if args.rust {
-        for finding in &found {
-            report::rust(finding)?;
+        for (finding, carrier) in &found {
+            report::rust(finding, *carrier)?;
         }
     }
     if let Some(file) = &args.write {
         match found.as_slice() {
-            [finding] => files::write(file, settings::toml(finding)?.as_bytes())?,
+            [(finding, _)] => files::write(file, settings::toml(finding)?.as_bytes())?,
             [] => bail!("nothing is sure enough to be written to {}", file.display()),
             _ => bail!(
                 "{} conversations are explained: choose one with --port to write its settings",

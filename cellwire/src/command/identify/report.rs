@@ -6,6 +6,7 @@ use anyhow::Result;
 use cellwire_links::LINKS;
 use cellwire_links::identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
 use cellwire_links::identify::{Decided, Finding, Open};
+use cellwire_links::link::Carrier;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::{Value, json};
@@ -52,7 +53,11 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     for option in &best.options {
         options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
     }
-    Ok(writeln!(out, "{options}\n")?)
+    writeln!(out, "{options}")?;
+    for note in (best.link.open.notes)(&best.read) {
+        writeln!(out, "  {note}")?;
+    }
+    Ok(writeln!(out)?)
 }
 
 /// So many settings of a line are shown.
@@ -179,8 +184,8 @@ fn lines(seen: &Seen) -> Vec<String> {
 }
 
 /// The expression for the crate's configuration.
-pub(super) fn rust(finding: &Finding) -> Result<()> {
-    let text = (finding.link.open.rust)(&finding.settings)?;
+pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
+    let text = (finding.link.open.rust)(&finding.settings, carrier)?;
     let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
     Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.name)?)
 }
@@ -209,6 +214,7 @@ fn finding_json(finding: &Finding) -> Value {
         "link": finding.link.name, "sure": finding.is_sure(), "bits": finding.bits.round(),
         "explained": explained, "bytes": bytes, "messages": messages, "written_alike": written,
         "senders": finding.senders, "settings": finding.settings, "options": options,
+        "notes": (finding.link.open.notes)(&finding.read),
     })
 }
 

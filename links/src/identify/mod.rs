@@ -7,6 +7,7 @@
 //! message would decide. Numbers that make no sense (a position of 10⁻⁴¹ mm) decide only where the bytes do not.
 
 mod combination;
+mod draft;
 mod evidence;
 mod plausible;
 mod search;
@@ -20,6 +21,7 @@ use serde_json::{Map, Value};
 
 use crate::link::Link;
 
+pub use draft::draft;
 pub use search::identify;
 
 /// What one end sent.

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use cellwire_links::identify::{Finding, identify};
+use cellwire_links::identify::{Finding, draft, identify};
 use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;
@@ -55,6 +55,10 @@ pub struct Args {
     /// Write the settings to a TOML file for --settings, with remarks on what is undecided
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
+    /// Write a draft of what no bytes say to a TOML file: the messages of a kawasaki-msg plant by their roles, the words of a laser-eb90
+    /// installation by class, as they were used in the capture. What is uncertain has a remark with a ?: correct it
+    #[arg(long, value_name = "FILE")]
+    draft: Option<PathBuf>,
     /// Print the settings as Rust, for the configuration of the link's crate
     #[arg(long)]
     rust: bool,
@@ -124,23 +128,26 @@ pub fn run(args: &Args) -> Result<bool> {
             report::tables(conversation, &findings)?;
         }
         if let Some(best) = findings.into_iter().next().filter(Finding::is_sure) {
-            found.push((best, conversation.carrier));
+            found.push((best, conversation));
         }
     }
     if args.rust {
-        for (finding, carrier) in &found {
-            report::rust(finding, *carrier)?;
+        for (finding, conversation) in &found {
+            report::rust(finding, conversation.carrier)?;
         }
     }
-    if let Some(file) = &args.write {
-        match found.as_slice() {
-            [(finding, _)] => files::write(file, settings::toml(finding)?.as_bytes())?,
+    for (file, is_draft) in [(&args.write, false), (&args.draft, true)] {
+        let Some(file) = file else { continue };
+        let text = match found.as_slice() {
+            [(finding, conversation)] if is_draft => draft(finding, &conversation.streams)?,
+            [(finding, _)] => settings::toml(finding)?,
             [] => bail!("nothing is sure enough to be written to {}", file.display()),
             _ => bail!(
                 "{} conversations are explained: choose one with --port to write its settings",
                 found.len()
             ),
-        }
+        };
+        files::write(file, text.as_bytes())?;
     }
     Ok(all)
 }

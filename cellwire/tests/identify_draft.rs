@@ -5,7 +5,7 @@
 #[allow(dead_code, reason = "nobody types here")]
 mod operated;
 
-use std::fmt::Write as _;
+use core::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 

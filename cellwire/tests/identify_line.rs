@@ -126,4 +126,6 @@ fn a_silent_port_and_a_file_are_no_line() {
     assert!(said.contains("nothing was heard on /dev/pts/"), "{said}");
     let (code, _, said) = run(cellwire("identify --port ./Cargo.toml"));
     assert!(code == Some(2) && said.contains("./Cargo.toml is not a serial port"), "{said}");
+    let (code, _, said) = run(cellwire("identify --port /dev/ttyUSB0 a.hex"));
+    assert!(code == Some(2) && said.contains("either a file or the path of a port"), "{said}");
 }

@@ -12,7 +12,7 @@ use core::str::FromStr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::identify::{Finding, draft, identify};
 use cellwire_links::{LINKS, Link};
 
@@ -113,7 +113,10 @@ pub fn run(args: &Args) -> Result<bool> {
         link.side(Some(from))?;
     }
     let conversations = match &args.port {
-        Some(Port::Serial(name)) => vec![heard(args, name)?],
+        Some(Port::Serial(name)) => {
+            ensure!(args.file.is_none(), "{name} is listened to: give either a file or the path of a port");
+            vec![heard(args, name)?]
+        }
         _ => input::read(args)?,
     };
     let links: Vec<&'static Link> = args.link.map_or_else(|| LINKS.iter().collect(), |link| vec![link]);

@@ -65,7 +65,23 @@ pub struct Open {
     /// Values with which more is read, and the same is written: the setting, the value, and which bytes would decide.
     pub reads_more: &'static [(&'static str, &'static str, &'static str)],
     /// The settings of the codec as an expression of the crate's configuration.
-    pub rust: fn(&Map<String, Value>) -> Result<String>,
+    pub rust: fn(&Map<String, Value>, Carrier) -> Result<String>,
+    /// How much sense a message makes behind the one before it of the same side, in bits.
+    pub sense: fn(before: &Value, message: &Value) -> f64,
+    /// What else can be said of the messages, each with its side; one line each.
+    pub notes: fn(messages: &[(&'static str, Value)]) -> Vec<String>,
+}
+
+/// What carries the bytes of a capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Carrier {
+    /// The capture does not say.
+    #[default]
+    Unknown,
+    /// TCP or UDP.
+    Network,
+    /// A serial line, of a rate that is known if it was listened to.
+    Serial(Option<u32>),
 }
 
 /// Which values of a setting bytes suggest.
@@ -98,7 +114,9 @@ impl Open {
         guess: None,
         deciding: &[],
         reads_more: &[],
-        rust: |_| Ok(String::new()),
+        rust: |_, _| Ok(String::new()),
+        sense: |_, _| 0.0,
+        notes: |_| Vec::new(),
     };
 }
 

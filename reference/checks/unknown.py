@@ -4,7 +4,7 @@ that no option covers.
 Usage: python3 reference/checks/unknown.py [--count N] [--first N] [--link LINK]… [--show]
 
 CELLWIRE names the tool [default: target/debug/cellwire]. The Python port writes the messages, and this script changes them: another mark,
-another check, a byte more, a length. Prints for each link and each thing how many reports name it, and `unknown: passed of all`; exit
+another check, a byte more, a length. Half of them are bytes alone, half a capture with packets and times. Prints for each link and each thing how many reports name it, and `unknown: passed of all`; exit
 status 1 if fewer than 90 % do.
 """
 
@@ -21,10 +21,12 @@ from functools import reduce
 from operator import xor
 from pathlib import Path
 
-from plants import LINKS, REFERENCE, wire
+from plants import LINKS, REFERENCE, segment, wire
 
 CELLWIRE = os.environ.get("CELLWIRE", REFERENCE.parent / "target/debug/cellwire")
 NAMED = 0.9
+# The links over TCP; the others are serial lines.
+TCP = {"kawasaki-msg", "mmacell-proto"}
 MESSAGES = 60
 
 
@@ -62,12 +64,8 @@ def check(rng, data):
     return name, crc(data, *CRCS[name]).to_bytes(bits // 8, "little")
 
 
-def changed_mark(old, new):
-    return lambda frame: frame.replace(old, new, 1) if frame.startswith(old) else frame
-
-
-# Where the check of each link is: how many bytes it has, how many are behind it, and the first byte that it covers.
-CHECKS = {"val2-alter": (1, 0, 0), "laser-eb90": (1, 0, 3), "isra-ball": (1, 0, 0), "fanuc-hmi-modbus": (2, 0, 0)}
+# The check at the end of each link's frames: how many bytes it has, and the first byte that it covers.
+CHECKS = {"val2-alter": (1, 0), "laser-eb90": (1, 3), "isra-ball": (1, 0), "fanuc-hmi-modbus": (2, 0)}
 MARKS = {
     "val2-alter": bytes([0x10, 0x10, 0x02]),
     "laser-eb90": bytes([0xEB, 0x90, 0x82]),
@@ -84,12 +82,6 @@ NEW = {
 }
 ENDS = {"mmacell-proto": b"\r\n", "val2-viewer": b"\r\n", "kawasaki-msg": b">"}
 NEW_ENDS = {"mmacell-proto": [b"\r", b";", b"\x03", b"\n\r"], "val2-viewer": [b"\r", b"\x00", b";"], "kawasaki-msg": [b"]", b"}", b"\x03"]}
-
-
-def body_of(link, frame):
-    """A frame without its check and its end."""
-    width, _, _ = CHECKS[link]
-    return frame[:-width]
 
 
 def things(link):
@@ -115,8 +107,7 @@ def protocol(link, seed):
     rng = random.Random(f"unknown {link} {seed}")
     module, make = LINKS[link]
     thing = things(link)[seed % len(things(link))]
-    frames, options = [], None
-    side = None
+    frames, options, side = [], None, None
     while len(frames) < MESSAGES:
         drawn, messages = make(rng)
         if options is None:
@@ -154,8 +145,8 @@ def protocol(link, seed):
         made = []
         for frame in frames:
             rng.setstate(state)
-            first = CHECKS[link][2]
-            body = body_of(link, frame)
+            width, first = CHECKS[link]
+            body = frame[:-width]
             name, data = check(rng, body[first:])
             made.append(body + data)
         if link == "fanuc-hmi-modbus" and name == "CRC-16/MODBUS":
@@ -201,18 +192,57 @@ def names(report, thing, what):
     return False
 
 
+def packets(link, frames, rng):
+    """The frames as they arrive, each piece with its time in microseconds: of a TCP connection a few are joined or divided; of a serial
+    line a driver hands over eight bytes at a time."""
+    time, pieces, held = 0, [], b""
+    for frame in frames:
+        time += rng.randrange(15_000, 60_000)
+        if link not in TCP:
+            for at in range(0, len(frame), 8):
+                time += 8 * 1042
+                pieces.append((time, frame[at : at + 8]))
+            continue
+        frame, held = held + frame, b""
+        if rng.random() < 0.03:
+            held = frame
+        elif rng.random() < 0.03 and len(frame) > 1:
+            at = rng.randrange(1, len(frame))
+            pieces += [(time, frame[:at]), (time + 200, frame[at:])]
+        else:
+            pieces.append((time, frame))
+    return pieces + ([(time, held)] if held else [])
+
+
+def capture(link, pieces):
+    """A capture of the pieces, all of one end."""
+    out = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 101 if link in TCP else 147)
+    sequence = 1
+    for time, data in pieces:
+        packet = segment(50_000, 9105, sequence, data) if link in TCP else data
+        sequence += len(data)
+        out += struct.pack("<IIII", time // 1_000_000, time % 1_000_000, len(packet), len(packet)) + packet
+    return out
+
+
 def judge(link, seed):
     """The thing, whether it is named, and the report."""
     frames, thing, what = protocol(link, seed)
+    with_times = seed // len(things(link)) % 2 == 1
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "capture"
-        file.write_bytes(b"".join(frames))
-        run = subprocess.run([CELLWIRE, "identify", "--json", "--format", "raw", file], capture_output=True, text=True)
+        if with_times:
+            file.write_bytes(capture(link, packets(link, frames, random.Random(f"times {link} {seed}"))))
+        else:
+            file.write_bytes(b"".join(frames))
+        command = [CELLWIRE, "identify", "--json", "--format", "pcap" if with_times else "raw", file]
+        run = subprocess.run(command, capture_output=True, text=True)
     if not run.stdout:
         raise SystemExit(f"{link} {seed}: {run.stderr}")
     report = json.loads(run.stdout)
     is_sure = "seen" not in report
-    return thing, not is_sure and names(report, thing, what), (what, report)
+    kind = f"{thing}, {'capture' if with_times else 'bytes alone'}"
+    return kind, not is_sure and names(report, thing, what), (what, report)
 
 
 def main():
@@ -234,6 +264,9 @@ def main():
             print(f"{link} {seed}: {thing}: {report[0]!r}: {json.dumps(report[1].get('seen', report[1]['findings'][:1]))[:600]}")
     for (link, thing), (passed, total) in sorted(counts.items()):
         print(f"{link}, {thing}: {passed} named of {total}")
+    for kind in ("bytes alone", "capture"):
+        of_kind = [count for (_, thing), count in counts.items() if thing.endswith(kind)]
+        print(f"{kind}: {sum(passed for passed, _ in of_kind)} named of {sum(total for _, total in of_kind)}")
     passed = sum(passed for passed, _ in counts.values())
     print(f"unknown: {passed} of {len(cases)}")
     sys.exit(passed < NAMED * len(cases))

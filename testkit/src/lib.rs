@@ -27,6 +27,7 @@ pub mod rng;
 #[cfg(feature = "soak")]
 pub mod soak;
 mod turn;
+pub mod uart;
 
 use std::path::{Path, PathBuf};
 

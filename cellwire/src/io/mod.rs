@@ -10,6 +10,8 @@ pub mod interrupt;
 pub mod journal;
 pub mod line;
 pub mod listener;
+#[cfg(unix)]
+pub mod marked;
 mod outlet;
 pub mod output;
 pub mod pauses;

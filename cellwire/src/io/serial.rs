@@ -1,5 +1,6 @@
 //! Serial ports and pseudo-terminals, in raw mode and without flow control.
 
+use core::fmt;
 use core::ops::RangeInclusive;
 use core::str::FromStr;
 use std::io::ErrorKind;
@@ -46,6 +47,17 @@ impl Mode {
     /// 8 data bits, no parity, one stop bit.
     pub const EIGHT_N_ONE: Self =
         Self { data_bits: DataBits::Eight, parity: Parity::None, stop_bits: StopBits::One };
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        write!(f, "{}{parity}{}", u8::from(self.data_bits), u8::from(self.stop_bits))
+    }
 }
 
 impl FromStr for Mode {

@@ -1,11 +1,12 @@
 //! What the source leaves open of the frames and the telemetry block.
 
+use serde_json::Value;
+
 use super::options::{Frames, ViewSettings};
-use crate::link::{Deciding, Open};
+use crate::link::{Carrier, Deciding, Open};
 use crate::settings;
 
-const BLOCK: &str =
-    "a reply of the 37 registers of the telemetry block, of a robot that is not at its origin";
+const BLOCK: &str = "a reply of the 37 registers of the telemetry block, of a robot that is not at its origin, or several while its counter counts";
 
 pub(super) const OPEN: Open = Open {
     settings: &["framing", "word_order"],
@@ -24,12 +25,58 @@ pub(super) const OPEN: Open = Open {
         },
     ],
     reads_more: &[],
-    rust: |given| {
+    rust: |given, carrier| {
         let settings = settings::read("fanuc-hmi-modbus", ViewSettings::default(), given)?;
-        let framing = match settings.frames {
-            Frames::Tcp => "Framing::Tcp",
-            Frames::Rtu => "Framing::RTU_OVER_TCP",
+        let rtu = |baud: u32| format!("Framing::Rtu {{ silence: timing::silence({baud}) }}");
+        let framing = match (settings.frames, carrier) {
+            (Frames::Tcp, _) => "Framing::Tcp".into(),
+            (Frames::Rtu, Carrier::Serial(Some(baud))) => rtu(baud),
+            (Frames::Rtu, Carrier::Serial(None)) => format!("{} /* the line's rate */", rtu(19_200)),
+            (Frames::Rtu, Carrier::Network) => "Framing::RTU_OVER_TCP".into(),
+            (Frames::Rtu, Carrier::Unknown) => {
+                format!("Framing::RTU_OVER_TCP /* on a serial line {} */", rtu(19_200))
+            }
         };
         Ok(format!("({framing}, WordOrder::{:?})", settings.word_order))
     },
+    sense: |before, message| {
+        let counter =
+            |message: &Value| u32::try_from(message.pointer("/telemetry/life_counter")?.as_u64()?).ok();
+        match (counter(before), counter(message)) {
+            // A robot that is off counts no more.
+            (Some(before), Some(now)) if before != now && now.wrapping_sub(before) < SOON => COUNTS,
+            (Some(before), Some(now)) if before != now => -COUNTS,
+            _ => 0.0,
+        }
+    },
+    notes,
 };
+
+/// Between two polls a life counter grows by less.
+const SOON: u32 = 10_000;
+/// Words in the wrong order count up so once in 2 to the power of twice this.
+const COUNTS: f64 = 4.0;
+/// The registers of the block.
+const BLOCK_SIZE: u64 = 37;
+
+/// Where the block is read.
+fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {
+    let number = |message: &Value, name: &str| message.get(name).and_then(Value::as_u64);
+    let mut found: Vec<u64> = Vec::new();
+    for (_, message) in messages.iter().filter(|(side, _)| *side == "client") {
+        let is_block =
+            number(message, "function") == Some(3) && number(message, "quantity") == Some(BLOCK_SIZE);
+        found.extend(number(message, "address").filter(|at| is_block && !found.contains(at)));
+    }
+    let read = |at: u64| {
+        let why = match at {
+            0 => "addresses count from 0, registers of $SNPX_ASG from 1",
+            1 => {
+                "either the block is assigned from register 2 on, or the client takes the number of a register for its address"
+            }
+            _ => "the register of $SNPX_ASG is one more",
+        };
+        format!("the block is read at address {at}: {why}")
+    };
+    found.into_iter().map(read).collect()
+}

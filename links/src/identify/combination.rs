@@ -133,8 +133,9 @@ impl Stream {
         }
     }
 
-    pub(super) fn len(&self) -> u64 {
-        self.parts.iter().map(|part| part.len() as u64).sum()
+    /// How many bytes it has.
+    pub fn size(&self) -> usize {
+        self.parts.iter().map(Vec::len).sum()
     }
 }
 
@@ -229,7 +230,7 @@ impl Combination {
             }
             // The other end may send no messages.
             if !pieces.is_empty() || possible > 0 && self.link.sides.len() > 1 {
-                reading.bytes += stream.len();
+                reading.bytes += stream.size() as u64;
             }
             reading.corrupt += corrupt(stream, &pieces);
             let mut senders: Vec<&'static str> = Vec::new();
@@ -242,7 +243,21 @@ impl Combination {
             reading.pieces.extend(pieces);
         }
         if exactly {
-            reading.pieces.iter_mut().for_each(|piece| piece.sense = plausible(&piece.value()));
+            let mut before: Vec<(usize, &'static str, Value)> = Vec::new();
+            for piece in &mut reading.pieces {
+                let value = piece.value();
+                piece.sense = plausible(&value);
+                let same = before
+                    .iter_mut()
+                    .find(|(stream, side, _)| (*stream, *side) == (piece.stream, piece.side));
+                match same {
+                    Some((.., last)) => {
+                        piece.sense += (self.link.open.sense)(last, &value);
+                        *last = value;
+                    }
+                    None => before.push((piece.stream, piece.side, value)),
+                }
+            }
         }
         Ok(reading)
     }

@@ -7,6 +7,7 @@
 //! message would decide. Numbers that make no sense (a position of 10⁻⁴¹ mm) decide only where the bytes do not.
 
 mod combination;
+mod draft;
 mod evidence;
 mod plausible;
 mod search;
@@ -14,10 +15,13 @@ mod search;
 mod tests;
 pub mod unknown;
 
+use std::time::Duration;
+
 use serde_json::{Map, Value};
 
 use crate::link::Link;
 
+pub use draft::draft;
 pub use search::identify;
 
 /// What one end sent.
@@ -27,6 +31,8 @@ pub struct Stream {
     pub sender: Sender,
     /// Its bytes; between two parts some are missing.
     pub parts: Vec<Vec<u8>>,
+    /// Where bytes arrived, and when: at which byte of all parts a packet, or what was read at once, begins. May be empty.
+    pub arrivals: Vec<(usize, Duration)>,
 }
 
 /// What is known of a sender.
@@ -69,6 +75,8 @@ pub struct Finding {
     pub bits: f64,
     /// The sides that sent each stream.
     pub senders: Vec<Vec<&'static str>>,
+    /// The messages that were read, stream by stream.
+    pub read: Vec<(&'static str, Value)>,
 }
 
 impl Finding {

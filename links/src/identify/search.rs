@@ -68,6 +68,7 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
         ],
         bytes: [reading.explained(), reading.bytes],
         bits,
+        read: reading.pieces.iter().map(|piece| (piece.side, piece.value())).collect(),
         senders: reading.senders,
     })
 }
@@ -89,7 +90,7 @@ fn sample(streams: &[Stream]) -> Vec<Stream> {
             left -= taken.len();
             Some(taken.to_vec())
         });
-        Stream { sender: stream.sender.clone(), parts: parts.collect() }
+        Stream { sender: stream.sender.clone(), parts: parts.collect(), arrivals: Vec::new() }
     };
     streams.iter().map(begin).collect()
 }

@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::*;
 use crate::LINKS;
+use crate::link::Carrier;
 
 /// What a side of a link sends with these settings.
 fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
@@ -14,7 +15,8 @@ fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
 }
 
 fn found(link: &str, streams: &[&[u8]]) -> Finding {
-    let stream = |bytes: &&[u8]| Stream { sender: Sender::Unknown, parts: vec![bytes.to_vec()] };
+    let stream =
+        |bytes: &&[u8]| Stream { sender: Sender::Unknown, parts: vec![bytes.to_vec()], arrivals: vec![] };
     identify(Link::by_name(link).unwrap(), &streams.iter().map(stream).collect::<Vec<_>>()).unwrap()
 }
 
@@ -149,10 +151,13 @@ fn every_open_setting_is_shown_by_a_message() {
 fn the_lines_of_rust_compile() {
     macro_rules! is_rust {
         ($link:literal, $given:tt, $expression:expr) => {
+            is_rust!($link, $given, Carrier::Unknown, $expression)
+        };
+        ($link:literal, $given:tt, $carrier:expr, $expression:expr) => {
             let link = Link::by_name($link).unwrap();
             let _ = $expression;
             let plain = |text: &str| text.split_whitespace().collect::<String>();
-            let text = (link.open.rust)(json!($given).as_object().unwrap()).unwrap();
+            let text = (link.open.rust)(json!($given).as_object().unwrap(), $carrier).unwrap();
             assert_eq!(plain(&text), plain(stringify!($expression)), "{}", link.name);
         };
     }
@@ -178,8 +183,13 @@ fn the_lines_of_rust_compile() {
         });
     }
     {
+        use ::fanuc_hmi_modbus::timing;
         use ::fanuc_hmi_modbus::{Framing, WordOrder};
-        is_rust!("fanuc-hmi-modbus", {"framing": "rtu"}, (Framing::RTU_OVER_TCP, WordOrder::LowFirst));
+        is_rust!("fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Network, (Framing::RTU_OVER_TCP, WordOrder::LowFirst));
+        is_rust!(
+            "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(Some(9600)),
+            (Framing::Rtu { silence: timing::silence(9600) }, WordOrder::LowFirst)
+        );
     }
     use ::kawasaki_msg::Charset;
     use ::mmacell_proto::Dialect;
@@ -193,4 +203,46 @@ fn the_lines_of_rust_compile() {
         blank: false,
         wide_integers: false
     });
+}
+
+/// A robot at its origin has no floats that tell; its counter counts.
+#[test]
+fn a_counter_decides_the_order_of_words() {
+    for order in ["low_first", "high_first"] {
+        let given = json!({"view": "telemetry", "framing": "rtu", "word_order": order});
+        let block = |counter: u32| {
+            let zeros = |count| vec![0.0; count];
+            json!({"unit": 1, "function": 3, "telemetry": {"life_counter": counter, "override": 100, "position": zeros(3),
+                "wpr": zeros(3), "quaternion": zeros(4), "velocity": zeros(3), "quaternion_rate": zeros(4)}})
+        };
+        let blocks: Vec<Value> = (0..20).map(|at| block(70_000 + 3 * at)).collect();
+        let finding = found("fanuc-hmi-modbus", &[&sent("fanuc-hmi-modbus", "server", &given, &blocks)]);
+        let found = option(&finding, "word_order");
+        assert_eq!((&found.value, &found.decided), (&json!(order), &Decided::ByValues), "{finding:?}");
+    }
+}
+
+#[test]
+fn where_the_block_is_read_is_said() {
+    let requests: Vec<Value> =
+        (0..8).map(|_| json!({"unit": 1, "function": 3, "address": 1, "quantity": 37})).collect();
+    let bytes = sent("fanuc-hmi-modbus", "client", &json!({"framing": "rtu"}), &requests);
+    let finding = found("fanuc-hmi-modbus", &[&bytes]);
+    let notes = (finding.link.open.notes)(&finding.read);
+    assert!(notes.len() == 1 && notes[0].starts_with("the block is read at address 1: either"), "{notes:?}");
+}
+
+/// The bytes of few floats in the wrong order are numbers that nobody measures.
+#[test]
+fn one_move_decides_the_order_of_bytes() {
+    let items = json!({"items": [{"i16": [257]}, {"f32": [100.0, -50.5, 250.0, 0.5, 90.0, -45.25]}]});
+    for order in ["little", "big"] {
+        let short = json!({"items": [{"i16": [257]}]});
+        let messages: Vec<Value> =
+            core::iter::once(items.clone()).chain((0..12).map(|_| short.clone())).collect();
+        let bytes = sent("laser-eb90", "host", &json!({"byte_order": order}), &messages);
+        let finding = found("laser-eb90", &[&bytes]);
+        let found = option(&finding, "byte_order");
+        assert_eq!((&found.value, &found.decided), (&json!(order), &Decided::ByValues), "{finding:?}");
+    }
 }

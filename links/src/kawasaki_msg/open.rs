@@ -14,8 +14,9 @@ pub(super) const OPEN: Open = Open {
         message: r#"{"name":"Määrä","fields":["1"]}"#,
     }],
     reads_more: &[],
-    rust: |given| {
+    rust: |given, _| {
         let settings = settings::read("kawasaki-msg", CodecSettings::default(), given)?;
         Ok(format!("Charset::{:?}", settings.plant.charset))
     },
+    ..Open::NOTHING
 };

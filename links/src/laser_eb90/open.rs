@@ -29,7 +29,7 @@ pub(super) const OPEN: Open = Open {
         },
     ],
     reads_more: &[("tail", "either", "a frame that ends 90 83")],
-    rust: |given| {
+    rust: |given, _| {
         let profile = settings::read("laser-eb90", Profile::default(), given)?;
         let enums = [("tail", "Tail"), ("flag", "Flag"), ("checksum", "Width"), ("byte_order", "ByteOrder")];
         let text = enums.iter().fold(format!("{profile:?}"), |text, (field, of)| {
@@ -47,6 +47,7 @@ pub(super) const OPEN: Open = Open {
         );
         Ok(text.replace(&format!("{:?}", profile.tags), &made))
     },
+    ..Open::NOTHING
 };
 
 const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];

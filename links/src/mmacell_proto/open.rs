@@ -29,5 +29,6 @@ pub(super) const OPEN: Open = Open {
         },
     ],
     reads_more: &[],
-    rust: |given| Ok(format!("{:?}", settings::read("mmacell-proto", Dialect::STRICT, given)?)),
+    rust: |given, _| Ok(format!("{:?}", settings::read("mmacell-proto", Dialect::STRICT, given)?)),
+    ..Open::NOTHING
 };

@@ -1,9 +1,11 @@
 //! The bytes of each conversation.
 
 use std::io::{BufRead, BufReader, Read};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use cellwire_links::identify::{Sender, Stream};
+use cellwire_links::link::Carrier;
 
 use super::Args;
 use crate::command::decode::{TraceLines, hex::HexReader};
@@ -23,6 +25,7 @@ const CONVERSATIONS: usize = 8;
 #[derive(Debug)]
 pub(super) struct Conversation {
     pub(super) name: String,
+    pub(super) carrier: Carrier,
     pub(super) streams: Vec<Stream>,
 }
 
@@ -74,7 +77,11 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
         hex.finish()?;
     }
     let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);
-    Ok(Conversation { name: "the input".into(), streams: vec![Stream { sender, parts: vec![bytes] }] })
+    Ok(Conversation {
+        name: "the input".into(),
+        carrier: Carrier::Unknown,
+        streams: vec![Stream { sender, parts: vec![bytes], arrivals: Vec::new() }],
+    })
 }
 
 fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
@@ -87,25 +94,32 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
             Some(_) => Sender::Unknown,
             None => Sender::Traced { name: name.clone(), sent },
         };
-        Stream { sender, parts: vec![Vec::new()] }
+        Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() }
     });
     while let Some(text) = lines.next()? {
         if text.trim().is_empty() {
             continue;
         }
-        let Some((_, way, bytes)) = parse_line(text) else {
+        let Some((at, way, bytes)) = parse_line(text) else {
             let text = text.trim().escape_debug().to_string();
             bail!("line {}: not a line of a trace: {text}", lines.number());
         };
         let stream = if way == Way::Sent { &mut sent } else { &mut received };
+        let time = Duration::try_from_secs_f64(at).unwrap_or_default();
+        stream.arrivals.push((stream.size(), time));
         stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
     }
-    Ok(Conversation { name, streams: vec![sent, received] })
+    Ok(Conversation { name, carrier: Carrier::Unknown, streams: vec![sent, received] })
 }
 
 fn capture(args: &Args, reading: &Reading, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
-    let mut collecting =
-        Collecting { from: args.from.as_deref(), conversations: Vec::new(), faults: 0, cut: false };
+    let mut collecting = Collecting {
+        from: args.from.as_deref(),
+        conversations: Vec::new(),
+        faults: 0,
+        cut: false,
+        now: Duration::ZERO,
+    };
     let (summary, found) = connections::read(input, reading, &mut collecting)?;
     report(&summary);
     let Collecting { conversations, faults, cut, .. } = collecting;
@@ -124,11 +138,14 @@ struct Collecting<'a> {
     conversations: Vec<Conversation>,
     faults: usize,
     cut: bool,
+    /// The time of the last packet.
+    now: Duration,
 }
 
 /// A direction, and where it goes.
 struct Collected {
     name: String,
+    carrier: Carrier,
     stream: Stream,
     len: u64,
 }
@@ -136,27 +153,44 @@ struct Collected {
 impl Directions for Collecting<'_> {
     type Direction = Collected;
 
+    fn pass_time(&mut self, at: Duration) -> Result<()> {
+        self.now = at;
+        Ok(())
+    }
+
     fn begin(&mut self, flow: Flow, is_client: bool, _: u64, _: bool) -> Result<Option<Collected>> {
-        let (name, sender) = match flow {
+        let (name, sender, carrier) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
                 let server = if is_client { to } else { from };
                 let kind = if let Flow::Tcp(..) = flow { "TCP" } else { "UDP" };
-                (format!("{kind} {server}"), Sender::Connected { is_client, port: server.port() })
+                (
+                    format!("{kind} {server}"),
+                    Sender::Connected { is_client, port: server.port() },
+                    Carrier::Network,
+                )
             }
-            Flow::Serial(_) => ("the serial line".into(), Sender::Unknown),
-            Flow::Kept(line, is_client) => (line.to_string(), Sender::Connected { is_client, port: 0 }),
+            Flow::Serial(_) => ("the serial line".into(), Sender::Unknown, Carrier::Serial(None)),
+            Flow::Kept(line, is_client) => {
+                (line.to_string(), Sender::Connected { is_client, port: 0 }, Carrier::Serial(None))
+            }
         };
         let sender = match (self.from, flow) {
             (Some(from), Flow::Serial(_) | Flow::Kept(_, true)) => Sender::Named(from.into()),
             _ => sender,
         };
-        Ok(Some(Collected { name, stream: Stream { sender, parts: vec![Vec::new()] }, len: 0 }))
+        Ok(Some(Collected {
+            name,
+            carrier,
+            stream: Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() },
+            len: 0,
+        }))
     }
 
     fn take(&mut self, direction: &mut Collected, piece: Piece<'_>) -> Result<()> {
         match piece {
             Piece::Bytes(bytes) if direction.len < MOST => {
                 direction.len += bytes.len() as u64;
+                direction.stream.arrivals.push((direction.stream.size(), self.now));
                 if let Some(part) = direction.stream.parts.last_mut() {
                     part.extend_from_slice(bytes);
                 }
@@ -169,10 +203,10 @@ impl Directions for Collecting<'_> {
         Ok(())
     }
 
-    fn end(&mut self, Collected { name, stream, .. }: Collected) -> Result<()> {
+    fn end(&mut self, Collected { name, carrier, stream, .. }: Collected) -> Result<()> {
         match self.conversations.iter_mut().find(|conversation| conversation.name == name) {
             Some(conversation) => conversation.streams.push(stream),
-            None => self.conversations.push(Conversation { name, streams: vec![stream] }),
+            None => self.conversations.push(Conversation { name, carrier, streams: vec![stream] }),
         }
         Ok(())
     }

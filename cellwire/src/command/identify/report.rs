@@ -6,12 +6,15 @@ use anyhow::Result;
 use cellwire_links::LINKS;
 use cellwire_links::identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
 use cellwire_links::identify::{Decided, Finding, Open};
+use cellwire_links::link::Carrier;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::{Value, json};
 
 use super::super::encode::hex;
 use super::input::Conversation;
+#[cfg(unix)]
+use super::live::Line;
 use super::settings::{or, plain, would_decide};
 use crate::io::output::log;
 
@@ -39,7 +42,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
         let advice =
             "capture more, or at another point: most of the bytes should be messages, and several of them";
         writeln!(out, "  None of these is sure: {advice}.\n")?;
-        return Ok(());
+        return unknown(conversation, &mut out);
     }
     if best.options.is_empty() {
         writeln!(out, "  It is {}, whose source leaves no option open.\n", best.link.name)?;
@@ -50,7 +53,51 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     for option in &best.options {
         options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
     }
-    Ok(writeln!(out, "{options}\n")?)
+    writeln!(out, "{options}")?;
+    for note in (best.link.open.notes)(&best.read) {
+        writeln!(out, "  {note}")?;
+    }
+    Ok(writeln!(out)?)
+}
+
+/// So many settings of a line are shown.
+#[cfg(unix)]
+const SHOWN: usize = 8;
+
+/// The settings of a serial line.
+#[cfg(unix)]
+pub(super) fn line(line: &Line) -> Result<()> {
+    let mut out = io::stdout().lock();
+    let mut settings = table(["line", "characters", "broken", "text", "link", "likelier than a wrong one"]);
+    for it in line.judged.iter().take(SHOWN) {
+        settings.add_row([
+            it.setting.to_string(),
+            it.characters.to_string(),
+            it.broken.to_string(),
+            format!("{:.0} %", 100.0 * it.text),
+            it.link.unwrap_or_default().to_owned(),
+            format!("2^{:.0}", it.bits),
+        ]);
+    }
+    writeln!(out, "{}:\n{settings}\n", line.conversation.name)?;
+    let likely: Vec<String> = line.judged.iter().take(line.likely).map(|it| it.setting.to_string()).collect();
+    match likely.as_slice() {
+        [only] => writeln!(out, "  The line has {only}.")?,
+        several => {
+            let several = several.join(" or ");
+            writeln!(out, "  Undecided: {several}; listen longer, while both ends speak.")?;
+        }
+    }
+    Ok(writeln!(
+        out,
+        "  One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.\n"
+    )?)
+}
+
+/// The settings of a serial line, one line.
+#[cfg(unix)]
+pub(super) fn line_json(line: &Line) -> Result<()> {
+    log(&json!({"port": line.conversation.name, "likely": line.likely, "lines": line.judged}))
 }
 
 /// What can be seen of bytes that no link explains.
@@ -137,8 +184,8 @@ fn lines(seen: &Seen) -> Vec<String> {
 }
 
 /// The expression for the crate's configuration.
-pub(super) fn rust(finding: &Finding) -> Result<()> {
-    let text = (finding.link.open.rust)(&finding.settings)?;
+pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
+    let text = (finding.link.open.rust)(&finding.settings, carrier)?;
     let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
     Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.name)?)
 }
@@ -167,6 +214,7 @@ fn finding_json(finding: &Finding) -> Value {
         "link": finding.link.name, "sure": finding.is_sure(), "bits": finding.bits.round(),
         "explained": explained, "bytes": bytes, "messages": messages, "written_alike": written,
         "senders": finding.senders, "settings": finding.settings, "options": options,
+        "notes": (finding.link.open.notes)(&finding.read),
     })
 }
 

@@ -52,7 +52,13 @@ pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
         let most =
             beside.iter().copied().max_by_key(|it| beside.iter().filter(|other| *other == it).count())?;
         let right = beside.iter().filter(|it| **it == most).count();
-        (enough(right, messages.len()) && (-8..=64).contains(&most)).then_some(Length {
+        let of_others = messages.iter().filter(|it| it.len() != usual);
+        let of_others = of_others.filter(|it| {
+            read(it).is_some_and(|value| i64::try_from(it.len()).is_ok_and(|len| len - value == most))
+        });
+        // A byte that is the same in all is right where most are of one length.
+        let grows = of_others.count() * 2 > others;
+        (grows && enough(right, messages.len()) && (-8..=64).contains(&most)).then_some(Length {
             at,
             width,
             order,

@@ -3,9 +3,11 @@
 
 mod checks;
 mod crc;
+mod divide;
 mod fields;
 mod messages;
 mod nearest;
+mod symbols;
 #[cfg(test)]
 mod tests;
 
@@ -54,10 +56,24 @@ pub fn look(streams: &[Stream]) -> Vec<Seen> {
     streams.iter().filter_map(seen).collect()
 }
 
+/// Of the divisions that are nearly as good, the one in whose messages most is found.
 fn seen(stream: &Stream) -> Option<Seen> {
-    let found = messages::divide(&stream.parts)?;
-    let messages: Vec<&[u8]> = found.messages.iter().map(Vec::as_slice).take(MOST).collect();
-    let (begin, end) = (found.begin, found.end);
+    let found = divide::divide(stream).into_iter().filter_map(|division| {
+        let seen = of_messages(&division.messages)?;
+        let check = seen.check.as_ref().is_some_and(|it| it.constant == 0);
+        // A check that is there is not there by chance.
+        let rank = (division.rank.together, check, seen.length.is_some(), division.rank);
+        Some((rank, seen))
+    });
+    // Of equals the first.
+    let best = found.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
+    Some(best.1)
+}
+
+fn of_messages(messages: &[Vec<u8>]) -> Option<Seen> {
+    let count = messages.len();
+    let messages: Vec<&[u8]> = messages.iter().map(Vec::as_slice).take(MOST).collect();
+    let (begin, end) = messages::marks(&messages);
     let doubled = messages::doubled(&messages, begin.len(), &end);
     let check = checks::find(&messages, end.len(), doubled);
     let taken = check.as_ref().map_or(end.len(), |check| check.from_end + check.width);
@@ -71,18 +87,11 @@ fn seen(stream: &Stream) -> Option<Seen> {
     let shortest = messages.iter().map(|it| it.len()).min()?;
     let longest = messages.iter().map(|it| it.len()).max()?;
     let lengths = [shortest, longest];
-    Some(Seen {
-        messages: found.messages.len(),
-        lengths,
-        begin,
-        end,
-        doubled,
-        constant,
-        check,
-        length,
-        counters,
-        numbers,
-    })
+    Some(Seen { messages: count, lengths, begin, end, doubled, constant, check, length, counters, numbers })
+}
+
+fn real(count: usize) -> f64 {
+    u32::try_from(count).map_or(f64::MAX, f64::from)
 }
 
 /// Whether so many of all are enough.

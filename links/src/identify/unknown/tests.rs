@@ -1,11 +1,14 @@
 //! Messages that no link has.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
+use std::time::Duration;
+
 use super::super::Sender;
 use super::*;
 
 fn look_at(messages: impl Iterator<Item = Vec<u8>>) -> Seen {
-    let stream = Stream { sender: Sender::Unknown, parts: vec![messages.flatten().collect()] };
+    let stream =
+        Stream { sender: Sender::Unknown, parts: vec![messages.flatten().collect()], arrivals: vec![] };
     look(&[stream]).remove(0)
 }
 
@@ -42,4 +45,30 @@ fn a_line_ends_with_its_end_and_a_check_in_digits() {
     assert_eq!((seen.begin.as_slice(), seen.end.as_slice()), (&b"$T,"[..], &b"\r\n"[..]), "{seen:?}");
     let check = seen.check.unwrap();
     assert_eq!((check.kind.as_str(), check.order, check.first, check.before), ("xor", "hex", 1, 1));
+}
+
+/// Nothing is the same in these messages but their beginning, which is no mark: it is everywhere.
+#[test]
+fn messages_are_divided_by_the_pauses_between_them() {
+    let message = |at: u32| -> Vec<u8> {
+        let count = u8::try_from(at).unwrap();
+        let data = (0..6 + at % 3).map(|byte| noise(at * 16 + byte) & 1);
+        [1, count].into_iter().chain(data).collect()
+    };
+    let (mut bytes, mut arrivals, mut time) = (Vec::new(), Vec::new(), Duration::ZERO);
+    for at in 2..42 {
+        time += Duration::from_millis(40);
+        // A driver hands over four bytes at a time.
+        for chunk in message(at).chunks(4) {
+            time += Duration::from_millis(4);
+            arrivals.push((bytes.len(), time));
+            bytes.extend_from_slice(chunk);
+        }
+    }
+    let stream = Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals };
+    let seen = look(core::slice::from_ref(&stream)).remove(0);
+    assert_eq!((seen.messages, seen.lengths), (40, [8, 10]), "{seen:?}");
+    assert_eq!(seen.counters, [Number { at: 1, kind: "u8", order: "big" }]);
+    let without = look(&[Stream { arrivals: vec![], ..stream }]).remove(0);
+    assert_ne!(without.messages, 40, "{without:?}");
 }

@@ -1,0 +1,129 @@
+//! `cellwire identify --draft`: a plant whose names nobody told, from a tap to a client that works with it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![cfg(unix)]
+
+#[allow(dead_code, reason = "nobody types here")]
+mod operated;
+
+use core::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use operated::Tool;
+
+const JOBS: usize = 40;
+
+/// The plants of the repository, with names of their own.
+fn renamed(name: &str) -> String {
+    let path = format!("{}/../kawasaki-msg/plants/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut text = String::new();
+    let mut role = "";
+    let plant = fs::read_to_string(path).unwrap();
+    for line in plant.lines() {
+        role = line.strip_prefix("[messages.").map_or(role, |rest| rest.trim_end_matches(']'));
+        if line.starts_with("name = ") && !role.is_empty() {
+            writeln!(
+                text,
+                "name = \"Q{}\"",
+                role.bytes().rev().filter(|it| *it != b'_').map(char::from).collect::<String>()
+            )
+            .unwrap();
+        } else {
+            writeln!(text, "{line}").unwrap();
+        }
+    }
+    text
+}
+
+/// The part of a plant's file from a table on to the next.
+fn table<'a>(text: &'a str, name: &str) -> &'a str {
+    let begin = text.find(&format!("[{name}]")).unwrap_or_else(|| panic!("no {name}: {text}"));
+    let end = text[begin + 1..].find("\n[").map_or(text.len(), |end| begin + 1 + end + 1);
+    &text[begin..end]
+}
+
+/// The draft, with what has a question mark as the plant has it.
+fn corrected(draft: &str, plant: &str) -> String {
+    let mut text = String::new();
+    let mut columns = ["kind", "x1", "y1", "x2", "y2"].into_iter();
+    for part in draft.split_inclusive("\n\n") {
+        let name =
+            part.split_once('[').and_then(|(_, rest)| rest.split_once(']')).map_or("", |(name, _)| name);
+        if name.starts_with("messages.") && part.contains('?') {
+            text += table(plant, name);
+        } else if name == "[job" {
+            text += &part.replace(&part[part.find("field_").unwrap()..][..7], columns.next().unwrap());
+        } else {
+            text += part;
+        }
+    }
+    let limit = plant.lines().find(|line| line.starts_with("max_number")).unwrap();
+    text.replace("# max_number = 9999", limit)
+}
+
+/// A client works through an order with a robot; what passed is in a capture.
+fn work(folder: &Path, name: &str, client: &str, robot: &str) {
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let mut jobs = String::from("kind,x1,y1,x2,y2\n");
+    (0..JOBS).for_each(|at| {
+        writeln!(jobs, "{},{},{},{at},-{at}", 1 + at % 2, at * 31 % 700, at * 17 % 90).unwrap()
+    });
+    fs::write(path(&format!("{name}.csv")), jobs).unwrap();
+    let run = Tool::start(&[
+        "kawasaki",
+        "run",
+        &path(&format!("{name}.csv")),
+        "--settings",
+        client,
+        "--listen",
+        "127.0.0.1:0",
+    ]);
+    let listens = run.line()["listen"].as_str().unwrap().to_owned();
+    let capture = path(&format!("{name}.pcapng"));
+    let tap = Tool::start(&[
+        "tap",
+        "kawasaki-msg",
+        "--listen",
+        "127.0.0.1:0",
+        "--connect",
+        &listens,
+        "--capture",
+        &capture,
+    ]);
+    let taps = tap.line()["listen"].as_str().unwrap().to_owned();
+    let set = ["--set", "job_time=20ms", "--set", "queue=8"];
+    let robot = Tool::start(
+        &[&["simulate", "kawasaki-robot", "--settings", robot, "--connect", &taps][..], &set].concat(),
+    );
+    let ended = run.event("ended");
+    assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &JOBS.into()), "{ended}");
+    assert_eq!(run.end().0, Some(0));
+    drop(robot);
+    let pid = rustix::process::Pid::from_child(&tap.process);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    // The capture is whole then.
+    tap.end();
+}
+
+#[test]
+fn a_draft_that_is_corrected_where_it_says_so_works() {
+    for name in ["default", "other"] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let plant = renamed(name);
+        fs::write(path("plant.toml"), &plant).unwrap();
+        work(folder.path(), "first", &path("plant.toml"), &path("plant.toml"));
+        let identify =
+            ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+        assert_eq!(Tool::start(&identify).end().0, Some(0));
+        let draft = fs::read_to_string(path("draft.toml")).unwrap();
+        // What the capture shows is no question.
+        for role in
+            ["job", "job_ack", "job_request", "order_start", "order_ack", "order_end", "end_ack", "filler"]
+        {
+            assert!(!table(&draft, &format!("messages.{role}")).contains('?'), "{name} {role}: {draft}");
+        }
+        fs::write(path("corrected.toml"), corrected(&draft, &plant)).unwrap();
+        work(folder.path(), "second", &path("corrected.toml"), &path("plant.toml"));
+    }
+}

@@ -1,0 +1,122 @@
+//! The command words of a laser, by class.
+
+use core::fmt::Write as _;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use serde_json::Value;
+
+use super::Said;
+
+/// An answer that comes later comes after an execution.
+const AT_ONCE: Duration = Duration::from_millis(150);
+/// One answer may be late for other reasons.
+const SHARE: usize = 2;
+
+/// A command word, and what was seen of it.
+#[derive(Default)]
+struct Word {
+    word: i64,
+    times: usize,
+    /// In a frame with others.
+    together: usize,
+    /// How long answers to it alone took.
+    answers: Vec<Duration>,
+    /// Its answer had values.
+    values: usize,
+}
+
+/// The words of a conversation.
+pub(super) fn draft(said: &[Said]) -> Result<String> {
+    let mut words: Vec<Word> = Vec::new();
+    let mut codes: Vec<(i64, usize)> = Vec::new();
+    let mut asked: Option<(Vec<i64>, Duration)> = None;
+    for Said { side, message, time } in said {
+        let found = words_of(message);
+        if *side == "host" {
+            for word in &found {
+                let known = known(&mut words, *word);
+                known.times += 1;
+                known.together += usize::from(found.len() > 1);
+            }
+            asked = Some((found, *time));
+            continue;
+        }
+        let (Some(first), Some((of, at))) = (found.first(), &asked) else { continue };
+        if !of.contains(first) {
+            match codes.iter_mut().find(|(code, _)| code == first) {
+                Some((_, times)) => *times += 1,
+                None => codes.push((*first, 1)),
+            }
+        } else if let [word] = of.as_slice() {
+            let known = known(&mut words, *word);
+            known.answers.push(time.saturating_sub(*at));
+            let items = message.get("items").and_then(Value::as_array).map_or(0, Vec::len);
+            known.values += usize::from(items > 1 || found.len() > 1);
+        }
+        asked = None;
+    }
+    ensure!(!words.is_empty(), "no command words are in the capture: capture what the host sends, too");
+    words.sort_by_key(|word| word.word);
+    let mut text = String::from("# A draft from a capture: correct what has a ?.\n\n[words]\ncommands = [\n");
+    for word in &words {
+        let (class, why, doubt) = class(word);
+        let number = word.word;
+        writeln!(
+            text,
+            "  {{ first = {number}, last = {number}, class = \"{class}\" }}, # {doubt}{} times, {why}",
+            word.times
+        )?;
+    }
+    text.push_str("]\n\n[words.errors]\n");
+    let names = ["bad_checksum", "bad_frame", "unknown_command", "bad_batch", "bad_parameters", "queue_full"];
+    codes.sort_by_key(|(_, times)| core::cmp::Reverse(*times));
+    for (code, times) in codes.iter().skip(names.len()) {
+        writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
+    }
+    let mut free = (57_345..)
+        .filter(|code| !codes.iter().any(|(it, _)| it == code) && !words.iter().any(|it| it.word == *code));
+    for (number, name) in names.iter().enumerate() {
+        match codes.get(number) {
+            Some((code, times)) => {
+                writeln!(text, "{name} = {code} # ? answered {times} times; which error it is nobody knows")?
+            }
+            None => writeln!(text, "{name} = {} # ? not in the capture", free.next().unwrap_or_default())?,
+        }
+    }
+    Ok(text)
+}
+
+/// The class of a word, why, and whether that is a guess.
+fn class(word: &Word) -> (&'static str, String, &'static str) {
+    let mut answers = word.answers.clone();
+    answers.sort_unstable();
+    let usual = answers.get(answers.len() / 2).copied();
+    let late = answers.iter().filter(|it| **it > AT_ONCE).count() * SHARE > answers.len();
+    let after = usual.map_or_else(String::new, |usual| format!("answered after {} ms", usual.as_millis()));
+    match usual {
+        _ if word.together > 0 => {
+            ("interpreted", format!("{} of them in a frame with others", word.together), "")
+        }
+        Some(_) if word.values * SHARE > answers.len() => ("query", format!("{after}, with values"), ""),
+        Some(_) if late => ("immediate", after, ""),
+        Some(Duration::ZERO) | None => ("interpreted", "its answers have no times".into(), "? "),
+        Some(_) => ("interpreted", after, "? "),
+    }
+}
+
+fn known(words: &mut Vec<Word>, word: i64) -> &mut Word {
+    let at = words.iter().position(|known| known.word == word).unwrap_or_else(|| {
+        words.push(Word { word, ..Word::default() });
+        words.len() - 1
+    });
+    #[expect(clippy::indexing_slicing, reason = "it is there, or was pushed")]
+    &mut words[at]
+}
+
+/// The command words of a frame: each instruction begins with a short of its own.
+fn words_of(message: &Value) -> Vec<i64> {
+    let items = message.get("items").and_then(Value::as_array).into_iter().flatten();
+    let shorts = items.filter_map(|item| item.get("i16")?.as_array());
+    shorts.filter(|values| values.len() == 1).filter_map(|values| values.first()?.as_i64()).collect()
+}

@@ -1,0 +1,64 @@
+//! Drafts of what no bytes say: what the words of an installation mean, guessed from when they are said, to be corrected by hand.
+
+mod kawasaki;
+mod laser;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use serde_json::{Map, Value, json};
+
+use super::{Finding, Stream};
+use crate::codec;
+
+/// A message of a conversation.
+#[derive(Debug, Clone)]
+struct Said {
+    side: &'static str,
+    message: Value,
+    /// When it began to arrive; zero where the capture does not say.
+    time: Duration,
+}
+
+/// The text of a settings file: what is uncertain in it has a remark that begins with `?`.
+///
+/// # Errors
+/// Of a link whose words the source gives.
+pub fn draft(finding: &Finding, streams: &[Stream]) -> Result<String> {
+    match finding.link.name {
+        "kawasaki-msg" => {
+            // Every name of the smaller set is one of the larger.
+            let settings = Map::from_iter([("charset".into(), json!("latin1"))]);
+            kawasaki::draft(&said(finding, streams, &settings)?)
+        }
+        "laser-eb90" => laser::draft(&said(finding, streams, &finding.settings)?),
+        name => bail!("{name} has no words of an installation's own: there is nothing to draft"),
+    }
+}
+
+/// The messages of both ends, as they followed each other.
+fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) -> Result<Vec<Said>> {
+    let mut all = Vec::new();
+    for (stream, sides) in streams.iter().zip(&finding.senders) {
+        let parts: Vec<Vec<&[u8]>> = stream.parts.iter().map(|part| vec![part.as_slice()]).collect();
+        let mut found = Vec::new();
+        for side in sides {
+            for item in codec::items((finding.link.codec)(side, settings)?, &parts)? {
+                let Ok(json) = item.content else { continue };
+                let begin = usize::try_from(item.offset)?;
+                // It is there when its last byte is.
+                let end = begin + usize::try_from(item.length)?;
+                let arrived = stream.arrivals.partition_point(|(place, _)| *place < end);
+                let time = arrived.checked_sub(1).and_then(|at| stream.arrivals.get(at));
+                let time = time.map_or(Duration::ZERO, |(_, time)| *time);
+                found.push((begin, Said { side, message: serde_json::from_str(&json)?, time }));
+            }
+        }
+        found.sort_by_key(|(begin, _)| *begin);
+        all.extend(found.into_iter().map(|(_, said)| said));
+    }
+    all.sort_by_key(|said| said.time);
+    Ok(all)
+}

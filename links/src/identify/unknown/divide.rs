@@ -1,0 +1,302 @@
+//! Where messages begin and end: of all ways to divide a stream, those with which it could be written in the fewest bits, were each place
+//! of a message to tell what is usual there.
+//!
+//! Ways to divide: at a mark that begins messages or ends them; where bytes came after a pause, or in another packet.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use super::messages::marks as marks_of;
+use super::real;
+use super::symbols::{Part, Symbols};
+use crate::identify::Stream;
+
+/// The longest mark that is searched for; what is constant beside it is found then.
+const MARK: usize = 4;
+/// So many marks of each length are tried.
+const TRIED: usize = 8;
+/// Fewer messages show nothing.
+const FEWEST: usize = 5;
+/// So many messages of a division are looked at.
+const MESSAGES: usize = 200;
+/// The places at the beginning and at the end of messages that are compared: of bytes, and of a text's words.
+const PLACES: [usize; 2] = [16, 8];
+const PLACES_OF_TEXT: [usize; 2] = [48, 8];
+/// The places that may say which kind of message it is.
+const KINDS: usize = 6;
+/// So many divisions are looked at, and of those with so many numbers of messages which kinds of messages there are.
+const LOOKED_AT: usize = 64;
+const COUNTS: usize = 6;
+/// The numbers of messages of divisions that are shifted against each other differ by so many.
+const SHIFTED: usize = 2;
+/// Divisions that are nearly as good may be shifted against each other: what is found in their messages decides.
+const NEARLY: f64 = 0.85;
+const KEPT: usize = 4;
+/// Where messages begin as bytes arrive, less has to be saved.
+const LESS: f64 = 0.5;
+/// So much of where messages begin and bytes arrive has to be the same.
+const TOGETHER: f64 = 0.7;
+/// How much one symbol at a place says of the next: as much as so many that come as often as in the whole stream.
+const PRIOR: f64 = 2.0;
+/// That a place depends on the kind has to be worth so many bits.
+const DEPENDS: f64 = 3.0;
+
+/// A stream, divided; what is cut off at an end is left out.
+pub(super) struct Division {
+    pub(super) messages: Vec<Vec<u8>>,
+    /// What is better without a look at the messages' fields, the most important first.
+    pub(super) rank: Rank,
+}
+
+/// What speaks for a division beside the bits that it saves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Rank {
+    /// Messages begin where bytes arrive: a message is sent at once.
+    pub(super) together: bool,
+    /// The first message begins with the capture.
+    pub(super) begins: bool,
+    /// The messages of a text end with the end of a line, or a bracket.
+    closes: bool,
+    /// The share of the messages with the marks of most, in percent.
+    alike: usize,
+    /// How long the marks are.
+    marks: usize,
+}
+
+/// Messages as the first and the last symbol of each, by parts.
+#[derive(PartialEq)]
+struct Bounds {
+    /// For each part the places at which it is cut.
+    cuts: Vec<Vec<usize>>,
+    /// They are arrivals: the first and the last piece are messages too.
+    whole: bool,
+}
+
+/// The ways to divide what one end sent that explain most, those that seem the best first.
+pub(super) fn divide(stream: &Stream) -> Vec<Division> {
+    let symbols = Symbols::of(&stream.parts);
+    let arrivals: Vec<Vec<Vec<usize>>> = pauses(&stream.arrivals)
+        .iter()
+        .map(|places| symbols.parts.iter().map(|part| part.at(places.iter())).collect())
+        .collect();
+    let mut all: Vec<Bounds> = marks(&symbols).iter().flat_map(|mark| cut(&symbols, mark)).collect();
+    all.extend(arrivals.iter().map(|cuts| Bounds { cuts: cuts.clone(), whole: true }));
+    let mut found: Vec<(f64, Bounds)> = Vec::new();
+    for bounds in all {
+        if !found.iter().any(|(_, known)| *known == bounds) && bounds.count() >= FEWEST {
+            found.push((score(&symbols, &bounds, &[None]), bounds));
+        }
+    }
+    found.sort_by(|(a, of_a), (b, of_b)| of_b.whole.cmp(&of_a.whole).then(b.total_cmp(a)));
+    found.truncate(LOOKED_AT);
+    // Divisions with as many messages are shifted against each other: the kinds of messages are those of the best.
+    let kinds: Vec<Option<usize>> = (0..KINDS).map(Some).collect();
+    let mut more: Vec<(usize, f64)> = Vec::new();
+    for (bits, bounds) in &mut found {
+        let count = bounds.count();
+        let known = more.iter().find(|(of, _)| of.abs_diff(count) <= SHIFTED).map(|(_, more)| *more);
+        let more_bits = match known {
+            Some(bits) => bits,
+            None if more.len() < COUNTS => (score(&symbols, bounds, &kinds) - *bits).max(0.0),
+            None => 0.0,
+        };
+        more.push((count, more_bits));
+        *bits += more_bits;
+    }
+    let most = found.iter().map(|(bits, _)| *bits).fold(0.0, f64::max);
+    let mut found: Vec<(f64, Division)> =
+        found.iter().map(|(bits, bounds)| (*bits, bounds.division(&symbols, &arrivals))).collect();
+    let least = |it: &Division| most * if it.rank.together { LESS } else { NEARLY };
+    found.retain(|(bits, it)| *bits > 0.0 && *bits >= least(it));
+    found.sort_by(|(a, of_a), (b, of_b)| of_b.rank.cmp(&of_a.rank).then(b.total_cmp(a)));
+    found.truncate(KEPT);
+    found.into_iter().map(|(_, division)| division).collect()
+}
+
+/// Places at which bytes came after a pause: every arrival, and those behind a pause that is much longer than others.
+fn pauses(arrivals: &[(usize, Duration)]) -> Vec<Vec<usize>> {
+    let gaps: Vec<(usize, Duration)> = arrivals
+        .iter()
+        .zip(arrivals.iter().skip(1))
+        .map(|((_, before), (place, after))| (*place, after.saturating_sub(*before)))
+        .collect();
+    let Some((first, _)) = arrivals.first() else { return Vec::new() };
+    let mut sorted: Vec<Duration> = gaps.iter().map(|(_, gap)| *gap).collect();
+    sorted.sort_unstable();
+    // The longest step between two pauses that follow each other in length.
+    let steps = sorted.iter().zip(sorted.iter().skip(1)).enumerate();
+    let ratio = |before: &Duration, after: &Duration| after.as_secs_f64() / before.as_secs_f64().max(1e-4);
+    let longest = steps
+        .filter(|(at, _)| sorted.len() - at > FEWEST)
+        .map(|(_, (before, after))| (ratio(before, after), *after))
+        .max_by(|(a, _), (b, _)| a.total_cmp(b));
+    let behind = |least: Duration| {
+        let places = gaps.iter().filter(|(_, gap)| *gap >= least).map(|(place, _)| *place);
+        core::iter::once(*first).chain(places).collect::<Vec<usize>>()
+    };
+    let mut found = vec![behind(Duration::ZERO)];
+    found.extend(longest.filter(|(ratio, _)| *ratio >= 2.0).map(|(_, least)| behind(least)));
+    found
+}
+
+/// The most frequent strings of a few symbols.
+fn marks(symbols: &Symbols) -> Vec<Vec<u32>> {
+    let mut found = Vec::new();
+    for length in 1..=MARK {
+        let mut counts: HashMap<&[u32], usize> = HashMap::new();
+        for part in &symbols.parts {
+            for window in part.symbols.windows(length) {
+                *counts.entry(window).or_default() += 1;
+            }
+        }
+        let mut counts: Vec<(usize, &[u32])> = counts
+            .into_iter()
+            .filter(|(_, count)| *count >= FEWEST)
+            .map(|(mark, count)| (count, mark))
+            .collect();
+        counts.sort_by_key(|(count, mark)| (core::cmp::Reverse(*count), *mark));
+        // Those that are in every message are beside one another.
+        found.extend(counts.into_iter().take(TRIED * length).map(|(_, mark)| mark.to_vec()));
+    }
+    found
+}
+
+/// Cut before a mark; in a text also behind it.
+fn cut(symbols: &Symbols, mark: &[u32]) -> Vec<Bounds> {
+    let places = |part: &Part| {
+        let (mut places, mut at) = (Vec::new(), 0);
+        while let Some(next) =
+            part.symbols.get(at..).and_then(|rest| rest.windows(mark.len()).position(|it| it == mark))
+        {
+            places.push(at + next);
+            at += next + mark.len();
+        }
+        places
+    };
+    let before: Vec<Vec<usize>> = symbols.parts.iter().map(places).collect();
+    if !symbols.is_text {
+        return vec![Bounds { cuts: before, whole: false }];
+    }
+    let behind = |(part, places): (&Part, &Vec<usize>)| {
+        let mut cuts: Vec<usize> =
+            places.iter().map(|at| at + mark.len()).filter(|at| *at <= part.symbols.len()).collect();
+        // What the capture begins with is a message if it begins as the others do, and cut off otherwise.
+        let firsts: Vec<&u32> = cuts.iter().filter_map(|at| part.symbols.get(*at)).collect();
+        let first = part.symbols.first();
+        if firsts.iter().filter(|it| Some(**it) == first).count() * FEWEST * 2 >= firsts.len() {
+            cuts.insert(0, 0);
+        }
+        cuts
+    };
+    let behind = symbols.parts.iter().zip(&before).map(behind).collect();
+    vec![Bounds { cuts: before, whole: false }, Bounds { cuts: behind, whole: false }]
+}
+
+impl Bounds {
+    fn count(&self) -> usize {
+        self.cuts.iter().map(|cuts| cuts.len().saturating_sub(1)).sum()
+    }
+
+    /// Every message: its part, and its first symbol and the one behind it.
+    fn messages<'a>(&'a self, symbols: &'a Symbols) -> impl Iterator<Item = (&'a Part, usize, usize)> {
+        symbols.parts.iter().zip(&self.cuts).flat_map(move |(part, cuts)| {
+            let ends = cuts.iter().copied().skip(1);
+            let ends = ends.chain(self.whole.then_some(part.symbols.len()));
+            cuts.iter()
+                .copied()
+                .zip(ends)
+                .filter(|(from, to)| from < to)
+                .map(move |(from, to)| (part, from, to))
+        })
+    }
+
+    fn division(&self, symbols: &Symbols, arrivals: &[Vec<Vec<usize>>]) -> Division {
+        let messages: Vec<Vec<u8>> =
+            self.messages(symbols).map(|(part, from, to)| part.bytes(from, to).to_vec()).collect();
+        let all: Vec<&[u8]> = messages.iter().map(Vec::as_slice).take(MESSAGES).collect();
+        let (begin, end) = marks_of(&all);
+        let alike = all.iter().filter(|it| it.starts_with(&begin) && it.ends_with(&end)).count();
+        let closing = |byte: &u8| byte.is_ascii_control() || b">)]};".contains(byte);
+        let rank = Rank {
+            together: arrivals.iter().any(|arrivals| self.agreement(arrivals) >= TOGETHER),
+            begins: self.cuts.first().and_then(|cuts| cuts.first()) == Some(&0),
+            closes: symbols.is_text && end.last().is_some_and(closing),
+            alike: alike * 100 / all.len().max(1),
+            marks: begin.len() + end.len(),
+        };
+        Division { messages, rank }
+    }
+
+    /// The share of the places where a message or an arrival begins at which both do.
+    fn agreement(&self, arrivals: &[Vec<usize>]) -> f64 {
+        let both = |(cuts, arrivals): (&Vec<usize>, &Vec<usize>)| {
+            cuts.iter().filter(|at| arrivals.binary_search(at).is_ok()).count()
+        };
+        let both: usize = self.cuts.iter().zip(arrivals).map(both).sum();
+        let count = |of: &[Vec<usize>]| of.iter().map(Vec::len).sum::<usize>();
+        real(both) / real((count(&self.cuts) + count(arrivals) - both).max(1))
+    }
+}
+
+/// The bits that a division saves, with the place of the kinds that saves most.
+fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
+    let all = bounds.messages(symbols).count();
+    let messages: Vec<&[u32]> = bounds
+        .messages(symbols)
+        .take(MESSAGES)
+        .map(|(part, from, to)| part.symbols.get(from..to).unwrap_or_default())
+        .collect();
+    let longest = messages.iter().map(|it| it.len()).max().unwrap_or_default().max(2);
+    let lengths = messages.iter().map(|it| u32::try_from(it.len()).unwrap_or(u32::MAX));
+    let even = 1.0 / real(longest);
+    let lengths = -saved(lengths.map(|length| (0, length)), &|_| even) + real(messages.len()) * -even.log2();
+    let plain = places(symbols, &messages, None);
+    let best = kinds.iter().map(|kind| {
+        let with = places(symbols, &messages, *kind);
+        let best = |place: &(bool, usize)| {
+            let plain = plain.get(place).copied().unwrap_or_default();
+            let with = if *kind == Some(place.1) && !place.0 {
+                0.0
+            } else {
+                with.get(place).copied().unwrap_or_default()
+            };
+            plain.max(with - DEPENDS).max(0.0)
+        };
+        plain.keys().map(best).sum::<f64>()
+    });
+    // Arrivals say how long each message is.
+    let lengths = if bounds.whole { 0.0 } else { lengths };
+    (best.fold(0.0, f64::max) - lengths) * real(all) / real(messages.len().max(1))
+}
+
+/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind.
+fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> HashMap<(bool, usize), f64> {
+    let [first, last] = if symbols.is_text { PLACES_OF_TEXT } else { PLACES };
+    let mut values: HashMap<(bool, usize), Vec<(u32, u32)>> = HashMap::new();
+    for message in messages {
+        let of = kind.and_then(|at| message.get(at)).map_or(0, |symbol| symbol + 1);
+        let last = last.min(message.len() / 2);
+        let first = first.min(message.len() - last);
+        for (at, symbol) in message.iter().take(first).enumerate() {
+            values.entry((false, at)).or_default().push((of, *symbol));
+        }
+        for (at, symbol) in message.iter().rev().take(last).enumerate() {
+            values.entry((true, at)).or_default().push((of, *symbol));
+        }
+    }
+    let saved = |values: Vec<(u32, u32)>| saved(values.into_iter(), &|symbol| symbols.share(symbol));
+    values.into_iter().map(|(place, values)| (place, saved(values))).collect()
+}
+
+/// The bits that are saved when each value is written with what was seen before it, of the same kind.
+fn saved(values: impl Iterator<Item = (u32, u32)>, share: &dyn Fn(u32) -> f64) -> f64 {
+    let (mut counts, mut totals) = (HashMap::<(u32, u32), f64>::new(), HashMap::<u32, f64>::new());
+    let mut bits = 0.0;
+    for (kind, value) in values {
+        let (count, total) = (counts.entry((kind, value)).or_default(), totals.entry(kind).or_default());
+        bits += ((*count / share(value) + PRIOR) / (*total + PRIOR)).log2();
+        *count += 1.0;
+        *total += 1.0;
+    }
+    bits
+}

@@ -214,9 +214,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             // No message goes on after the end of a datagram.
             self.finish(now);
         }
-        if !self.core.decoder.is_inside_message() {
-            self.advance(now, Input::ReadEnd, None);
-        }
+        let whole = !self.core.decoder.is_inside_message();
+        self.advance(now, Input::ReadEnd { whole }, None);
     }
 
     fn look(&mut self, now: Duration) {

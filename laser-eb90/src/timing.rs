@@ -31,16 +31,20 @@ pub const fn period(frame: usize, answer: usize, baud: u32, tick: Duration) -> D
     end_of_tick(transmission_time(frame + answer, baud), tick)
 }
 
-/// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then, or has no length.
+/// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then, has no length, or lies centuries ahead.
 pub const fn end_of_tick(now: Duration, tick: Duration) -> Duration {
-    let Some(over) = now.as_nanos().checked_rem(tick.as_nanos()) else { return now };
-    if over == 0 {
-        return now;
+    // A division of 128 bits is a kilobyte of a small processor's code.
+    let (Some(at), Some(length)) = (nanos(now), nanos(tick)) else { return now };
+    match at.checked_rem(length) {
+        None | Some(0) => now,
+        Some(over) => now.saturating_add(Duration::from_nanos(length - over)),
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "over is below a cycle, which is a Duration of few seconds"
-    )]
-    let over = Duration::from_nanos(over as u64);
-    now.saturating_add(tick.saturating_sub(over))
+}
+
+/// Nanoseconds, up to 584 years of them.
+const fn nanos(time: Duration) -> Option<u64> {
+    match time.as_secs().checked_mul(1_000_000_000) {
+        Some(nanos) => nanos.checked_add(time.subsec_nanos() as u64),
+        None => None,
+    }
 }

@@ -154,7 +154,11 @@ fn an_answer_within_the_time_begins_the_next_cycle_after_32_ms() {
     assert_eq!(robot.poll_transmit(31 * MS, &mut out), None);
     assert!(robot.poll_transmit(32 * MS, &mut out).is_some());
     robot.handle_input(72 * MS, b"<Huuhaa$0##>");
-    assert_eq!(robot.poll_timeout(), Some(72 * MS), "a late answer does not make the next cycle wait");
+    assert_eq!(
+        robot.poll_timeout(),
+        Some(74 * MS),
+        "a late answer makes the next cycle wait for its end alone"
+    );
     let exchange = robot.statistics().exchange;
     assert_eq!((exchange.last(), exchange.mean()), (Some(40 * MS), Some(23 * MS)));
     robot.record_unpack(27 * MS);

@@ -11,7 +11,7 @@ use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Instant, Timer};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
-use embedded_io::{ReadReady as _, WriteReady as _};
+use embedded_io::{ErrorType, ReadReady as _, WriteReady as _};
 use embedded_io_async::{Read, Write};
 use robot_session::Clock;
 
@@ -74,12 +74,35 @@ impl Timers {
     }
 }
 
-impl Read for Uart {
+/// The half of the UART that reads.
+#[derive(Debug)]
+pub struct Receiver(Uart);
+
+/// The half that writes.
+#[derive(Debug)]
+pub struct Sender(Uart);
+
+impl Uart {
+    /// Both halves: a driver waits for both at once.
+    pub fn split(self) -> (Receiver, Sender) {
+        (Receiver(self), Sender(Self::new()))
+    }
+}
+
+impl ErrorType for Receiver {
+    type Error = Infallible;
+}
+
+impl ErrorType for Sender {
+    type Error = Infallible;
+}
+
+impl Read for Receiver {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
             RECEIVED.register(context.waker());
-            match self.read_ready() {
-                Ok(true) => Poll::Ready(embedded_io::Read::read(self, buffer)),
+            match self.0.read_ready() {
+                Ok(true) => Poll::Ready(embedded_io::Read::read(&mut self.0, buffer)),
                 _ => Poll::Pending,
             }
         })
@@ -87,12 +110,12 @@ impl Read for Uart {
     }
 }
 
-impl Write for Uart {
+impl Write for Sender {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
             SENT.register(context.waker());
-            match self.write_ready() {
-                Ok(true) => Poll::Ready(embedded_io::Write::write(self, bytes)),
+            match self.0.write_ready() {
+                Ok(true) => Poll::Ready(embedded_io::Write::write(&mut self.0, bytes)),
                 _ => Poll::Pending,
             }
         })
@@ -103,7 +126,7 @@ impl Write for Uart {
     async fn flush(&mut self) -> Result<(), Infallible> {
         poll_fn(|context| {
             SENT.register(context.waker());
-            if self.is_sent() { Poll::Ready(Ok(())) } else { Poll::Pending }
+            if self.0.is_sent() { Poll::Ready(Ok(())) } else { Poll::Pending }
         })
         .await
     }

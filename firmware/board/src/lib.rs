@@ -25,6 +25,8 @@ mod chip;
 mod cortex_m;
 #[cfg(feature = "embassy")]
 mod embassy;
+#[cfg(feature = "faults")]
+mod faults;
 mod latest;
 mod panic;
 mod register;
@@ -41,7 +43,7 @@ pub use chip::now;
 #[cfg(target_arch = "arm")]
 pub use cortex_m::entry;
 #[cfg(feature = "embassy")]
-pub use embassy::{EmbassyClock, wait_or_second};
+pub use embassy::{EmbassyClock, Receiver, Sender, wait_or_second};
 pub use latest::Latest;
 pub use session::{Driver, Link, start, wake};
 #[cfg(any(feature = "lm3s6965evb", feature = "mps2_an386"))]
@@ -61,6 +63,8 @@ use defmt_semihosting as _;
 /// between the look and the sleep unseen.
 pub fn idle(has_work: impl FnOnce() -> bool) {
     chip::feed();
+    #[cfg(feature = "faults")]
+    faults::stand_still();
     critical_section::with(|_| {
         if !has_work() {
             core_of::wait_for_interrupt();

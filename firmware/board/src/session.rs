@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use critical_section::Mutex;
 
-use crate::{Uart, core_of};
+use crate::{Uart, core_of, uart};
 
 /// The loop of an end over the UART: reads `INPUT` bytes at once, and sends up to `OUT`.
 pub type Driver<const INPUT: usize, const OUT: usize> =
@@ -32,6 +32,10 @@ pub fn wake() {
 
 /// The interrupt: it never interrupts itself, so a session that is out of its place is on its way back.
 pub(crate) fn interrupt() {
+    let lost = uart::take_lost();
+    if lost > 0 {
+        defmt::warn!("the UART has lost bytes, {} times", lost);
+    }
     #[cfg(feature = "embassy")]
     crate::embassy::interrupt();
     if let Some(link) = critical_section::with(|cs| LINK.borrow(cs).take()) {

@@ -17,7 +17,7 @@ pub(crate) const CYCLE: u32 = 1_000_000_000 / HZ;
 static PASSED: Mutex<Cell<(u32, u32)>> = Mutex::new(Cell::new((0, 0)));
 
 pub(crate) fn start(timer: &mut SYST) {
-    const { assert!(HZ % PARTS == 0 && HZ / PARTS <= 1 << 24 && 1_000_000_000 % HZ == 0) };
+    const { assert!(HZ / PARTS * PARTS == HZ && HZ / PARTS <= 1 << 24 && 1_000_000_000 % HZ == 0) };
     timer.set_clock_source(SystClkSource::Core);
     timer.set_reload(HZ / PARTS - 1);
     timer.clear_current();

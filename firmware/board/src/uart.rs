@@ -3,7 +3,7 @@
 use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 
-use critical_section::Mutex;
+use critical_section::{CriticalSection, Mutex};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use heapless::Deque;
 
@@ -36,11 +36,11 @@ impl Uart {
     pub(crate) fn is_sent(&self) -> bool {
         critical_section::with(|cs| BYTES.borrow_ref(cs).to_send.is_empty())
     }
+}
 
-    /// How often bytes were lost since the last call, because the session has not run for too long.
-    pub fn take_lost(&self) -> u32 {
-        critical_section::with(|cs| LOST.borrow(cs).take())
-    }
+/// How often bytes were lost since the last call, because the session has not run for too long.
+pub(crate) fn take_lost() -> u32 {
+    critical_section::with(|cs| LOST.borrow(cs).take())
 }
 
 /// The interrupt of the UART.
@@ -50,17 +50,26 @@ pub(crate) fn interrupt() {
         while !bytes.received.is_full()
             && let Some(byte) = chip::receive()
         {
+            #[cfg(feature = "faults")]
+            if crate::faults::loses_byte() {
+                lose(cs);
+                continue;
+            }
             let _ = bytes.received.push_back(byte);
         }
         // What there is no room for stays in the UART, which loses it if the session does not come soon, or holds the line.
         chip::set_receiving(!bytes.received.is_full());
         if chip::take_overrun() {
-            let lost = LOST.borrow(cs);
-            lost.set(lost.get().saturating_add(1));
+            lose(cs);
         }
         send(bytes);
     });
     session::wake();
+}
+
+fn lose(cs: CriticalSection<'_>) {
+    let lost = LOST.borrow(cs);
+    lost.set(lost.get().saturating_add(1));
 }
 
 /// Gives the UART what it takes.

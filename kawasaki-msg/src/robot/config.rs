@@ -37,7 +37,8 @@ pub struct RobotConfig<'a> {
     pub patience: Duration,
     /// How long the recovery pauses; 500 ms by default.
     pub pause: Duration,
-    /// How long a cycle waits for an answer before it starts again; 1 s by default.
+    /// How long a cycle waits for an answer, and for the rest of one that comes in pieces, before it starts again; 1 s by default. On a
+    /// serial line longer than both packets take: 4096 bytes at 115200 baud take 356 ms.
     pub reply_timeout: Duration,
     /// The least time from one packet to the next; by default the 32 ms of the source's controller.
     pub exchange: Duration,

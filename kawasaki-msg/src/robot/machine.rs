@@ -34,7 +34,7 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::Timeout => Some(self.on_timeout(now, config)),
             Input::Message { message, room } => self.on_message(now, message, room, config),
             Input::Corrupt => self.on_corrupt(config),
-            Input::ReadEnd => Some(self.on_read_end(now)),
+            Input::ReadEnd { whole } => Some(self.on_read_end(now, whole)),
             Input::Executed { number } => self.on_executed(number, config),
             Input::Settled => Some(self.on_settled(now, config)),
             Input::Drained => Some(self.on_drained()),
@@ -47,13 +47,13 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     }
 
     fn transmit(&self, now: Duration, _config: &Config) -> Option<()> {
-        matches!(self.link, Link::Connected { cycle: Cycle::Ready { at }, .. } if is_due(at, now))
+        matches!(self.link, Link::Connected { cycle: Cycle::Ready { at, .. }, .. } if is_due(at, now))
             .then_some(())
     }
 
     fn deadline(&self) -> Option<Duration> {
         let packet = match self.link {
-            Link::Connected { cycle: Cycle::Ready { at }, .. } => at,
+            Link::Connected { cycle: Cycle::Ready { at, .. }, .. } => at,
             Link::Disconnected { .. } | Link::Connecting { .. } | Link::Connected { .. } => Duration::MAX,
         };
         Some(packet.min(self.expires_at())).filter(|at| *at != Duration::MAX)
@@ -70,7 +70,10 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Link::Connected { cycle, status_at, .. } => {
                 f(status_at);
                 match cycle {
-                    Cycle::Ready { at } => f(at),
+                    Cycle::Ready { at, overdue_at } => {
+                        f(at);
+                        f(overdue_at);
+                    }
                     Cycle::Waiting { not_before, overdue_at, .. } => {
                         f(not_before);
                         f(overdue_at);
@@ -198,7 +201,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     fn on_connected(&mut self, now: Duration, config: &Config) {
         self.link = Link::Connected {
-            cycle: Cycle::Ready { at: now },
+            cycle: Cycle::Ready { at: now, overdue_at: now },
             silent: 0,
             synced: false,
             status_at: now.saturating_add(config.status_period),
@@ -258,7 +261,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             if let Cycle::Waiting { overdue_at, .. } = *cycle
                 && is_due(overdue_at, now)
             {
-                *cycle = Cycle::Ready { at: now };
+                *cycle = Cycle::Ready { at: now, overdue_at: now };
                 let limit = config.silent_cycles;
                 *silent = silent.saturating_add(1).min(limit);
                 *close |= limit != 0 && *silent == limit;
@@ -331,14 +334,25 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(())
     }
 
-    /// An answer is whole when a message has come and none is left half read.
-    fn on_read_end(&mut self, now: Duration) -> Action {
-        if let Link::Connected { cycle, silent, synced, .. } = &mut self.link
-            && let Cycle::Waiting { not_before, answered: true, .. } = *cycle
-        {
-            *cycle = Cycle::Ready { at: now.max(not_before) };
-            (*silent, *synced) = (0, true);
-            return Action::Answered;
+    /// An answer is whole when a message has come, none is left half read, and nothing follows for a cycle of the processor. So what a slow
+    /// line brings in pieces is one answer, and is read before the next packet asks for more.
+    fn on_read_end(&mut self, now: Duration, whole: bool) -> Action {
+        let Link::Connected { cycle, silent, synced, .. } = &mut self.link else { return Action::Nothing };
+        let silent_at = now.saturating_add(timing::CPU_CYCLE);
+        match *cycle {
+            Cycle::Waiting { not_before, overdue_at, answered: true } if whole => {
+                let at = silent_at.min(overdue_at.max(now)).max(not_before);
+                *cycle = Cycle::Ready { at, overdue_at };
+                (*silent, *synced) = (0, true);
+                return Action::Answered;
+            }
+            Cycle::Ready { at, overdue_at } if whole => {
+                *cycle = Cycle::Ready { at: silent_at.min(overdue_at).max(at), overdue_at };
+            }
+            Cycle::Ready { at, overdue_at } if !is_due(overdue_at, now) => {
+                *cycle = Cycle::Waiting { not_before: at, overdue_at, answered: true };
+            }
+            Cycle::Ready { .. } | Cycle::Waiting { .. } => {}
         }
         Action::Nothing
     }

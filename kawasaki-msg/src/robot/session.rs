@@ -45,8 +45,8 @@ use crate::statistics::RobotStatistics;
 /// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
 /// robot asks for the job after the last that it has queued.
 ///
-/// It can hold a message of `MESSAGE` bytes, and tell job numbers below 64 for each of its `WORDS` apart where jobs may overtake one
-/// another ([`Acks::Individual`](super::Acks)). What needs more is a [`ConfigError`]: `Robot::<_, 512>::sized`, or a [`LargeRobot`].
+/// It can hold a message of `MESSAGE` bytes, sends packets of as many at most, and can tell job numbers below 64 for each of its `WORDS`
+/// apart where jobs may overtake one another ([`Acks::Individual`](super::Acks)). What needs more is a [`ConfigError`]: `Robot::<_, 512>::sized`, or a [`LargeRobot`].
 #[derive(Debug)]
 pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 16, R: Wake = NoWake> {
     pub(super) core: CoreOf<Self>,
@@ -196,7 +196,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Payload = Received<W>;
 
     const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Message::MAX_LEN;
+    const MAX_TRANSMIT: usize = MESSAGE;
     const ROOM: Room = Room::NONE;
 
     robot_session::core!();
@@ -214,9 +214,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             // No message goes on after the end of a datagram.
             self.finish(now);
         }
-        if !self.core.decoder.is_inside_message() {
-            self.advance(now, Input::ReadEnd, None);
-        }
+        let whole = !self.core.decoder.is_inside_message();
+        self.advance(now, Input::ReadEnd { whole }, None);
     }
 
     fn look(&mut self, now: Duration) {
@@ -303,9 +302,9 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
+    /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
     fn write(&mut self, now: Duration, (): (), out: &mut [u8]) -> Option<(usize, Input)> {
-        let out = out.get_mut(..self.limits.packet)?;
+        let out = out.get_mut(..self.limits.packet.min(MESSAGE))?;
         let mut packet = Packet::new(out, self.limits, self.dialect.charset());
         let sent = self.core.machine.packet(now, &self.core.config, |message| {
             let (role, params) = message.write();

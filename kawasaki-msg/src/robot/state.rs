@@ -65,6 +65,8 @@ pub enum Cycle {
     Ready {
         /// When.
         at: Duration,
+        /// Until then it waits for what follows of the answer: a slow line brings it in pieces.
+        overdue_at: Duration,
     },
     /// A packet was sent, and its answer is awaited.
     Waiting {
@@ -240,8 +242,11 @@ pub enum Input {
     },
     /// Bytes that are no message.
     Corrupt,
-    /// All that was read is understood, and no half message is held.
-    ReadEnd,
+    /// All that was read is understood.
+    ReadEnd {
+        /// No half message is held.
+        whole: bool,
+    },
     /// A job is executed.
     Executed {
         /// Its number.

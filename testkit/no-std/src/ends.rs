@@ -15,7 +15,7 @@ macro_rules! run {
     }};
 }
 
-program!("none", { 0 });
+program!("none", { print_size(&()) });
 
 program!("fanuc-hmi-modbus-client-rtu", {
     use fanuc_hmi_modbus::{Client, ClientConfig, Rtu, TelemetryBlock};

@@ -1,24 +1,20 @@
-//! What every program needs: a panic handler, and the C library that starts it; and a board for those that show their size.
+//! What every program needs: a panic handler, and the C library that starts it; on a Cortex-M the emulator in its place. And what a board
+//! does with a session.
 #![no_std]
 
-use core::ffi::{c_char, c_int};
+#[cfg_attr(target_os = "none", path = "emulator.rs")]
+#[cfg_attr(not(target_os = "none"), path = "c.rs")]
+mod host;
+
+#[cfg(target_os = "none")]
+pub use host::exit;
+pub use host::print_size;
+
 use core::hint::black_box;
 use core::ops::ControlFlow;
 use core::time::Duration;
 
 use robot_session::{Session, settle};
-
-#[link(name = "c")]
-unsafe extern "C" {
-    fn abort() -> !;
-    fn printf(format: *const c_char, ...) -> c_int;
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    // SAFETY: `abort` takes nothing and does not return.
-    unsafe { abort() }
-}
 
 /// What a board does with a session, of which the compiler may know nothing: bytes, time, a call of the user's, and everything that
 /// comes out. Prints how many bytes the session takes.
@@ -40,11 +36,4 @@ pub fn run<S: Session, R>(
     black_box(session.poll_timeout());
     session.handle_disconnected(now);
     print_size(session)
-}
-
-/// Prints how many bytes something takes.
-pub fn print_size<T>(_: &T) -> i32 {
-    // SAFETY: the format has one argument, of the type that it names.
-    unsafe { printf(c"%zu\n".as_ptr(), size_of::<T>()) };
-    0
 }

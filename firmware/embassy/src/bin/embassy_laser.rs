@@ -44,7 +44,8 @@ type Session = Controller<'static, Cut, Queued>;
 #[embassy_executor::task]
 async fn communicate(uart: Uart, writer: Writer<'static, Cut, Queued>) {
     let Ok(mut session) = Controller::new(ControllerConfig::default(), writer) else { panic!("it works") };
-    let mut driver = Driver::<_, _, 64, { Session::MAX_TRANSMIT }>::new(uart, EmbassyClock);
+    let (receiver, sender) = uart.split();
+    let mut driver = Driver::<_, _, _, 64, { Session::MAX_TRANSMIT }>::new(receiver, sender, EmbassyClock);
     session.handle_connected(EmbassyClock.now());
     loop {
         let Ok(turn) = driver.turn(&mut session, pending(), handle).await;

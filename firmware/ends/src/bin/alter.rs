@@ -36,7 +36,7 @@ impl Link for Alter {
                         host.set_target(board::now(), next.complete());
                     }
                     let statistics = host.statistics();
-                    if statistics.cycles % 100 == 0 {
+                    if statistics.cycles.is_multiple_of(100) {
                         defmt::info!(
                             "cycles {}, missed {}: {}",
                             statistics.cycles,

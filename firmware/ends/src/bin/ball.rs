@@ -33,7 +33,7 @@ impl Link for ControlBall {
             match event {
                 BallEvent::Reply(packet) => {
                     *replies += 1;
-                    if *replies % 50 == 0 {
+                    if replies.is_multiple_of(50) {
                         defmt::info!("replies {}: {}", *replies, packet.force);
                     }
                 }

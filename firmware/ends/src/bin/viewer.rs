@@ -29,7 +29,9 @@ impl Link for Viewer {
         }
         let Ok(turn) = self.driver.poll(&mut self.session, |_, event| {
             match event {
-                HostEvent::Sent(packet) if packet.count % 10 == 0 => defmt::info!("sent {}", packet.count),
+                HostEvent::Sent(packet) if packet.count.is_multiple_of(10) => {
+                    defmt::info!("sent {}", packet.count)
+                }
                 HostEvent::Sent(_) | HostEvent::Asked => {}
                 event => defmt::warn!("{}", event),
             }

@@ -75,7 +75,7 @@ impl System for Setup {
             }
         };
         let timeout = self.robot_is_due(w);
-        let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
+        let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW, .. }, .. });
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
         now(matches!(w.robot.link, Link::Connecting { .. }), Act::Connect);
         now(timeout, Act::RobotTimeout);
@@ -164,7 +164,7 @@ impl System for Setup {
         add(w.flags.mixed, MIXED);
         add(w.flags.unexpected, UNEXPECTED);
         add(w.flags.broken_off, WHOLE);
-        let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
+        let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW, .. }, .. });
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
         add(w.robot.deadline() == Some(NOW) && !ready && !self.robot_is_due(w), NO_SPIN);
         add(w.pc.deadline() == Some(NOW) && !answers && !w.pc.expires(NOW), NO_SPIN);

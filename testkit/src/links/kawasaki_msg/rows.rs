@@ -255,7 +255,8 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
             job(3, false),
             job(5, true),
             On::Corrupt,
-            On::ReadEnd,
+            On::ReadEnd { whole: true },
+            On::ReadEnd { whole: false },
             On::Executed { number: 2 },
             On::Settled,
             On::Drained,
@@ -289,6 +290,8 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
                 FromPc::Job { .. } if !room => "Message(Job, no room)",
                 _ => robot_session::Input::name(input),
             },
+            // It only puts off the next packet.
+            On::ReadEnd { whole: false } => "",
             // Nothing is sent before it is due, and nothing reported that did not happen.
             On::Sent(_) if machine.transmit(now, &Self::config()).is_none() => "",
             On::Reported if machine.report().is_none() => "",

@@ -281,7 +281,7 @@ impl Setup {
                 }
             }
         }
-        self.robot(w, robot::Input::ReadEnd, edges);
+        self.robot(w, robot::Input::ReadEnd { whole: true }, edges);
     }
 
     /// Whether a call of the robot's `handle_timeout` does anything.

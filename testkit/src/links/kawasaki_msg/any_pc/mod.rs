@@ -236,7 +236,7 @@ impl AnyPc {
     }
 
     fn is_ready(w: &World) -> bool {
-        matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. })
+        matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW, .. }, .. })
     }
 
     /// Every report is handed over before every look at the queue that is not the first.
@@ -322,6 +322,9 @@ impl System for AnyPc {
             if matches!(w.robot.link, Link::Connected { cycle: Cycle::Waiting { answered: true, .. }, .. }) {
                 acts.push(Act::ReadEnd);
             }
+            if matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { .. }, .. }) {
+                acts.extend([Act::ReadEnd, Act::ReadHalf]);
+            }
         }
         if connected && (free || w.faults > 0) {
             acts.push(Act::Break);
@@ -375,7 +378,7 @@ impl System for AnyPc {
                 for sent in packet {
                     self.deliver(&mut w, sent, edges);
                 }
-                self.drive(&mut w, Input::ReadEnd, edges);
+                self.drive(&mut w, Input::ReadEnd { whole: true }, edges);
                 if !rest.is_empty() {
                     w.faults -= 1;
                     w.down.insert(0, rest);
@@ -386,7 +389,10 @@ impl System for AnyPc {
                 self.deliver(&mut w, sent, edges);
             }
             Act::ReadEnd => {
-                self.drive(&mut w, Input::ReadEnd, edges);
+                self.drive(&mut w, Input::ReadEnd { whole: true }, edges);
+            }
+            Act::ReadHalf => {
+                self.drive(&mut w, Input::ReadEnd { whole: false }, edges);
             }
             Act::Done => {
                 if let Some(job) = w.executing.take() {

@@ -64,6 +64,8 @@ pub enum Act {
     Receive(Letter),
     /// Nothing more comes for now.
     ReadEnd,
+    /// Half a message follows what was read.
+    ReadHalf,
     /// The motion task has executed a job, and completes it.
     Done,
     /// The session is handed the report.

@@ -4,7 +4,7 @@
 
 use core::ops::ControlFlow;
 
-use board::{EmbassyClock, Uart};
+use board::{EmbassyClock, Receiver, Sender, Uart};
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
@@ -28,12 +28,14 @@ static DONE: Channel<CriticalSectionRawMutex, u16, QUEUE_LEN> = Channel::new();
 type Hook = fn();
 type Session = Robot<'static, Line, 256, 16, Hook>;
 /// Made one by one where they stay: a task would be made on the stack, with both in it.
-static DRIVER: StaticCell<Driver<Uart, EmbassyClock, 256, { Session::MAX_TRANSMIT }>> = StaticCell::new();
+static DRIVER: StaticCell<Driver<Receiver, Sender, EmbassyClock, 256, { Session::MAX_TRANSMIT }>> =
+    StaticCell::new();
 static SESSION: StaticCell<Session> = StaticCell::new();
 
 #[embassy_executor::task]
 async fn communicate(uart: Uart, writer: Writer<'static, Job<Line>, Hook>) {
-    let driver = DRIVER.init_with(|| Driver::new(uart, EmbassyClock));
+    let (receiver, sender) = uart.split();
+    let driver = DRIVER.init_with(|| Driver::new(receiver, sender, EmbassyClock));
     let session = SESSION.init_with(|| {
         let Ok(session) = Session::sized(RobotConfig::TCP, writer) else { panic!("it works") };
         session

@@ -20,6 +20,9 @@ pub trait Shadow {
 
     /// Time has passed, and nothing has happened in it: what is missing by now is said.
     fn pass(&mut self, report: &mut Report<'_>);
+
+    /// Where the conversation is, in a few words.
+    fn state(&self) -> String;
 }
 
 /// Makes the shadow of a link.
@@ -166,6 +169,11 @@ impl Watcher {
         self.shadow.pass(&mut Report { now: self.now, complaints: &mut self.complaints });
         core::mem::take(&mut self.complaints)
     }
+
+    /// Where the conversation is, in a few words.
+    pub fn state(&self) -> String {
+        self.shadow.state()
+    }
 }
 
 impl Setup<'_> {
@@ -200,3 +208,6 @@ pub(crate) const JITTER: Duration = Duration::from_millis(20);
 pub(crate) fn ms(time: Duration) -> String {
     format!("{} ms", (time.as_secs_f64() * 1e4).round() / 10.0)
 }
+
+/// The state of a conversation whose beginning was not seen.
+pub(crate) const UNSEEN: &str = "the beginning was not seen";

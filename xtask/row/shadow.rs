@@ -31,4 +31,13 @@ impl Shadow for Asked {
     }
 
     fn pass(&mut self, _: &mut Report<'_>) {}
+
+    fn state(&self) -> String {
+        match self {
+            Self::Unknown => "the beginning was not seen",
+            Self::Never => "nobody has asked",
+            Self::Once => "the host has asked",
+        }
+        .into()
+    }
 }

@@ -11,7 +11,7 @@ use super::options::{Frames, ViewSettings};
 use crate::codec;
 use crate::given::Given;
 use crate::settings;
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{Report, Seen, Setup, Shadow, UNSEEN, ms};
 
 const CLIENT: &str = "client";
 const SERVER: &str = "server";
@@ -115,6 +115,16 @@ impl Shadow for Modbus {
                     report.assumption(SERVER, "FM-42", text);
                 }
             }
+        }
+    }
+
+    fn state(&self) -> String {
+        let open = self.open.iter().filter(|request| !request.is_missed).count();
+        match (self.is_known, open) {
+            (false, _) => UNSEEN.into(),
+            (true, 0) => "no request is open".into(),
+            (true, 1) => "a request waits for its reply".into(),
+            (true, open) => format!("{open} requests wait for their replies"),
         }
     }
 }

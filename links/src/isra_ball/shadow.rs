@@ -7,7 +7,7 @@ use isra_ball::HostConfig;
 use isra_ball::timing::transmission_time;
 use serde_json::Value;
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
 
 const HOST: &str = "host";
 const BALL: &str = "ball";
@@ -75,6 +75,16 @@ impl Shadow for Polled {
             let limit = ms(self.host.max_delay);
             report.assumption(BALL, "IB-24", format!("no packet within max_delay ({limit}) of its poll"));
         }
+    }
+
+    fn state(&self) -> String {
+        match self.poll {
+            Poll::Unknown => UNSEEN,
+            Poll::None { .. } => "no poll is open",
+            Poll::Open { is_missed: false, .. } => "a poll waits for its packet",
+            Poll::Open { is_missed: true, .. } => "a poll has no packet",
+        }
+        .into()
     }
 }
 

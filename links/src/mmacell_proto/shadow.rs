@@ -96,6 +96,18 @@ impl Shadow for Cell {
             }
         }
     }
+
+    fn state(&self) -> String {
+        let axes = match self.axes {
+            Axes::Unknown => "of an unknown state",
+            Axes::Off => "off",
+            Axes::Still => "at rest",
+            Axes::Moving(_) => "moving",
+            Axes::Fault => "in fault",
+        };
+        let percent = self.percent.map_or_else(String::new, |percent| format!(", override {percent} %"));
+        format!("the axes are {axes}{percent}; {} commands wait for replies", self.open.len())
+    }
 }
 
 impl Open {

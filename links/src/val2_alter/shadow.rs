@@ -7,7 +7,7 @@ use serde_json::Value;
 use val2_alter::HostConfig;
 use val2_alter::timing::{CYCLE, transmission_time};
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
 
 const ROBOT: &str = "robot";
 const HOST: &str = "host";
@@ -106,6 +106,16 @@ impl Shadow for Alter {
             self.last = None;
             let text = format!("no message for {} although ALTER has not ended", ms(limit));
             report.assumption(ROBOT, "AL-53", text);
+        }
+    }
+
+    fn state(&self) -> String {
+        match (self.phase, self.mode) {
+            (Phase::Unknown, _) => UNSEEN.into(),
+            (Phase::Off, _) => "ALTER is off".into(),
+            (Phase::Starting, _) => "ALTER starts".into(),
+            (Phase::Running, None) => "ALTER runs".into(),
+            (Phase::Running, Some(mode)) => format!("ALTER runs in mode {mode}"),
         }
     }
 }

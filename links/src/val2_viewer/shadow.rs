@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::Value;
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
 
 const HOST: &str = "host";
 const WORKSTATION: &str = "workstation";
@@ -93,6 +93,22 @@ impl Shadow for Viewer {
                 report.assumption(by, "VV-38", text);
             }
         }
+    }
+
+    fn state(&self) -> String {
+        let request = match self.request {
+            Request::Unknown => UNSEEN,
+            Request::None => "no request is open",
+            Request::Open { is_missed: false, .. } => "a request waits for its packet",
+            Request::Open { is_missed: true, .. } => "a request has no packet",
+        };
+        let held = match self.holds.map(|hold| hold.is_some()) {
+            [false, false] => "",
+            [true, false] => "; the host is held",
+            [false, true] => "; the workstation is held",
+            [true, true] => "; both are held",
+        };
+        format!("{request}{held}")
     }
 }
 

@@ -172,6 +172,11 @@ impl<'a> Decoding<'a> {
         }
     }
 
+    /// Where the conversation of the last connection is.
+    pub(super) fn state(&self) -> String {
+        self.watchers.last_key_value().map_or_else(String::new, |(_, watcher)| watcher.state())
+    }
+
     /// Nothing was seen for a while: what is held on a line is all that was sent.
     pub(super) fn silence(&mut self, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         self.pass_time(SystemTime::now(), tell)?;

@@ -13,7 +13,7 @@ use self::packet::{Packet, read};
 use crate::kawasaki_msg::ends::plant;
 use crate::kawasaki_msg::options::CodecSettings;
 use crate::settings;
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
 
 const ROBOT: &str = "robot";
 const PC: &str = "pc";
@@ -155,6 +155,21 @@ impl Shadow for Orders {
             self.heard = None;
             let text = format!("the robot says nothing for silence ({})", ms(self.silence));
             report.assumption(ROBOT, "KM-87", text);
+        }
+    }
+
+    fn state(&self) -> String {
+        let turn = match self.talk {
+            Talk::Unknown => UNSEEN,
+            Talk::Robot(_) => "the robot's turn",
+            Talk::Pc { is_missed: false, .. } => "the PC's turn",
+            Talk::Pc { is_missed: true, .. } => "the PC has not answered",
+        };
+        match self.order {
+            Some(Order { number, executed, sent, .. }) => {
+                format!("{turn}; order {number}: {sent} jobs sent, {executed} executed")
+            }
+            None => turn.into(),
         }
     }
 }

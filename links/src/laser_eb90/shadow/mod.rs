@@ -127,6 +127,16 @@ impl Shadow for Laser {
             }
         }
     }
+
+    fn state(&self) -> String {
+        match &self.asked {
+            None => "no frame was seen".into(),
+            Some(asked) if asked.is_wanted => "the last frame is wanted again".into(),
+            Some(asked) if asked.is_answered => "the last frame is answered".into(),
+            Some(asked) if asked.is_missed => "the last frame has no answer".into(),
+            Some(_) => "a frame waits for its answer".into(),
+        }
+    }
 }
 
 impl Asked {

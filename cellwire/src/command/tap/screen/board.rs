@@ -29,6 +29,8 @@ pub(super) struct Board {
     /// The connection that was opened last.
     pub(super) place: String,
     pub(super) open: u32,
+    /// Where its conversation is.
+    pub(super) state: String,
     pub(super) ends: BTreeMap<&'static str, EndBoard>,
     pub(super) errors: BTreeMap<String, u64>,
     /// What is wrong with what is said, by kind, and the last of it.
@@ -75,6 +77,7 @@ impl Board {
             now,
             place: "nobody is connected".into(),
             open: 0,
+            state: String::new(),
             ends: BTreeMap::new(),
             errors: BTreeMap::new(),
             complaints: BTreeMap::new(),

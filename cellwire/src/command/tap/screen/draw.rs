@@ -17,7 +17,7 @@ const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
 pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
     let ends = u16::try_from(board.ends.len()).unwrap_or(u16::MAX).clamp(2, 6);
     let rows = Layout::vertical([
-        Constraint::Length(2),
+        Constraint::Length(3),
         Constraint::Length(ends + 3),
         Constraint::Length(5),
         Constraint::Length(2),
@@ -38,7 +38,8 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let time = format!("{:02}:{:02}:{:02}", since / 3600, since / 60 % 60, since % 60);
     let first = Line::from(vec![Span::styled(board.title.clone(), STRONG), format!("   {time}").into()]);
     let second = Line::from(format!("{}; connections so far: {}", board.place, board.open));
-    frame.render_widget(Paragraph::new(vec![first, second]), area);
+    let third = Line::from(board.state.clone());
+    frame.render_widget(Paragraph::new(vec![first, second, third]), area);
 }
 
 fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {

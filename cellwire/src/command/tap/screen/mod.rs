@@ -74,6 +74,7 @@ fn run(
         }
         if Instant::now() >= next {
             board.pass_time(SystemTime::now());
+            board.state = decoding.state();
             screen.draw(|frame| draw::draw(frame, board))?;
             next = Instant::now() + PICTURE;
             if is_ended()? || screen.is_gone() {

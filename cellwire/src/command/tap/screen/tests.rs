@@ -45,9 +45,11 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
     for second in 1..=2 {
         board.pass_time(began + Duration::from_secs(second));
     }
+    board.state = "the last frame is answered".into();
     let rows = rows(&board);
     let text = rows.join("\n");
     assert_eq!(rows[0], "laser-eb90   00:00:02");
+    assert_eq!(rows[2], "the last frame is answered");
     assert_eq!(rows[1], "10.0.0.1:4000 to 10.0.0.2:9100; connections so far: 1");
     let columns = |name: &str| {
         let row = rows.iter().find(|row| row.contains(&format!("│{name} "))).unwrap();

@@ -1,7 +1,9 @@
 //! What a turn has not written yet.
 
+use core::ops::ControlFlow;
 use core::time::Duration;
 
+use crate::ended::Ended;
 use crate::session::Session;
 
 /// While bytes wait to be written, what is due next may be the next bytes: other deadlines are looked for as often as this.
@@ -49,6 +51,17 @@ impl Left {
     /// Those bytes of the driver's buffer.
     pub(crate) fn of<'a>(&self, buffer: &'a [u8]) -> &'a [u8] {
         buffer.get(self.begin..self.end).unwrap_or_default()
+    }
+
+    /// A turn has ended. With the connection ends what it did not take: the next one begins with nothing of it.
+    pub(crate) fn after<B, E>(
+        &mut self,
+        turned: Result<ControlFlow<Ended<B>>, E>,
+    ) -> Result<ControlFlow<Ended<B>>, E> {
+        if matches!(turned, Err(_) | Ok(ControlFlow::Break(Ended::ByPeer))) {
+            *self = Self::NOTHING;
+        }
+        turned
     }
 
     /// When the session is to be called again at the latest.

@@ -141,6 +141,16 @@ impl<T: Transport> Driver<T> {
         &mut self,
         session: &mut S,
         wait: Option<Duration>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        let turned = self.pass(session, wait, handler);
+        self.left.after(turned)
+    }
+
+    fn pass<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        wait: Option<Duration>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
         if let ControlFlow::Break(value) = self.settle(session, &mut handler)? {
@@ -211,7 +221,7 @@ impl<T: Transport> Driver<T> {
         }
     }
 
-    /// The transport.
+    /// The transport. One that is connected anew has nothing left of before when the last turn has said that the connection is over.
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }

@@ -103,9 +103,18 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+        let turned = self.pass(session, pin!(wake), handler).await;
+        self.left.after(turned)
+    }
+
+    async fn pass<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        mut wake: Pin<&mut impl Future<Output = ()>>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, P::Error> {
-        let mut wake = pin!(wake);
         let mut sending = false;
         loop {
             loop {

@@ -236,6 +236,34 @@ fn a_serial_port_takes_what_it_has_room_for() {
     assert_eq!(port.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
 }
 
+/// What a connection did not take is not the beginning of the next one.
+#[test]
+fn a_connection_that_fails_leaves_nothing_for_the_next() {
+    struct Deaf(Vec<u8>, usize);
+
+    impl Transport for Deaf {
+        fn receive(&mut self, _: &mut [u8], _: Wait<'_>) -> io::Result<Received> {
+            Ok(Received::Nothing)
+        }
+
+        fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+            let length = bytes.len().min(self.1);
+            self.1 -= length;
+            self.0.extend(&bytes[..length]);
+            if length == 0 { Err(io::ErrorKind::TimedOut.into()) } else { Ok(Sent::Part(length)) }
+        }
+    }
+
+    let (mut driver, mut session) = (Driver::new(Deaf(Vec::new(), 3)), Asker::new(&["1234567", "two"]));
+    let go_on = |_: &mut Asker, _| ControlFlow::<()>::Continue(());
+    assert!(driver.turn(&mut session, Some(Duration::ZERO), go_on).unwrap().is_continue());
+    assert!(driver.turn(&mut session, Some(Duration::ZERO), go_on).is_err());
+    session.handle_disconnected(now());
+    *driver.transport_mut() = Deaf(Vec::new(), 64);
+    assert!(driver.turn(&mut session, Some(Duration::ZERO), go_on).unwrap().is_continue());
+    assert_eq!(driver.transport_mut().0, b"two\n");
+}
+
 #[test]
 fn a_turn_waits_no_longer_than_it_is_told() {
     let mut driver = Driver::new(TcpStream::connect(peer()).unwrap());

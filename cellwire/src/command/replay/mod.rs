@@ -3,11 +3,12 @@
 mod script;
 mod transport;
 
+use std::io;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
-use robot_session::{Received, Wait};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use self::script::{Part, Reader, Script};
 use self::transport::TransportArgs;
@@ -21,8 +22,8 @@ use crate::io::output::{self, remark};
 /// Plays one end of a captured conversation against a program or a device, and says where the other end departs from what it did then.
 ///
 /// Prints one line of JSON for each departure, with the message of then and of now: `other`, `missing`, `again` (what was sent before is
-/// sent again), `later` (after its successor), `more`, or `values` where only numbers differ, as what is measured does, which changes nothing of the exit status; and
-/// one at the end. The messages are read with the settings that are given.
+/// sent again), `later` (after its successor), `more`, or `values` where only numbers differ, as measured ones do: these do not change the
+/// exit status. One line at the end has the counts. The messages are read with the settings that are given.
 ///
 /// What is sent are the messages of the capture, as they were: a device moves as it did then. Only a number that the other end chooses
 /// and this end repeats, such as an order's or a transaction's, is the one that the other end has chosen now.
@@ -99,7 +100,7 @@ pub fn run(args: &Args) -> Result<bool> {
             break;
         }
         let bytes = if args.verbatim { part.bytes.clone() } else { play.bytes(args, ours, part)? };
-        if let Err(error) = transport.send(&bytes) {
+        if let Err(error) = send(&mut *transport, &bytes) {
             remark(&format!("the connection has ended: {error}"));
             break;
         }
@@ -121,6 +122,16 @@ pub fn run(args: &Args) -> Result<bool> {
     }
     output::log(&all)?;
     Ok(is_same && sent == parts.len())
+}
+
+/// Sends all of it, also through a port that has not room for all at once.
+fn send(transport: &mut dyn Transport, bytes: &[u8]) -> io::Result<()> {
+    let mut left = bytes;
+    while let Sent::Part(length) = transport.send(left)? {
+        left = left.get(length..).unwrap_or_default();
+        transport.wait_for_room(Wait::default())?;
+    }
+    Ok(())
 }
 
 struct Play {
@@ -153,7 +164,7 @@ impl Play {
     /// Reads until it is time to send a part. `last` is when something was sent or came last.
     fn wait_for(
         &mut self,
-        transport: &mut dyn robot_session::Transport,
+        transport: &mut dyn Transport,
         args: &Args,
         part: &Part,
         last: &mut Instant,
@@ -187,7 +198,7 @@ impl Play {
     }
 
     /// Reads what comes after the last part was sent.
-    fn rest(&mut self, transport: &mut dyn robot_session::Transport, patience: Duration) -> Result<()> {
+    fn rest(&mut self, transport: &mut dyn Transport, patience: Duration) -> Result<()> {
         self.heard = Instant::now();
         while !self.is_closed && !self.compare.is_over() {
             let Some(left) = patience.checked_sub(self.heard.elapsed()) else { return Ok(()) };
@@ -197,7 +208,7 @@ impl Play {
     }
 
     /// Keeps the line for as long as the other end may need to read the last message.
-    fn linger(&mut self, transport: &mut dyn robot_session::Transport) {
+    fn linger(&mut self, transport: &mut dyn Transport) {
         const LINGER: Duration = Duration::from_millis(500);
         let end = Instant::now() + LINGER;
         while !self.is_closed
@@ -210,7 +221,7 @@ impl Play {
         }
     }
 
-    fn read(&mut self, transport: &mut dyn robot_session::Transport, limit: Duration) -> Result<()> {
+    fn read(&mut self, transport: &mut dyn Transport, limit: Duration) -> Result<()> {
         let mut buffer = [0; 4096];
         let length = match transport.receive(&mut buffer, Wait::limited(limit)) {
             Ok(Received::Bytes(length)) => length,

@@ -117,7 +117,10 @@ fn a_server_of_modbus_and_its_client_are_not_complained_about() {
 fn shadows_need_both_ends() {
     let (status, _, error) = run(cellwire("decode laser-eb90 --shadow"));
     assert_eq!(status, Some(2));
-    assert!(error.contains("--shadow needs both ends: use it with a capture, such as --format pcap"), "{error}");
+    assert!(
+        error.contains("--shadow needs both ends: use it with a capture, such as --format pcap"),
+        "{error}"
+    );
 }
 
 /// The tap's own errors are on its screen at once, and not only when it has ended.

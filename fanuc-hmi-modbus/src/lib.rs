@@ -2,6 +2,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "tokio")]
+extern crate std;
+
 pub mod assignment;
 pub mod block;
 pub mod client;
@@ -23,6 +26,8 @@ mod spec;
 mod stream;
 pub mod text;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 pub mod typed;
 
 #[doc(no_inline)]

@@ -139,7 +139,9 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
                     return Ok(ControlFlow::Break(Ended::ByHandler(value)));
                 }
             }
-            let Passed { read, written } = self.wait(session, wake.as_mut()).await?;
+            // The session itself is not lent to the wait: a task that waits need not share it.
+            let due = self.left.due(session, self.clock.now());
+            let Passed { read, written } = self.wait(session.wants_input(), due, wake.as_mut()).await?;
             match written {
                 Some(0) if self.left.is_some() => return Ok(ControlFlow::Break(Ended::ByPeer)),
                 Some(taken) => {
@@ -164,21 +166,21 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
     }
 
     /// What the port has done until the time is over, or the driver is woken.
-    async fn wait<S: Session>(
+    async fn wait(
         &mut self,
-        session: &S,
+        wants_input: bool,
+        due: Option<Duration>,
         mut wake: Pin<&mut impl Future<Output = ()>>,
     ) -> Result<Passed, P::Error> {
         let Self { port, clock, input, out, left } = self;
-        let at = left.due(session, clock.now());
         let outgoing = match left.of(out) {
             bytes @ [_, ..] => Outgoing::Bytes(bytes),
             [] if left.unflushed => Outgoing::Flush,
             [] => Outgoing::Nothing,
         };
-        let mut passed = pin!(port.pass(session.wants_input().then_some(input), outgoing));
+        let mut passed = pin!(port.pass(wants_input.then_some(input), outgoing));
         let mut time = pin!(async {
-            match at {
+            match due {
                 // The latest time of all is never.
                 None | Some(Duration::MAX) => pending().await,
                 Some(at) => clock.sleep_until(at).await,

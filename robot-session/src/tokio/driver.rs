@@ -1,5 +1,4 @@
-//! For tokio: a decoder under `tokio_util`'s framed transports, and the loop of [`drive`](crate::drive) over any
-//! `AsyncRead + AsyncWrite`.
+//! The loop over `AsyncRead + AsyncWrite`.
 
 use core::future::poll_fn;
 use core::ops::ControlFlow;
@@ -13,78 +12,11 @@ use std::vec::Vec;
 use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::sync::Notify;
 use ::tokio::time::sleep;
-use bytes::{Buf as _, BufMut as _, BytesMut};
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
 use crate::turn::{Outgoing, Passed, Turn};
-use crate::{Clock, Decoder, Encode, Ended, Session, now};
-
-/// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
-///
-/// A frame borrows the decoder: `own` makes of it what the stream is to give.
-#[derive(Debug, Clone)]
-pub struct Codec<D, F> {
-    decoder: D,
-    own: F,
-}
-
-impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> Codec<D, F> {
-    /// A codec over `decoder`.
-    pub fn new(decoder: D, own: F) -> Self {
-        Self { decoder, own }
-    }
-
-    /// The decoder, to ask it for the position of the frame or the error that came last.
-    pub fn decoder(&self) -> &D {
-        &self.decoder
-    }
-}
-
-impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> tokio_util::codec::Decoder for Codec<D, F> {
-    type Item = Result<I, D::Error>;
-    type Error = io::Error;
-
-    fn decode(&mut self, src: &mut BytesMut) -> io::Result<Option<Self::Item>> {
-        loop {
-            if let Some(frame) = self.decoder.next_frame() {
-                return Ok(Some(frame.map(&mut self.own)));
-            }
-            if src.is_empty() {
-                return Ok(None);
-            }
-            let taken = self.decoder.push(src);
-            src.advance(taken);
-        }
-    }
-
-    fn decode_eof(&mut self, src: &mut BytesMut) -> io::Result<Option<Self::Item>> {
-        if let Some(item) = self.decode(src)? {
-            return Ok(Some(item));
-        }
-        self.decoder.finish();
-        self.decode(src)
-    }
-}
-
-impl<D, F, M: Encode> tokio_util::codec::Encoder<M> for Codec<D, F>
-where
-    M::Error: core::error::Error + Send + Sync + 'static,
-{
-    type Error = io::Error;
-
-    fn encode(&mut self, message: M, out: &mut BytesMut) -> io::Result<()> {
-        let before = out.len();
-        out.put_bytes(0, message.encoded_len());
-        match message.encode(out.get_mut(before..).unwrap_or_default()) {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                out.truncate(before);
-                Err(io::Error::new(io::ErrorKind::InvalidInput, error))
-            }
-        }
-    }
-}
+use crate::{Clock, Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
 ///
@@ -114,13 +46,12 @@ impl Waker {
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self {
-            port: Port(transport),
-            input: Vec::new(),
-            out: Vec::new(),
-            left: Left::NOTHING,
-            waker: Waker::default(),
-        }
+        Self::woken_by(Waker::default(), transport)
+    }
+
+    /// A loop over `transport` that this waker ends the waits of.
+    pub(super) fn woken_by(waker: Waker, transport: T) -> Self {
+        Self { port: Port(transport), input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker }
     }
 
     /// What ends the wait of a turn, or its next one.

@@ -1,0 +1,347 @@
+//! The client in a task of its own, which connects again by itself: requests by `.await`, from any task or thread.
+//!
+//! ```no_run
+//! use fanuc_hmi_modbus::robot_session::tokio::Tcp;
+//! use fanuc_hmi_modbus::{ClientConfig, WordOrder};
+//!
+//! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
+//! let (robot, task) = fanuc_hmi_modbus::tokio::client(ClientConfig::tcp(), Tcp::new("192.168.0.10:502"))?;
+//! tokio::spawn(task.run());
+//! let block = robot.read_telemetry(WordOrder::LowFirst).await?;
+//! robot.write_registers(100, &[1, 2, 3]).await?;
+//! # Ok(()) }
+//! ```
+
+use core::ops::Range;
+use core::time::Duration;
+use std::boxed::Box;
+use std::io;
+use std::sync::Arc;
+use std::vec::Vec;
+
+use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, Service, Task};
+
+use crate::block::TelemetryBlock;
+use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
+use crate::error::{ConfigError, EncodeError, Mismatch, SessionError};
+use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
+use crate::typed::WordOrder;
+
+/// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
+/// flight, the others wait, the oldest first.
+///
+/// A request that is refused because of its form is not made. One whose future is dropped is withdrawn as long as it waits; once it is
+/// in flight, its outcome is an [`Event::Abandoned`].
+#[derive(Debug, Clone)]
+pub struct Client {
+    handle: Handle<Requests>,
+    unit: u8,
+}
+
+/// A client for unit 1, and the task that it works through. Addresses are PDU addresses: 0 is the first coil or register of a table.
+///
+/// On TCP another connection is made when the server is [out of step](ClientEvent::OutOfStep), or has cut a reply off.
+///
+/// # Errors
+/// As [`Client::new`](crate::Client::new).
+pub fn client<C: Connector>(
+    config: ClientConfig,
+    connector: C,
+) -> Result<(Client, Task<Requests, C>), ConfigError> {
+    let session = crate::Client::new(config)?;
+    let (handle, task) = session::spawn(session, Requests { made: Vec::new() }, connector);
+    Ok((Client { handle, unit: 1 }, task))
+}
+
+/// What the task does: requests in, replies to whom they belong.
+#[derive(Debug)]
+pub struct Requests {
+    made: Vec<(Ticket, Made)>,
+}
+
+/// A request, and who waits for its reply.
+#[derive(Debug)]
+pub struct Made {
+    unit: u8,
+    request: PduBuf,
+    reply: session::Reply<Result<PduBuf, Error>>,
+}
+
+/// What happened that is no outcome of a request that somebody waits for.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum Event {
+    /// The outcome of a request whose future was dropped while it was in flight.
+    Abandoned(Box<Abandoned>),
+    /// A notice of the session, for a log.
+    Notice(ClientEvent),
+}
+
+/// A request that nobody waits for any more.
+#[derive(Debug, Clone)]
+pub struct Abandoned {
+    /// Whom it went to.
+    pub unit: u8,
+    /// The request.
+    pub request: PduBuf,
+    /// Its reply, or why there is none.
+    pub outcome: Result<PduBuf, Error>,
+}
+
+/// Why a request has no reply of use.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The caller's fault; nothing was sent.
+    #[error(transparent)]
+    Request(#[from] SessionError),
+    /// There is no connection, and the attempt to make one has failed; nothing was sent.
+    #[error("not connected: {0}")]
+    NotConnected(Arc<io::Error>),
+    /// The server refuses the request.
+    #[error("the server refuses the request: {0}")]
+    Exception(Exception),
+    /// There is no usable reply.
+    #[error(transparent)]
+    Failed(#[from] Failure),
+    /// The client was shut down. Whether the request was carried out is unknown.
+    #[error(transparent)]
+    Closed(#[from] Closed),
+}
+
+impl From<EncodeError> for Error {
+    fn from(error: EncodeError) -> Self {
+        Self::Request(error.into())
+    }
+}
+
+impl Client {
+    /// The same client, for another unit.
+    #[must_use]
+    pub fn unit(&self, unit: u8) -> Self {
+        Self { unit, ..self.clone() }
+    }
+
+    /// What all handles have: events, the state of the connection, the end.
+    pub const fn handle(&self) -> &Handle<Requests> {
+        &self.handle
+    }
+
+    /// Function 1: up to 2000 coils.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_coils(&self, addresses: Range<u16>) -> Result<Vec<bool>, Error> {
+        let (address, quantity) = run(&addresses);
+        self.bits(&Request::ReadCoils { address, quantity }).await
+    }
+
+    /// Function 2: up to 2000 discrete inputs.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_discrete_inputs(&self, addresses: Range<u16>) -> Result<Vec<bool>, Error> {
+        let (address, quantity) = run(&addresses);
+        self.bits(&Request::ReadDiscreteInputs { address, quantity }).await
+    }
+
+    /// Function 3: up to 125 holding registers.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_holding_registers(&self, addresses: Range<u16>) -> Result<Vec<u16>, Error> {
+        let (address, quantity) = run(&addresses);
+        self.words(&Request::ReadHoldingRegisters { address, quantity }).await
+    }
+
+    /// Function 4: up to 125 input registers.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_input_registers(&self, addresses: Range<u16>) -> Result<Vec<u16>, Error> {
+        let (address, quantity) = run(&addresses);
+        self.words(&Request::ReadInputRegisters { address, quantity }).await
+    }
+
+    /// The telemetry block of the FANUC controller: 37 holding registers from address 0.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_telemetry(&self, order: WordOrder) -> Result<TelemetryBlock, Error> {
+        let words = self.words(&TelemetryBlock::request()).await?;
+        TelemetryBlock::from_words(&Words::from(words.as_slice()), order)
+            .ok_or(misfit(&TelemetryBlock::request(), &words))
+    }
+
+    /// Function 5: one coil.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn write_coil(&self, address: u16, value: bool) -> Result<(), Error> {
+        self.request(&Request::WriteCoil { address, value }).await.map(drop)
+    }
+
+    /// Function 15: 1 to 1968 coils.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn write_coils(&self, address: u16, values: &[bool]) -> Result<(), Error> {
+        self.request(&Request::WriteCoils { address, values: Bits::from(values) }).await.map(drop)
+    }
+
+    /// Function 6: one holding register.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn write_register(&self, address: u16, value: u16) -> Result<(), Error> {
+        self.request(&Request::WriteRegister { address, value }).await.map(drop)
+    }
+
+    /// Function 16: 1 to 123 holding registers.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn write_registers(&self, address: u16, values: &[u16]) -> Result<(), Error> {
+        self.request(&Request::WriteRegisters { address, values: Words::from(values) }).await.map(drop)
+    }
+
+    /// Function 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn mask_write_register(&self, address: u16, and: u16, or: u16) -> Result<(), Error> {
+        self.request(&Request::MaskWriteRegister { address, and, or }).await.map(drop)
+    }
+
+    /// Function 23: 1 to 121 registers are written from an address on, then up to 125 are read.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_write_registers(
+        &self,
+        addresses: Range<u16>,
+        write_address: u16,
+        values: &[u16],
+    ) -> Result<Vec<u16>, Error> {
+        let ((address, quantity), values) = (run(&addresses), Words::from(values));
+        self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
+    }
+
+    /// Any request: the reply as a PDU, which is no exception. Of a broadcast, which nobody answers, the request.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn request(&self, request: &Request<'_>) -> Result<PduBuf, Error> {
+        let (unit, request) = (self.unit, PduBuf::new(request)?);
+        self.handle.call(|reply| Made { unit, request, reply }).await?
+    }
+
+    async fn words(&self, request: &Request<'_>) -> Result<Vec<u16>, Error> {
+        let pdu = self.request(request).await?;
+        match pdu.reply() {
+            Ok(
+                Reply::HoldingRegisters(words)
+                | Reply::InputRegisters(words)
+                | Reply::ReadWriteRegisters(words),
+            ) => Ok(words.iter().collect()),
+            _ => Err(misfit(request, &[])),
+        }
+    }
+
+    async fn bits(&self, request: &Request<'_>) -> Result<Vec<bool>, Error> {
+        let pdu = self.request(request).await?;
+        match pdu.reply() {
+            Ok(Reply::Coils(bits) | Reply::DiscreteInputs(bits)) => {
+                Ok(bits.iter().take(request.quantity_read().into()).collect())
+            }
+            _ => Err(misfit(request, &[])),
+        }
+    }
+}
+
+/// The first address, and how many. What ends before it begins is nothing.
+fn run(addresses: &Range<u16>) -> (u16, u16) {
+    (addresses.start, addresses.end.saturating_sub(addresses.start))
+}
+
+/// The client has checked that a reply fits: this is for a reply that does not all the same.
+fn misfit(request: &Request<'_>, found: &[u16]) -> Error {
+    let expected = usize::from(request.quantity_read()) * 2;
+    Failure::Refused(Mismatch::Quantity { expected, found: found.len() * 2 }).into()
+}
+
+impl Requests {
+    /// Who waits for this request.
+    fn take(&mut self, ticket: Ticket) -> Option<Made> {
+        let at = self.made.iter().position(|(made, _)| *made == ticket)?;
+        Some(self.made.swap_remove(at).1)
+    }
+}
+
+/// The client of a task: a place for every request that may be in flight.
+type Session = crate::Client<16>;
+
+impl Service for Requests {
+    type Session = Session;
+    type Call = Made;
+    type Event = Event;
+
+    fn has_room(&self, session: &Session) -> bool {
+        self.made.len() < session.config().in_flight
+    }
+
+    fn call(&mut self, session: &mut Session, _now: Duration, call: Made) {
+        if call.reply.is_abandoned() {
+            return;
+        }
+        let made = match call.request.request() {
+            Ok(request) => session.request(call.unit, &request).map_err(Error::from),
+            Err(error) => Err(Failure::Malformed(error).into()),
+        };
+        match made {
+            Ok(ticket) => self.made.push((ticket, call)),
+            // Whoever is gone does not need to know that nothing was sent.
+            Err(error) => drop(call.reply.send(Err(error))),
+        }
+    }
+
+    fn event(&mut self, session: &mut Session, event: ClientEvent, reports: &mut Reports<'_, Event>) {
+        let outcome = match event {
+            ClientEvent::Replied { ticket, .. } => match session.reply(ticket) {
+                Some(Reply::Exception { exception, .. }) => Err(Error::Exception(exception)),
+                Some(reply) => PduBuf::new(&reply).map_err(Error::from),
+                None => return,
+            },
+            ClientEvent::Failed { failure, .. } => {
+                let is_tcp = session.config().framing.has_transactions();
+                if is_tcp && failure == Failure::TimedOut && session.pending() > 0 {
+                    reports.reconnect(io::Error::other("the server has cut a reply off"));
+                }
+                Err(failure.into())
+            }
+            ClientEvent::Announced { ticket } => match self.made.iter().find(|(made, _)| *made == ticket) {
+                Some((_, made)) => Ok(made.request),
+                None => return,
+            },
+            event => {
+                if let ClientEvent::OutOfStep(error) = event {
+                    reports.reconnect(io::Error::new(io::ErrorKind::InvalidData, error));
+                }
+                reports.event(Event::Notice(event));
+                return;
+            }
+        };
+        let Some(Made { unit, request, reply }) = event.outcome_of().and_then(|ticket| self.take(ticket))
+        else {
+            return;
+        };
+        if let Err(outcome) = reply.send(outcome) {
+            reports.event(Event::Abandoned(Box::new(Abandoned { unit, request, outcome })));
+        }
+    }
+
+    fn refuse(&mut self, call: Made, why: &Arc<io::Error>) {
+        // As above: nothing was sent.
+        let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
+    }
+}

@@ -1,0 +1,215 @@
+//! How a [`Task`](super::Task) comes to a connection, and to the next one.
+
+use core::future::{Future, pending};
+use core::net::SocketAddr;
+use core::pin::Pin;
+use core::task::{Context, Poll, ready};
+use core::time::Duration;
+use std::io;
+use std::string::String;
+
+use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host};
+use ::tokio::time::{sleep, timeout};
+use socket2::{SockRef, TcpKeepalive};
+
+/// Makes one connection after the other. A closure that dials is one, as [`Dial`].
+pub trait Connector: Send {
+    /// What carries the bytes.
+    type Transport: AsyncRead + AsyncWrite + Unpin + Send;
+
+    /// Makes a connection, or waits for one. A dropped future has made none.
+    fn connect(&mut self) -> impl Future<Output = io::Result<Self::Transport>> + Send;
+
+    /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never for who dials.
+    fn replaced(&mut self) -> impl Future<Output = ()> + Send {
+        pending()
+    }
+}
+
+/// Dials with a closure: a TLS stream, a pipe of a test.
+#[derive(Debug, Clone)]
+pub struct Dial<F>(pub F);
+
+impl<F, C, T> Connector for Dial<F>
+where
+    F: FnMut() -> C + Send,
+    C: Future<Output = io::Result<T>> + Send,
+    T: AsyncRead + AsyncWrite + Unpin + Send,
+{
+    type Transport = T;
+
+    fn connect(&mut self) -> impl Future<Output = io::Result<T>> + Send {
+        self.0()
+    }
+}
+
+/// Dials a TCP peer by name or address and port. The name is looked up for each connection.
+#[derive(Debug, Clone)]
+pub struct Tcp {
+    address: String,
+    timeout: Duration,
+}
+
+impl Tcp {
+    /// `"192.168.0.10:502"` or `"robot.local:502"`. An attempt ends after 5 s.
+    pub fn new(address: impl Into<String>) -> Self {
+        Self { address: address.into(), timeout: Duration::from_secs(5) }
+    }
+
+    /// How long an attempt may take.
+    #[must_use]
+    pub fn timeout(self, timeout: Duration) -> Self {
+        Self { timeout, ..self }
+    }
+}
+
+impl Connector for Tcp {
+    type Transport = TcpStream;
+
+    async fn connect(&mut self) -> io::Result<TcpStream> {
+        let connect = timeout(self.timeout, TcpStream::connect(&self.address));
+        let stream = connect.await.map_err(|_| io::ErrorKind::TimedOut)??;
+        prepare(&stream)?;
+        Ok(stream)
+    }
+}
+
+/// Accepts TCP peers, one at a time. A later one takes the place of an earlier one: a robot that was switched off and on is back before
+/// its first connection is known to be dead.
+#[derive(Debug)]
+pub struct Listen {
+    listener: TcpListener,
+    next: Option<TcpStream>,
+}
+
+impl Listen {
+    /// Listens at an address.
+    ///
+    /// # Errors
+    /// The system's: the address is in use, or not this machine's.
+    pub async fn bind(address: impl ToSocketAddrs) -> io::Result<Self> {
+        Ok(Self { listener: TcpListener::bind(address).await?, next: None })
+    }
+
+    /// Where it listens: of port 0 the one that the system has chosen.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+}
+
+impl Connector for Listen {
+    type Transport = TcpStream;
+
+    async fn connect(&mut self) -> io::Result<TcpStream> {
+        let stream = match self.next.take() {
+            Some(stream) => stream,
+            None => self.listener.accept().await?.0,
+        };
+        prepare(&stream)?;
+        Ok(stream)
+    }
+
+    async fn replaced(&mut self) {
+        while self.next.is_none() {
+            match self.listener.accept().await {
+                Ok((stream, _)) => self.next = Some(stream),
+                // Of descriptors there are none just now, or the peer has gone already.
+                Err(_) => sleep(Duration::from_millis(100)).await,
+            }
+        }
+    }
+}
+
+/// What is small and late is useless; a peer without power says nothing.
+pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
+    stream.set_nodelay(true)?;
+    let keepalive =
+        TcpKeepalive::new().with_time(Duration::from_secs(10)).with_interval(Duration::from_secs(5));
+    SockRef::from(stream).set_tcp_keepalive(&keepalive)
+}
+
+/// Datagrams to and from one peer by name or address and port.
+#[derive(Debug, Clone)]
+pub struct Udp {
+    local: SocketAddr,
+    peer: String,
+}
+
+impl Udp {
+    /// From this address; port 0 is one that the system chooses.
+    pub fn new(local: SocketAddr, peer: impl Into<String>) -> Self {
+        Self { local, peer: peer.into() }
+    }
+}
+
+impl Connector for Udp {
+    type Transport = Datagrams;
+
+    async fn connect(&mut self) -> io::Result<Datagrams> {
+        let socket = UdpSocket::bind(self.local).await?;
+        let of_its_kind = |peer: &SocketAddr| peer.is_ipv4() == self.local.is_ipv4();
+        let peer = lookup_host(&self.peer).await?.find(of_its_kind).ok_or(io::ErrorKind::AddrNotAvailable)?;
+        socket.connect(peer).await?;
+        Ok(Datagrams(socket))
+    }
+}
+
+/// A connected UDP socket as a transport: what is written at once is a datagram, and what is read is one. One that is lost is no error,
+/// nor that nobody is there; an empty one is passed over.
+#[derive(Debug)]
+pub struct Datagrams(pub UdpSocket);
+
+impl AsyncRead for Datagrams {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
+        loop {
+            match ready!(self.0.poll_recv(context, buffer)) {
+                Ok(()) if buffer.filled().len() > before => return Poll::Ready(Ok(())),
+                Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => {
+                    return Poll::Ready(Err(error));
+                }
+                Ok(()) | Err(_) => {}
+            }
+        }
+    }
+}
+
+impl AsyncWrite for Datagrams {
+    fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        match ready!(self.0.poll_send(context, bytes)) {
+            // As good as lost on its way, apart from one that no socket sends.
+            Err(error) if error.kind() == io::ErrorKind::InvalidInput => Poll::Ready(Err(error)),
+            _ => Poll::Ready(Ok(bytes.len())),
+        }
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+}
+
+/// Opens a serial port by its path or name. One that vanishes, as an adapter that is pulled, is opened again when it is back.
+#[cfg(feature = "tokio-serial")]
+#[derive(Debug, Clone)]
+pub struct Serial(pub tokio_serial::SerialPortBuilder);
+
+#[cfg(feature = "tokio-serial")]
+impl Connector for Serial {
+    type Transport = tokio_serial::SerialStream;
+
+    async fn connect(&mut self) -> io::Result<tokio_serial::SerialStream> {
+        Ok(tokio_serial::SerialStream::open(&self.0)?)
+    }
+}

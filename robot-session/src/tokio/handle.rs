@@ -1,0 +1,178 @@
+//! What the user of a session has, while its task has the session.
+
+use core::fmt;
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+
+use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
+
+use super::Waker;
+use crate::Session;
+
+/// What a link adds to its session for users who call and wait: its calls, and to whom an outcome belongs.
+pub trait Service: Send {
+    /// The session that the calls are made of.
+    type Session: Session + Send;
+    /// One call: what is asked for, and where its outcome goes.
+    type Call: Send;
+    /// What [`Handle::events`] gives: all that is no outcome of a call that somebody waits for.
+    type Event: Clone + Send;
+
+    /// Whether the session takes another call now. Those that it does not take wait, the oldest first.
+    fn has_room(&self, session: &Self::Session) -> bool;
+
+    /// Makes a call, unless whoever made it has gone: nothing has happened yet.
+    fn call(&mut self, session: &mut Self::Session, now: Duration, call: Self::Call);
+
+    /// Gives an event to whom it belongs. The outcome of a call that nobody waits for any more is an event of the handle.
+    fn event(
+        &mut self,
+        session: &mut Self::Session,
+        event: <Self::Session as Session>::Event,
+        reports: &mut Reports<'_, Self::Event>,
+    );
+
+    /// Ends a call that was not made: there is no connection.
+    fn refuse(&mut self, call: Self::Call, why: &Arc<io::Error>);
+}
+
+/// Where the outcome of a call goes.
+#[derive(Debug)]
+pub struct Reply<T>(oneshot::Sender<T>);
+
+impl<T> Reply<T> {
+    /// Ends the call.
+    ///
+    /// # Errors
+    /// Nobody waits for it any more: the outcome is given back.
+    pub fn send(self, outcome: T) -> Result<(), T> {
+        self.0.send(outcome)
+    }
+
+    /// Nobody waits for it any more.
+    pub fn is_abandoned(&self) -> bool {
+        self.0.is_closed()
+    }
+}
+
+/// What a [`Service`] says when it was given an event.
+#[derive(Debug)]
+pub struct Reports<'a, E> {
+    pub(super) events: &'a broadcast::Sender<E>,
+    pub(super) reconnect: &'a mut Option<io::Error>,
+}
+
+impl<E: Clone> Reports<'_, E> {
+    /// An event for [`Handle::events`].
+    pub fn event(&self, event: E) {
+        // Without a receiver nobody wants to know.
+        let _ = self.events.send(event);
+    }
+
+    /// The connection is of no use any more: another one is made.
+    pub fn reconnect(&mut self, why: io::Error) {
+        self.reconnect.get_or_insert(why);
+    }
+}
+
+/// What the user of a session has: calls, events, whether there is a connection, and its end. Cloning it is cheap; the
+/// [`Task`](super::Task) ends when the last one is dropped.
+pub struct Handle<S: Service> {
+    pub(super) calls: mpsc::Sender<S::Call>,
+    pub(super) events: broadcast::Receiver<S::Event>,
+    pub(super) link: watch::Receiver<Link>,
+    pub(super) stop: Arc<watch::Sender<bool>>,
+    pub(super) waker: Waker,
+}
+
+/// Whether there is a connection.
+#[derive(Debug, Clone, Default)]
+pub enum Link {
+    /// The first one is being made.
+    #[default]
+    Connecting,
+    /// There is one.
+    Connected,
+    /// The last attempt has failed, or the last connection is lost, for this reason. Another attempt follows.
+    Failed(Arc<io::Error>),
+}
+
+/// The task of the session has ended: it was shut down, or the thread or runtime that it ran in is gone. A call that ends so was not made,
+/// or its outcome is unknown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Closed;
+
+impl<S: Service> Handle<S> {
+    /// Makes a call and waits for its outcome: `call` is given where that goes. At most as many calls as the session takes are under way,
+    /// the others wait, the oldest first. Without a connection they wait for the attempt that is made, and fail with it.
+    ///
+    /// A dropped future does not take a call back that was made: its outcome is an event.
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn call<T>(&self, call: impl FnOnce(Reply<T>) -> S::Call) -> Result<T, Closed> {
+        let (reply, outcome) = oneshot::channel();
+        self.calls.send(call(Reply(reply))).await.map_err(|_| Closed)?;
+        outcome.await.map_err(|_| Closed)
+    }
+
+    /// The events from now on. Whoever reads too slowly loses the oldest ones, and is told how many.
+    pub fn events(&self) -> broadcast::Receiver<S::Event> {
+        self.events.resubscribe()
+    }
+
+    /// Whether there is a connection, and every change of that.
+    pub fn link(&self) -> watch::Receiver<Link> {
+        self.link.clone()
+    }
+
+    /// Waits for a connection.
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn connected(&self) -> Result<(), Closed> {
+        let mut link = self.link.clone();
+        link.wait_for(|link| matches!(link, Link::Connected)).await.map_err(|_| Closed)?;
+        Ok(())
+    }
+
+    /// Ends the connection and the task, and waits for that. Calls that are under way have ended then, with their outcomes.
+    pub async fn shutdown(&self) {
+        self.stop.send_replace(true);
+        let mut link = self.link.clone();
+        while link.changed().await.is_ok() {}
+    }
+
+    /// What makes the session look at what it works with beside bytes and time, as the queue between a robot's session and its motion
+    /// task.
+    pub fn waker(&self) -> Waker {
+        self.waker.clone()
+    }
+}
+
+impl<S: Service> Clone for Handle<S> {
+    fn clone(&self) -> Self {
+        Self {
+            calls: self.calls.clone(),
+            events: self.events.resubscribe(),
+            link: self.link.clone(),
+            stop: self.stop.clone(),
+            waker: self.waker.clone(),
+        }
+    }
+}
+
+impl<S: Service> fmt::Debug for Handle<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Handle").field("link", &*self.link.borrow()).finish_non_exhaustive()
+    }
+}
+
+impl fmt::Display for Closed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the task of the session has ended")
+    }
+}
+
+impl core::error::Error for Closed {}

@@ -1,0 +1,66 @@
+//! A session for each connection of a listener.
+
+use core::future::pending;
+use core::net::SocketAddr;
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::io;
+
+use ::tokio::net::TcpListener;
+use ::tokio::select;
+use ::tokio::task::JoinSet;
+use ::tokio::time::sleep;
+
+use super::Driver;
+use super::connector::prepare;
+use crate::Session;
+
+/// Accepts TCP connections, `most` at a time, and runs a session of its own over each: `session` makes it, `event` is given what it
+/// reports. Beyond `most` the system lets peers wait. A dropped future ends all connections.
+///
+/// It goes on until the listener fails, which it does not for a peer that has gone, nor for want of descriptors.
+///
+/// # Errors
+/// The listener's.
+pub async fn serve<S>(
+    listener: TcpListener,
+    most: usize,
+    mut session: impl FnMut(SocketAddr) -> S,
+    event: impl FnMut(SocketAddr, &mut S, S::Event) + Clone + Send + 'static,
+) -> io::Result<()>
+where
+    S: Session<Event: Send> + Send + 'static,
+{
+    let mut connections = JoinSet::new();
+    loop {
+        let has_room = connections.len() < most.max(1);
+        let accepted = select! {
+            accepted = listener.accept(), if has_room => accepted,
+            _ = connections.join_next(), if !connections.is_empty() => continue,
+            () = pending() => continue,
+        };
+        match accepted {
+            Ok((stream, peer)) => {
+                if prepare(&stream).is_err() {
+                    continue;
+                }
+                let (mut session, mut event) = (session(peer), event.clone());
+                connections.spawn(async move {
+                    let each = |session: &mut S, reported| {
+                        event(peer, session, reported);
+                        ControlFlow::<()>::Continue(())
+                    };
+                    // A connection that is lost ends as one that is closed.
+                    let _ = Driver::new(stream).drive(&mut session, each).await;
+                });
+            }
+            Err(error) if is_of_the_listener(&error) => return Err(error),
+            Err(_) => sleep(Duration::from_millis(100)).await,
+        }
+    }
+}
+
+/// No later peer is accepted either.
+fn is_of_the_listener(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::NotConnected)
+}

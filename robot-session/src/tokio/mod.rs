@@ -1,0 +1,18 @@
+//! For tokio: a session in a task of its own that connects again by itself, with a [`Handle`] for those who use it; below that, the
+//! loop of [`drive`](crate::drive) over any `AsyncRead + AsyncWrite`, and a decoder under `tokio_util`'s framed transports.
+
+mod codec;
+mod connector;
+mod driver;
+mod handle;
+mod listener;
+mod task;
+
+pub use codec::Codec;
+#[cfg(feature = "tokio-serial")]
+pub use connector::Serial;
+pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp};
+pub use driver::{Driver, Waker};
+pub use handle::{Closed, Handle, Link, Reply, Reports, Service};
+pub use listener::serve;
+pub use task::{Reconnect, Task, spawn};

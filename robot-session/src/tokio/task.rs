@@ -1,0 +1,264 @@
+//! A session in a task of its own.
+
+use core::fmt;
+use core::future::{Future, pending};
+use core::ops::ControlFlow;
+use core::pin::pin;
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+
+use ::tokio::select;
+use ::tokio::sync::{broadcast, mpsc, watch};
+use ::tokio::time::{Instant, sleep};
+
+use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
+use crate::{Ended, Session as _, now};
+
+/// So many calls wait in the task for room in the session; those beyond it wait where they were made.
+const CALLS: usize = 16;
+/// So many events are kept for who has not read them yet.
+const EVENTS: usize = 256;
+/// A session without a connection that is due is called as often as this at most.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+/// A handle, and the task that does what it asks for: `tokio::spawn(task.run())`, or [`Task::thread`].
+pub fn spawn<S: Service, C: Connector>(
+    session: S::Session,
+    service: S,
+    connector: C,
+) -> (Handle<S>, Task<S, C>) {
+    let (calls, calls_of_task) = mpsc::channel(CALLS);
+    let (events_of_task, events) = broadcast::channel(EVENTS);
+    let (link_of_task, link) = watch::channel(Link::Connecting);
+    let (stop, stop_of_task) = watch::channel(false);
+    let waker = Waker::default();
+    let served = Served { session, service, events: events_of_task, reconnect: None };
+    let task = Task {
+        served,
+        connector,
+        calls: calls_of_task,
+        link: link_of_task,
+        stop: stop_of_task,
+        waker: waker.clone(),
+        reconnect: Reconnect::default(),
+    };
+    (Handle { calls, events, link, stop: Arc::new(stop), waker }, task)
+}
+
+/// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], and with the last handle.
+pub struct Task<S: Service, C> {
+    served: Served<S>,
+    connector: C,
+    calls: mpsc::Receiver<S::Call>,
+    link: watch::Sender<Link>,
+    stop: watch::Receiver<bool>,
+    waker: Waker,
+    reconnect: Reconnect,
+}
+
+/// How long a [`Task`] waits before it connects again: twice as long after each attempt, and half of it by chance, so that many that have
+/// lost the same peer do not come back together. A connection that has lasted for `longest` begins anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Reconnect {
+    /// After the first. 100 ms.
+    pub first: Duration,
+    /// At most. 5 s.
+    pub longest: Duration,
+}
+
+impl Default for Reconnect {
+    fn default() -> Self {
+        Self { first: Duration::from_millis(100), longest: Duration::from_secs(5) }
+    }
+}
+
+/// Why a connection is over.
+enum Over {
+    /// The task is to end.
+    Stopped,
+    /// Another one takes its place.
+    Replaced,
+    Lost(io::Error),
+}
+
+/// A session, and who gets its events.
+struct Served<S: Service> {
+    session: S::Session,
+    service: S,
+    events: broadcast::Sender<S::Event>,
+    /// Why the connection is of no use any more.
+    reconnect: Option<io::Error>,
+}
+
+impl<S: Service, C: Connector> Task<S, C> {
+    /// How long it waits before it connects again.
+    #[must_use]
+    pub fn reconnect(self, reconnect: Reconnect) -> Self {
+        Self { reconnect, ..self }
+    }
+
+    /// Runs it; gives the session back.
+    pub async fn run(mut self) -> S::Session {
+        let Reconnect { first, longest } = self.reconnect;
+        let mut pause = first;
+        while let Some(connected) = self.served.meanwhile(&mut self.stop, self.connector.connect()).await {
+            let error = match connected {
+                Ok(transport) => {
+                    let begun = Instant::now();
+                    let over = self.serve(transport).await;
+                    if begun.elapsed() >= longest {
+                        pause = first;
+                    }
+                    match over {
+                        Over::Stopped => break,
+                        Over::Replaced => continue,
+                        Over::Lost(error) => error,
+                    }
+                }
+                Err(error) => error,
+            };
+            let error = Arc::new(error);
+            self.link.send_replace(Link::Failed(Arc::clone(&error)));
+            while let Ok(call) = self.calls.try_recv() {
+                self.served.service.refuse(call, &error);
+            }
+            let wait = sleep(pause.mul_f64(0.5 + fastrand::f64() / 2.0));
+            if self.served.meanwhile(&mut self.stop, wait).await.is_none() {
+                break;
+            }
+            pause = pause.saturating_mul(2).min(longest);
+        }
+        self.calls.close();
+        let error = Arc::new(io::Error::other("the task of the session has ended"));
+        while let Some(call) = self.calls.recv().await {
+            self.served.service.refuse(call, &error);
+        }
+        self.served.session
+    }
+
+    /// Runs it in a thread of its own: for programs without a runtime, whose calls any executor can wait for, such as
+    /// `pollster::block_on`.
+    ///
+    /// # Errors
+    /// The system's, which has no thread or no descriptor left.
+    pub fn thread(self) -> io::Result<JoinHandle<S::Session>>
+    where
+        S: 'static,
+        S::Session: 'static,
+        C: 'static,
+    {
+        let runtime = ::tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        Builder::new().spawn(move || runtime.block_on(self.run()))
+    }
+
+    /// One connection, from its beginning to its end.
+    async fn serve(&mut self, transport: C::Transport) -> Over {
+        let Self { served, connector, calls, link, stop, waker, .. } = self;
+        let mut driver = Driver::woken_by(waker.clone(), transport);
+        let mut stopped = pin!(stopped(stop));
+        served.session.handle_connected(now());
+        link.send_replace(Link::Connected);
+        let over = loop {
+            let has_room = served.has_room();
+            let turn = {
+                let Served { session, service, events, reconnect } = &mut *served;
+                let handler = |session: &mut S::Session, event| {
+                    let mut reports = Reports { events, reconnect };
+                    service.event(session, event, &mut reports);
+                    match reports.reconnect.take() {
+                        None => ControlFlow::Continue(()),
+                        Some(error) => ControlFlow::Break(error),
+                    }
+                };
+                // A turn that a call interrupts loses nothing.
+                select! {
+                    biased;
+                    () = &mut stopped => break Over::Stopped,
+                    () = connector.replaced() => break Over::Replaced,
+                    call = calls.recv(), if has_room => Err(call),
+                    turn = driver.turn(session, handler) => Ok(turn),
+                }
+            };
+            match turn {
+                Ok(Ok(ControlFlow::Continue(()))) => {}
+                Ok(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => break Over::Lost(error),
+                Ok(Ok(ControlFlow::Break(Ended::ByPeer))) => {
+                    let closed = "the peer has closed the connection";
+                    break Over::Lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed));
+                }
+                Err(None) => break Over::Stopped,
+                Err(Some(call)) => {
+                    served.call(call);
+                    while served.has_room()
+                        && let Ok(call) = calls.try_recv()
+                    {
+                        served.call(call);
+                    }
+                }
+            }
+        };
+        served.session.handle_disconnected(now());
+        served.report();
+        over
+    }
+}
+
+impl<S: Service> Served<S> {
+    fn has_room(&self) -> bool {
+        self.service.has_room(&self.session)
+    }
+
+    fn call(&mut self, call: S::Call) {
+        self.service.call(&mut self.session, now(), call);
+    }
+
+    /// Every event, where there is no connection that it could end.
+    fn report(&mut self) {
+        let Self { session, service, events, reconnect } = self;
+        while let Some(event) = session.poll_event() {
+            service.event(session, event, &mut Reports { events, reconnect });
+        }
+        self.reconnect = None;
+    }
+
+    /// Waits without a connection, for which the session keeps its deadlines. `None`: the task is to end.
+    async fn meanwhile<T>(
+        &mut self,
+        stop: &mut watch::Receiver<bool>,
+        wait: impl Future<Output = T>,
+    ) -> Option<T> {
+        let mut wait = pin!(wait);
+        let mut stopped = pin!(stopped(stop));
+        loop {
+            let due = self.session.poll_timeout();
+            let time = async {
+                match due {
+                    None | Some(Duration::MAX) => pending().await,
+                    Some(at) => sleep(at.saturating_sub(now()).max(SHORTEST)).await,
+                }
+            };
+            select! {
+                biased;
+                () = &mut stopped => return None,
+                value = &mut wait => return Some(value),
+                () = time => {
+                    self.session.handle_timeout(now());
+                    self.report();
+                }
+            }
+        }
+    }
+}
+
+/// The task is to end: somebody has said so, or nobody has a handle any more.
+async fn stopped(stop: &mut watch::Receiver<bool>) {
+    let _ = stop.wait_for(|stop| *stop).await;
+}
+
+impl<S: Service, C> fmt::Debug for Task<S, C> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Task").field("reconnect", &self.reconnect).finish_non_exhaustive()
+    }
+}

@@ -4,6 +4,7 @@
 //! Times are compared as ratios within one run: contenders take turns in a rotating order, and the medians are compared. With
 //! `--check` a goal of the queue that is missed is a failure.
 
+mod clients;
 mod modbus;
 mod queue;
 mod race;
@@ -14,7 +15,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--")).unwrap_or_default();
-    let subjects = ["queue", "modbus", "stuffing", "text"];
+    let subjects = ["queue", "modbus", "clients", "stuffing", "text"];
     let chosen: Vec<_> = subjects.iter().filter(|name| name.contains(&filter)).collect();
     if chosen.is_empty() {
         eprintln!("no race is called {filter:?}; there are {subjects:?}");
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         match *subject {
             "queue" => missed = queue::race(),
             "modbus" => modbus::races(),
+            "clients" => clients::races(),
             "stuffing" => stuffing::races(),
             _ => text::races(),
         }

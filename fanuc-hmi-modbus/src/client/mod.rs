@@ -257,7 +257,8 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     /// The place of a frame in the decoder.
     type Payload = Range<usize>;
 
-    const MAX_INPUT: usize = 65536;
+    /// A reply for every place, whatever their framing.
+    const MAX_INPUT: usize = EVENTS * Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// Every place's outcome has room.
     const ROOM: Room = Room::NONE;

@@ -138,7 +138,7 @@ impl<P: Pose> End for Central<P> {
     type Statistics = CentralStatistics;
     type Payload = ();
 
-    const MAX_INPUT: usize = 65536;
+    const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Command::<P>::MAX_LEN;
     /// Two outcomes at most: the connection before, and this one.
     const ROOM: Room = Room { connect: 2, ..Room::NONE };

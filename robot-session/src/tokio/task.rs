@@ -5,6 +5,7 @@ use core::future::{Future, pending};
 use core::ops::ControlFlow;
 use core::pin::pin;
 use core::time::Duration;
+use std::boxed::Box;
 use std::io;
 use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
@@ -34,7 +35,7 @@ pub fn spawn<S: Service, C: Connector>(
     let (link_of_task, link) = watch::channel(Link::Connecting);
     let (stop, stop_of_task) = watch::channel(false);
     let waker = Waker::default();
-    let served = Served { session, service, events: events_of_task, reconnect: None };
+    let served = Served { session: Box::new(session), service, events: events_of_task, reconnect: None };
     let task = Task {
         served,
         connector,
@@ -85,7 +86,8 @@ enum Over {
 
 /// A session, and who gets its events.
 struct Served<S: Service> {
-    session: S::Session,
+    /// Boxed: what a task returns is moved whenever it is polled.
+    session: Box<S::Session>,
     service: S,
     events: broadcast::Sender<S::Event>,
     /// Why the connection is of no use any more.
@@ -100,7 +102,7 @@ impl<S: Service, C: Connector> Task<S, C> {
     }
 
     /// Runs it; gives the session back.
-    pub async fn run(mut self) -> S::Session {
+    pub async fn run(mut self) -> Box<S::Session> {
         let Reconnect { first, longest } = self.reconnect;
         let mut pause = first;
         while let Some(connected) = self.served.meanwhile(&mut self.stop, self.connector.connect()).await {
@@ -143,7 +145,7 @@ impl<S: Service, C: Connector> Task<S, C> {
     ///
     /// # Errors
     /// The system's, which has no thread or no descriptor left.
-    pub fn thread(self) -> io::Result<JoinHandle<S::Session>>
+    pub fn thread(self) -> io::Result<JoinHandle<Box<S::Session>>>
     where
         S: 'static,
         S::Session: 'static,
@@ -178,7 +180,7 @@ impl<S: Service, C: Connector> Task<S, C> {
                     () = &mut stopped => break Over::Stopped,
                     () = connector.replaced() => break Over::Replaced,
                     call = calls.recv(), if has_room => Err(call),
-                    turn = driver.turn(session, handler) => Ok(turn),
+                    turn = driver.turn(&mut **session, handler) => Ok(turn),
                 }
             };
             match turn {

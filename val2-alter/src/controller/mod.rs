@@ -201,7 +201,7 @@ impl robot_session::End for Controller {
     type Statistics = ControllerStatistics;
     type Payload = HostMessage;
 
-    const MAX_INPUT: usize = 65536;
+    const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;
 

@@ -334,7 +334,7 @@ impl End for Host {
     /// The message, as it is reported.
     type Payload = HostEvent;
 
-    const MAX_INPUT: usize = 65536;
+    const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize =
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
     const ROOM: Room = Room::NONE;

@@ -8,7 +8,7 @@ use ::embedded_io_async::{Read, Write};
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Outgoing, Passed, Turn};
+use crate::turn::{Outgoing, Passed, Told, Turn};
 use crate::{Clock, Ended, Session};
 
 /// The loop over both halves of a port, one turn at a time.
@@ -67,7 +67,7 @@ where
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
         let Self { port, clock, input, out, left } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
-        Turn { port, clock, input, out, left }.run(session, wake, handler).await
+        Turn { port, clock, input, out, left }.run(session, wake, Told(handler)).await
     }
 
     /// Runs a session that works with nothing but bytes and time until `handler` breaks or the peer closes the connection. The session
@@ -89,7 +89,7 @@ where
         let mut connection = Connection::begin(session, || clock.now(), note);
         loop {
             let turn = Turn { port, clock, input, out, left };
-            if turn.run(connection.session, pending(), &mut connection.handler).await?.is_break() {
+            if turn.run(connection.session, pending(), Told(&mut connection.handler)).await?.is_break() {
                 break;
             }
         }

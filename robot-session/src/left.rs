@@ -16,6 +16,9 @@ pub(crate) struct Left {
     begin: usize,
     /// to here.
     end: usize,
+    /// What is not written yet was not announced to the handler.
+    #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+    pub(crate) unannounced: bool,
     /// The port holds what was written.
     #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
     pub(crate) unflushed: bool,
@@ -27,6 +30,8 @@ impl Left {
     pub(crate) const NOTHING: Self = Self {
         begin: 0,
         end: 0,
+        #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+        unannounced: false,
         #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
         unflushed: false,
         woken: false,
@@ -40,6 +45,10 @@ impl Left {
     /// The first bytes of the buffer are to be written; whether there are any.
     pub(crate) fn begin_with(&mut self, length: usize) -> bool {
         (self.begin, self.end) = (0, length);
+        #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+        {
+            self.unannounced = self.is_some();
+        }
         self.is_some()
     }
 

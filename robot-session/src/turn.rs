@@ -87,6 +87,31 @@ pub trait Clock {
     fn sleep_until(&self, at: Duration) -> impl Future<Output = ()>;
 }
 
+/// Who is told what a session does.
+pub(crate) trait Handler<S: Session, E> {
+    type Break;
+
+    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<Self::Break>;
+
+    /// The session has written what is sent next. A dropped future has to be called again.
+    fn before_write(&mut self, session: &mut S) -> impl Future<Output = Result<(), E>>;
+}
+
+/// Who is told of events alone.
+pub(crate) struct Told<F>(pub(crate) F);
+
+impl<S: Session, E, B, F: FnMut(&mut S, S::Event) -> ControlFlow<B>> Handler<S, E> for Told<F> {
+    type Break = B;
+
+    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<B> {
+        self.0(session, event)
+    }
+
+    async fn before_write(&mut self, _session: &mut S) -> Result<(), E> {
+        Ok(())
+    }
+}
+
 /// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, C> {
     pub(crate) port: &'a mut P,
@@ -99,27 +124,27 @@ pub(crate) struct Turn<'a, P, C> {
 impl<P: Port, C: Clock> Turn<'_, P, C> {
     /// Events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`, then the
     /// events of that. What is to be sent is written in that wait: a peer that does not read holds up nothing else.
-    pub(crate) async fn run<S: Session, B>(
+    pub(crate) async fn run<S: Session, H: Handler<S, P::Error>>(
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+        handler: H,
+    ) -> Result<ControlFlow<Ended<H::Break>>, P::Error> {
         let turned = self.pass(session, pin!(wake), handler).await;
         self.left.after(turned)
     }
 
-    async fn pass<S: Session, B>(
+    async fn pass<S: Session, H: Handler<S, P::Error>>(
         &mut self,
         session: &mut S,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+        mut handler: H,
+    ) -> Result<ControlFlow<Ended<H::Break>>, P::Error> {
         let mut sending = false;
         loop {
             loop {
                 // As in `settle`: all that is to be sent, then the events of that.
-                if !sending && let ControlFlow::Break(value) = report(session, &mut handler) {
+                if !sending && let ControlFlow::Break(value) = report_to(session, &mut handler) {
                     return Ok(ControlFlow::Break(Ended::ByHandler(value)));
                 }
                 // What a dropped future has left comes first.
@@ -135,9 +160,13 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
                 }
                 // Also where nothing is to be sent, something may have expired, or was read.
                 let Some(event) = session.poll_event() else { break };
-                if let ControlFlow::Break(value) = handler(session, event) {
+                if let ControlFlow::Break(value) = handler.event(session, event) {
                     return Ok(ControlFlow::Break(Ended::ByHandler(value)));
                 }
+            }
+            if self.left.unannounced {
+                handler.before_write(session).await?;
+                self.left.unannounced = false;
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
             let due = self.left.due(session, self.clock.now());
@@ -160,7 +189,7 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             session.handle_timeout(self.clock.now());
             sending = !self.left.is_some();
             if read.is_some() || written.is_none() {
-                return Ok(report(session, &mut handler).map_break(Ended::ByHandler));
+                return Ok(report_to(session, &mut handler).map_break(Ended::ByHandler));
             }
         }
     }
@@ -199,4 +228,8 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         left.woken = is_woken;
         passed
     }
+}
+
+fn report_to<S: Session, E, H: Handler<S, E>>(session: &mut S, handler: &mut H) -> ControlFlow<H::Break> {
+    report(session, &mut |session: &mut S, event| handler.event(session, event))
 }

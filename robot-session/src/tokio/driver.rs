@@ -15,7 +15,7 @@ use ::tokio::time::sleep;
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Outgoing, Passed, Turn};
+use crate::turn::{Handler, Outgoing, Passed, Told, Turn};
 use crate::{Clock, Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
@@ -77,6 +77,14 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
+        self.turn_of(session, Told(handler)).await
+    }
+
+    pub(super) async fn turn_of<S: Session, H: Handler<S, io::Error>>(
+        &mut self,
+        session: &mut S,
+        handler: H,
+    ) -> io::Result<ControlFlow<Ended<H::Break>>> {
         let Self { port, input, out, left, waker } = self;
         input.resize(S::MAX_INPUT, 0);
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left

@@ -1,6 +1,7 @@
 //! What the user of a session has, while its task has the session.
 
 use core::fmt;
+use core::future::{Future, ready};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -32,6 +33,15 @@ pub trait Service: Send {
         event: <Self::Session as Session>::Event,
         reports: &mut Reports<'_, Self::Event>,
     );
+
+    /// The session has written what is sent next: what has to be kept before the peer has it is kept here. It is called again for the
+    /// same bytes when its future was dropped.
+    ///
+    /// # Errors
+    /// It could not be kept: nothing is sent, and the connection ends.
+    fn before_write(&mut self, _session: &mut Self::Session) -> impl Future<Output = io::Result<()>> + Send {
+        ready(Ok(()))
+    }
 
     /// Ends a call that was not made: there is no connection.
     fn refuse(&mut self, call: Self::Call, why: &Arc<io::Error>);

@@ -15,7 +15,8 @@ use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
 use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
-use crate::{Ended, Session as _, now};
+use crate::turn::Handler;
+use crate::{Ended, Session, now};
 
 /// So many calls wait in the task for room in the session; those beyond it wait where they were made.
 const CALLS: usize = 16;
@@ -166,21 +167,14 @@ impl<S: Service, C: Connector> Task<S, C> {
             let has_room = served.has_room();
             let turn = {
                 let Served { session, service, events, reconnect } = &mut *served;
-                let handler = |session: &mut S::Session, event| {
-                    let mut reports = Reports { events, reconnect };
-                    service.event(session, event, &mut reports);
-                    match reports.reconnect.take() {
-                        None => ControlFlow::Continue(()),
-                        Some(error) => ControlFlow::Break(error),
-                    }
-                };
+                let told = Told { service, events, reconnect };
                 // A turn that a call interrupts loses nothing.
                 select! {
                     biased;
                     () = &mut stopped => break Over::Stopped,
                     () = connector.replaced() => break Over::Replaced,
                     call = calls.recv(), if has_room => Err(call),
-                    turn = driver.turn(&mut **session, handler) => Ok(turn),
+                    turn = driver.turn_of(&mut **session, told) => Ok(turn),
                 }
             };
             match turn {
@@ -251,6 +245,31 @@ impl<S: Service> Served<S> {
                 }
             }
         }
+    }
+}
+
+/// The service of a session that has a connection.
+struct Told<'a, S: Service> {
+    service: &'a mut S,
+    events: &'a broadcast::Sender<S::Event>,
+    reconnect: &'a mut Option<io::Error>,
+}
+
+impl<S: Service> Handler<S::Session, io::Error> for Told<'_, S> {
+    type Break = io::Error;
+
+    fn event(
+        &mut self,
+        session: &mut S::Session,
+        event: <S::Session as Session>::Event,
+    ) -> ControlFlow<io::Error> {
+        let Self { service, events, reconnect } = self;
+        service.event(session, event, &mut Reports { events, reconnect });
+        reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    fn before_write(&mut self, session: &mut S::Session) -> impl Future<Output = io::Result<()>> {
+        self.service.before_write(session)
     }
 }
 

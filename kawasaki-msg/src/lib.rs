@@ -2,7 +2,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(test)]
+#[cfg(any(test, feature = "tokio"))]
 extern crate std;
 
 mod content;
@@ -24,6 +24,8 @@ mod role;
 mod spec;
 mod statistics;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 mod value;
 
 pub use content::{FromPc, FromRobot, Status};

@@ -325,7 +325,8 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     type Statistics = PcStatistics;
     type Payload = (Role, Params);
 
-    const MAX_INPUT: usize = 65536;
+    /// A datagram that is longer than any message is seen to be.
+    const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room::NONE;
 

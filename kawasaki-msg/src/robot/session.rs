@@ -195,7 +195,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Statistics = RobotStatistics;
     type Payload = Received<W>;
 
-    const MAX_INPUT: usize = 65536;
+    /// A datagram that is longer than any message is seen to be.
+    const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = MESSAGE;
     const ROOM: Room = Room::NONE;
 

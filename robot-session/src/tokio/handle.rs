@@ -2,6 +2,8 @@
 
 use core::fmt;
 use core::future::{Future, ready};
+use core::pin::Pin;
+use core::task::{Context, Poll};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -34,12 +36,12 @@ pub trait Service: Send {
         reports: &mut Reports<'_, Self::Event>,
     );
 
-    /// The session has written what is sent next: what has to be kept before the peer has it is kept here. It is called again for the
-    /// same bytes when its future was dropped.
+    /// Keeps of the session what has to survive the program: called before what the session has written is sent, so that the peer has
+    /// nothing that was not kept, and when something has happened. A future that is dropped is called again.
     ///
     /// # Errors
     /// It could not be kept: nothing is sent, and the connection ends.
-    fn before_write(&mut self, _session: &mut Self::Session) -> impl Future<Output = io::Result<()>> + Send {
+    fn keep(&mut self, _session: &mut Self::Session) -> impl Future<Output = io::Result<()>> + Send {
         ready(Ok(()))
     }
 
@@ -63,6 +65,19 @@ impl<T> Reply<T> {
     /// Nobody waits for it any more.
     pub fn is_abandoned(&self) -> bool {
         self.0.is_closed()
+    }
+}
+
+/// The outcome of a call, when there is one.
+#[derive(Debug)]
+#[must_use = "a call whose outcome nobody waits for is abandoned"]
+pub struct Outcome<T>(oneshot::Receiver<T>);
+
+impl<T> Future for Outcome<T> {
+    type Output = Result<T, Closed>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        Pin::new(&mut self.0).poll(context).map_err(|_| Closed)
     }
 }
 
@@ -122,9 +137,17 @@ impl<S: Service> Handle<S> {
     /// # Errors
     /// The task has ended.
     pub async fn call<T>(&self, call: impl FnOnce(Reply<T>) -> S::Call) -> Result<T, Closed> {
+        self.begin(call).await?.await
+    }
+
+    /// Makes a call; its outcome is waited for apart.
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn begin<T>(&self, call: impl FnOnce(Reply<T>) -> S::Call) -> Result<Outcome<T>, Closed> {
         let (reply, outcome) = oneshot::channel();
         self.calls.send(call(Reply(reply))).await.map_err(|_| Closed)?;
-        outcome.await.map_err(|_| Closed)
+        Ok(Outcome(outcome))
     }
 
     /// The events from now on. Whoever reads too slowly loses the oldest ones, and is told how many.

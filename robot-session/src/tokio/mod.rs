@@ -8,11 +8,13 @@ mod handle;
 mod listener;
 mod task;
 
+/// A value that changes, and who waits for it.
+pub use ::tokio::sync::watch;
 pub use codec::Codec;
 #[cfg(feature = "tokio-serial")]
 pub use connector::Serial;
 pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp};
 pub use driver::{Driver, Waker};
-pub use handle::{Closed, Handle, Link, Reply, Reports, Service};
+pub use handle::{Closed, Handle, Link, Outcome, Reply, Reports, Service};
 pub use listener::serve;
 pub use task::{Reconnect, Task, spawn};

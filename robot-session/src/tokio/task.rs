@@ -178,7 +178,11 @@ impl<S: Service, C: Connector> Task<S, C> {
                 }
             };
             match turn {
-                Ok(Ok(ControlFlow::Continue(()))) => {}
+                Ok(Ok(ControlFlow::Continue(()))) => {
+                    if let Err(error) = served.service.keep(&mut served.session).await {
+                        break Over::Lost(error);
+                    }
+                }
                 Ok(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => break Over::Lost(error),
                 Ok(Ok(ControlFlow::Break(Ended::ByPeer))) => {
                     let closed = "the peer has closed the connection";
@@ -269,7 +273,7 @@ impl<S: Service> Handler<S::Session, io::Error> for Told<'_, S> {
     }
 
     fn before_write(&mut self, session: &mut S::Session) -> impl Future<Output = io::Result<()>> {
-        self.service.before_write(session)
+        self.service.keep(session)
     }
 }
 

@@ -1,0 +1,137 @@
+//! What a program that is killed has to know of its order when it is started again.
+
+use core::fmt::Write as _;
+use core::future::Future;
+use core::str::FromStr;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+use std::string::String;
+use std::vec::Vec;
+
+use fs4::FileExt;
+
+/// How far an order is.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// Its number; 0 when there is none.
+    pub order: u16,
+    /// So many of its jobs are known to be executed, all of them from the first on.
+    pub executed: u32,
+    /// From this one on none was sent.
+    pub sent: u32,
+    /// Those that are known to be executed ahead of others, counted from 0.
+    pub ahead: Vec<u32>,
+}
+
+/// Keeps how far an order is, before the robot can know of it.
+pub trait Keep: Send + 'static {
+    /// Keeps it, so that not even a loss of power takes it away, as far as the program is to survive that.
+    ///
+    /// # Errors
+    /// It could not be kept: the packet is not sent, and the connection ends.
+    fn keep(&mut self, kept: &Kept) -> impl Future<Output = io::Result<()>> + Send;
+}
+
+/// Keeps nothing: an order ends with the program.
+impl Keep for () {
+    async fn keep(&mut self, _kept: &Kept) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …]` for every change, of which the last whole one counts.
+///
+/// A change is written and synchronised to the disk by the task itself, which does nothing else for that time: where the disk is slow,
+/// [`Task::thread`](robot_session::tokio::Task::thread) gives the task a thread of its own.
+#[derive(Debug)]
+pub struct Journal {
+    file: File,
+    line: String,
+    length: u64,
+}
+
+/// From here on the file is begun anew with its last line.
+const LONGEST: u64 = 1 << 20;
+
+impl Journal {
+    /// Opens a journal, or begins one; with it, the order that an earlier program has begun and not ended. One program has it at a time.
+    ///
+    /// # Errors
+    /// The file system's; another program has the journal; it holds something else.
+    pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, Option<Kept>)> {
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
+        if FileExt::try_lock(&file).is_err() {
+            return Err(io::Error::new(io::ErrorKind::ResourceBusy, "another program has this journal"));
+        }
+        let mut text = String::new();
+        file.read_to_string(&mut text)?;
+        // What has no end was not kept.
+        let whole = text.rfind('\n').map_or("", |end| text.get(..=end).unwrap_or_default());
+        let last = whole.lines().last().map(Kept::from_str).transpose()?;
+        let length = whole.len() as u64;
+        file.set_len(length)?;
+        file.seek(SeekFrom::Start(length))?;
+        Ok((Self { file, line: String::new(), length }, last.filter(|kept| kept.order != 0)))
+    }
+
+    fn write(&mut self, kept: &Kept) -> io::Result<()> {
+        self.line.clear();
+        let Kept { order, executed, sent, ahead } = kept;
+        let written = write!(self.line, "{order} {executed} {sent}");
+        let ahead = ahead.iter().try_for_each(|index| write!(self.line, " {index}"));
+        written.and(ahead).map_err(io::Error::other)?;
+        self.line.push('\n');
+        self.file.write_all(self.line.as_bytes())?;
+        self.file.sync_data()?;
+        self.length += self.line.len() as u64;
+        if self.length > LONGEST {
+            self.begin_anew()?;
+        }
+        Ok(())
+    }
+
+    /// The last line in front of all others, then alone: at any moment the last whole line is this one.
+    fn begin_anew(&mut self) -> io::Result<()> {
+        let length = self.line.len() as u64;
+        self.file.seek(SeekFrom::Start(0))?;
+        self.file.write_all(self.line.as_bytes())?;
+        self.file.sync_data()?;
+        self.file.set_len(length)?;
+        self.file.sync_data()?;
+        self.length = length;
+        Ok(())
+    }
+}
+
+impl Keep for Journal {
+    async fn keep(&mut self, kept: &Kept) -> io::Result<()> {
+        let kept = self.write(kept);
+        if kept.is_err() {
+            // What was not kept whole is written over.
+            self.file.set_len(self.length)?;
+            self.file.seek(SeekFrom::Start(self.length))?;
+        }
+        kept
+    }
+}
+
+impl FromStr for Kept {
+    type Err = io::Error;
+
+    fn from_str(line: &str) -> io::Result<Self> {
+        let wrong = || {
+            let message =
+                std::format!("this is no journal of an order: {line:?} is not ORDER EXECUTED SENT [AHEAD …]");
+            io::Error::new(io::ErrorKind::InvalidData, message)
+        };
+        let mut words = line.split(' ');
+        let mut word = || words.next().ok_or_else(wrong);
+        let (order, executed, sent) = (word()?.parse(), word()?.parse(), word()?.parse());
+        let ahead = words.map(str::parse).collect();
+        match (order, executed, sent, ahead) {
+            (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => Ok(Self { order, executed, sent, ahead }),
+            _ => Err(wrong()),
+        }
+    }
+}

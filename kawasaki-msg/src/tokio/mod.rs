@@ -1,0 +1,238 @@
+//! The PC in a task of its own, which keeps how far an order is, and connects again by itself: orders by `.await`.
+//!
+//! ```no_run
+//! use kawasaki_msg::robot_session::tokio::Listen;
+//! use kawasaki_msg::tokio::{Journal, pc};
+//! use kawasaki_msg::{JobKind, Line, PcConfig, Point};
+//!
+//! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
+//! let (journal, begun) = Journal::open("order.journal")?;
+//! let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind("0.0.0.0:9105").await?)?;
+//! tokio::spawn(task.run());
+//! let jobs = vec![Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
+//! let mut order = match begun {
+//!     // This program was killed in the middle of an order: nothing is sent twice.
+//!     Some(begun) => robot.resume(begun, jobs).await?,
+//!     None => robot.start(50, jobs).await?,
+//! };
+//! while let Some(progress) = order.progress().await {
+//!     println!("{} executed, {} queued", progress.executed, progress.queued);
+//! }
+//! println!("{:?}", order.await?);
+//! # Ok(()) }
+//! ```
+
+mod journal;
+mod service;
+
+use core::future::Future;
+use core::pin::Pin;
+use core::task::{Context, Poll};
+use std::boxed::Box;
+use std::io;
+use std::sync::Arc;
+use std::vec::Vec;
+
+use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, watch};
+
+pub use journal::{Journal, Keep, Kept};
+use service::{Begun, Call};
+pub use service::{Orders, Source};
+
+use crate::error::{ConfigError, FieldError, SessionError};
+use crate::job::Work;
+use crate::pc::{CommandOutcome, LargePc, PcConfig, Supply};
+
+/// Gives a robot orders, one after the other. Cloning it is cheap.
+///
+/// All events of the session are those of the [`handle`](Self::handle).
+#[derive(Debug)]
+pub struct Pc<W: Work<Ranges: Send> + Send + 'static, K: Keep> {
+    handle: Handle<Orders<W, K>>,
+}
+
+/// A PC, and the task that it works through. What `keep` has kept is on its way to the robot only then.
+///
+/// # Errors
+/// As [`LargePc::sized`].
+pub fn pc<W, K, C>(config: PcConfig<'static>, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
+where
+    W: Work<Ranges: Send> + Send + 'static,
+    K: Keep,
+    C: Connector,
+{
+    let session = LargePc::sized(config)?;
+    let (handle, task) = session::spawn(session, Orders::new(keep), connector);
+    Ok((Pc { handle }, task))
+}
+
+/// A handle, and the task that it works through.
+pub type Spawned<W, K, C> = (Pc<W, K>, Task<Orders<W, K>, C>);
+
+/// How far an order is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Progress {
+    /// So many of its jobs are executed, all of them from the first on.
+    pub executed: u32,
+    /// So many the robot has queued.
+    pub queued: u32,
+}
+
+/// An order that has begun: a future of its outcome. It goes on when this is dropped; its outcome is an event then, as it always is.
+#[derive(Debug)]
+#[must_use = "the order goes on, and nobody knows what became of it"]
+pub struct Order {
+    progress: watch::Receiver<Progress>,
+    outcome: Outcome<Result<Over, Error>>,
+}
+
+/// An order that is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Over {
+    /// So many of its jobs were executed, from the first on.
+    pub executed: u32,
+    /// They are all.
+    pub complete: bool,
+    /// The job that could not be sent, counted from 0, and why.
+    pub unfit: Option<(u32, FieldError)>,
+}
+
+/// Why an order has no such end.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The caller's fault; nothing was sent.
+    #[error(transparent)]
+    Call(#[from] SessionError),
+    /// There is no connection, and the attempt to make one has failed; nothing was sent.
+    #[error("not connected: {0}")]
+    NotConnected(Arc<io::Error>),
+    /// The robot has refused the order, for another one or, with 0, for none; it was tried as often as the configuration says.
+    #[error("the robot refuses the order; its active one is {active}")]
+    Refused {
+        /// The robot's order.
+        active: u16,
+    },
+    /// The robot no longer knows the order: it was restarted, or somebody else has begun another one.
+    #[error("the outcome of jobs {executed} to {sent} is unknown: the robot no longer knows the order")]
+    OutcomeUnknown {
+        /// So many are executed, from the first on.
+        executed: u32,
+        /// From this one on none was sent.
+        sent: u32,
+    },
+    /// The PC was shut down: the order may be resumed.
+    #[error(transparent)]
+    Closed(#[from] Closed),
+}
+
+impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Pc<W, K> {
+    /// Begins an order. What speaks against it is its outcome.
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn start(&self, order: u16, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
+        self.start_from(order, all_of(jobs.into())).await
+    }
+
+    /// Begins an order whose jobs come from a function: as [`JobSource`](crate::JobSource) says.
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn start_from(
+        &self,
+        order: u16,
+        source: impl FnMut(u32) -> Supply<W> + Send + 'static,
+    ) -> Result<Order, Closed> {
+        self.begin(Kept { order, ..Kept::default() }, None, Box::new(source)).await
+    }
+
+    /// Goes on with an order that an earlier PC has begun, with the same jobs: as [`Pc::resume`](crate::Pc::resume).
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn resume(&self, begun: Kept, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
+        let ahead = begun.ahead.clone();
+        self.begin(begun, Some(ahead), Box::new(all_of(jobs.into()))).await
+    }
+
+    /// Begins an order, and waits for its outcome.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn run(&self, order: u16, jobs: impl Into<Vec<W>>) -> Result<Over, Error> {
+        self.start(order, jobs).await?.await
+    }
+
+    /// Ends the order when the jobs that the robot has queued are executed.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn end(&self) -> Result<(), Error> {
+        self.handle.call(Call::End).await?
+    }
+
+    /// Ends the order when the job that is being executed is done.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn interrupt(&self) -> Result<(), Error> {
+        self.handle.call(Call::Interrupt).await?
+    }
+
+    /// Sends a command past the queue, once.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn command(&self, id: u8, value: i32) -> Result<CommandOutcome, Error> {
+        self.handle.call(|reply| Call::Command { id, value, reply }).await?
+    }
+
+    /// What all handles have: events, the state of the connection, the end.
+    pub const fn handle(&self) -> &Handle<Orders<W, K>> {
+        &self.handle
+    }
+
+    async fn begin(
+        &self,
+        kept: Kept,
+        resumed: Option<Vec<u32>>,
+        source: Box<dyn FnMut(u32) -> Supply<W> + Send>,
+    ) -> Result<Order, Closed> {
+        let (known, progress) = watch::channel(Progress { executed: kept.executed, queued: 0 });
+        let source = Source(source);
+        let call = |reply| Call::Start(Begun { kept, resumed, source, known, reply });
+        let outcome = self.handle.begin(call).await?;
+        Ok(Order { progress, outcome })
+    }
+}
+
+impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Clone for Pc<W, K> {
+    fn clone(&self) -> Self {
+        Self { handle: self.handle.clone() }
+    }
+}
+
+/// The jobs of a list.
+fn all_of<W: Work>(jobs: Vec<W>) -> impl FnMut(u32) -> Supply<W> {
+    move |index| {
+        let job = usize::try_from(index).ok().and_then(|index| jobs.get(index));
+        job.map_or(Supply::End, |job| Supply::Job(*job))
+    }
+}
+
+impl Order {
+    /// The next progress; of several the last. `None` when the order has an outcome.
+    pub async fn progress(&mut self) -> Option<Progress> {
+        self.progress.changed().await.ok()?;
+        Some(*self.progress.borrow_and_update())
+    }
+}
+
+impl Future for Order {
+    type Output = Result<Over, Error>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        Pin::new(&mut self.outcome).poll(context).map(|outcome| outcome?)
+    }
+}

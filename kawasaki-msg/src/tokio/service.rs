@@ -1,0 +1,198 @@
+//! What the task does: orders in, outcomes to whom they belong.
+
+use core::fmt;
+use core::time::Duration;
+use std::boxed::Box;
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::vec::Vec;
+
+use robot_session::tokio::{Reply, Reports, Service, watch};
+
+use super::journal::{Keep, Kept};
+use super::{Error, Over, Progress};
+use crate::error::FieldError;
+use crate::job::Work;
+use crate::pc::{CommandOutcome, JobSource, LargePc, PcEvent, Supply};
+
+/// Where the task gets the jobs of an order.
+pub struct Source<W>(pub(super) Box<dyn FnMut(u32) -> Supply<W> + Send>);
+
+impl<W: Work> JobSource for Source<W> {
+    type Work = W;
+
+    fn job(&mut self, index: u32) -> Supply<W> {
+        (self.0)(index)
+    }
+}
+
+impl<W> fmt::Debug for Source<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Source").finish_non_exhaustive()
+    }
+}
+
+/// The order that the session has, its commands, and where it keeps how far it is.
+#[derive(Debug)]
+pub struct Orders<W, K> {
+    keep: K,
+    kept: Kept,
+    active: Option<Active>,
+    commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
+    jobs: core::marker::PhantomData<fn() -> W>,
+}
+
+/// Who waits for the order.
+#[derive(Debug)]
+struct Active {
+    known: watch::Sender<Progress>,
+    reply: Reply<Result<Over, Error>>,
+    unfit: Option<(u32, FieldError)>,
+}
+
+/// A call of a [`Pc`](super::Pc).
+#[derive(Debug)]
+pub enum Call<W> {
+    /// Begin an order, or go on with one.
+    Start(Begun<W>),
+    /// End it when the queue is empty.
+    End(Reply<Result<(), Error>>),
+    /// End it now.
+    Interrupt(Reply<Result<(), Error>>),
+    /// Past the queue.
+    Command { id: u8, value: i32, reply: Reply<Result<CommandOutcome, Error>> },
+}
+
+/// An order that is to begin.
+#[derive(Debug)]
+pub struct Begun<W> {
+    pub(super) kept: Kept,
+    /// It has begun before, and these jobs were executed ahead of others.
+    pub(super) resumed: Option<Vec<u32>>,
+    pub(super) source: Source<W>,
+    pub(super) known: watch::Sender<Progress>,
+    pub(super) reply: Reply<Result<Over, Error>>,
+}
+
+type Session<W> = LargePc<'static, Source<W>>;
+
+impl<W, K> Orders<W, K> {
+    pub(super) fn new(keep: K) -> Self {
+        Self {
+            keep,
+            kept: Kept::default(),
+            active: None,
+            commands: VecDeque::new(),
+            jobs: core::marker::PhantomData,
+        }
+    }
+
+    /// The order has an outcome. Without somebody who waits for it, its event says it.
+    fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<Over, Error>) {
+        if let Some(Active { reply, unfit, .. }) = self.active.take() {
+            let _ = reply.send(outcome(unfit));
+        }
+    }
+}
+
+impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Service for Orders<W, K> {
+    type Session = Session<W>;
+    type Call = Call<W>;
+    type Event = PcEvent;
+
+    /// An order is no reason to let an interrupt wait.
+    fn has_room(&self, _session: &Session<W>) -> bool {
+        true
+    }
+
+    fn call(&mut self, session: &mut Session<W>, _now: Duration, call: Call<W>) {
+        match call {
+            Call::Start(Begun { reply, .. }) if reply.is_abandoned() => {}
+            Call::Start(Begun { kept, resumed, source, known, reply }) => {
+                let begun = match resumed {
+                    None => session.start(kept.order, source),
+                    Some(ahead) => session.resume(kept.order, source, kept.executed, kept.sent, ahead),
+                };
+                match begun {
+                    Ok(()) => self.active = Some(Active { known, reply, unfit: None }),
+                    Err(error) => drop(reply.send(Err(error.into()))),
+                }
+            }
+            Call::End(reply) => drop(reply.send(session.end().map_err(Error::from))),
+            Call::Interrupt(reply) => drop(reply.send(session.interrupt().map_err(Error::from))),
+            Call::Command { reply, .. } if reply.is_abandoned() => {}
+            Call::Command { id, value, reply } => match session.command(id, value) {
+                Ok(()) => self.commands.push_back(reply),
+                Err(error) => drop(reply.send(Err(error.into()))),
+            },
+        }
+    }
+
+    fn event(&mut self, _session: &mut Session<W>, event: PcEvent, reports: &mut Reports<'_, PcEvent>) {
+        match event {
+            PcEvent::Disconnect => {
+                reports.reconnect(io::Error::new(io::ErrorKind::TimedOut, "the robot is silent"));
+            }
+            PcEvent::Progress { executed, queued } => {
+                if let Some(active) = &self.active {
+                    active.known.send_replace(Progress { executed, queued });
+                }
+            }
+            PcEvent::JobUnfit { index, error, .. } => {
+                if let Some(active) = &mut self.active {
+                    active.unfit = Some((index, error));
+                }
+            }
+            PcEvent::OrderOver { executed, complete, .. } => {
+                self.end(|unfit| Ok(Over { executed, complete, unfit }));
+            }
+            PcEvent::OutcomeUnknown { executed, sent, .. } => {
+                self.end(|_| Err(Error::OutcomeUnknown { executed, sent }));
+            }
+            PcEvent::OrderRefused { active, given_up: true, .. } => {
+                self.end(|_| Err(Error::Refused { active }));
+            }
+            PcEvent::Command { outcome, .. } => {
+                if let Some(reply) = self.commands.pop_front() {
+                    let _ = reply.send(Ok(outcome));
+                }
+            }
+            _ => {}
+        }
+        reports.event(event);
+    }
+
+    /// What is executed the robot says itself: it is kept with what is sent.
+    async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
+        if self.kept.order == session.order().unwrap_or(0) && self.kept.sent == session.sent() {
+            return Ok(());
+        }
+        let now = Kept::of(session);
+        self.keep.keep(&now).await?;
+        self.kept = now;
+        Ok(())
+    }
+
+    fn refuse(&mut self, call: Call<W>, why: &Arc<io::Error>) {
+        let error = Error::NotConnected(Arc::clone(why));
+        match call {
+            Call::Start(Begun { reply, .. }) => drop(reply.send(Err(error))),
+            Call::End(reply) | Call::Interrupt(reply) => drop(reply.send(Err(error))),
+            Call::Command { reply, .. } => drop(reply.send(Err(error))),
+        }
+    }
+}
+
+impl Kept {
+    /// How far the order of a session is; without an order none is to be resumed.
+    fn of<W: Work>(session: &Session<W>) -> Self {
+        let (executed, sent) = (session.executed(), session.sent());
+        Self {
+            order: session.order().unwrap_or(0),
+            executed,
+            sent,
+            ahead: (executed..sent).filter(|index| session.is_executed(*index)).collect(),
+        }
+    }
+}

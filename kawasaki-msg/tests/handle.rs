@@ -17,6 +17,7 @@ use std::thread;
 use kawasaki_msg::robot_session::tokio::Listen;
 use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Over, Pc, pc};
 use kawasaki_msg::{Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
+use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
@@ -104,23 +105,36 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert_eq!(Journal::open(&path).unwrap().1, None);
 }
 
-/// What could not be kept does not reach the robot.
+/// What is not kept, because the disk is full or does not answer, does not reach the robot.
 #[tokio::test]
 async fn nothing_is_sent_that_was_not_kept() {
-    #[derive(Debug, Clone, Default)]
-    struct Full(Arc<AtomicUsize>);
-    impl Keep for Full {
+    #[derive(Debug, Clone)]
+    struct Disk(Arc<Semaphore>, Arc<AtomicUsize>);
+    impl Keep for Disk {
         fn keep(&mut self, kept: &Kept) -> impl Future<Output = io::Result<()>> + Send {
-            let is_full = kept.sent > 0 && self.0.fetch_add(1, Ordering::SeqCst) < 3;
-            async move { if is_full { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) } }
+            let Self(works, full) = self.clone();
+            let has_jobs = kept.sent > 0;
+            async move {
+                if !has_jobs {
+                    return Ok(());
+                }
+                let _works = works.acquire().await.unwrap();
+                let is_full = full.fetch_add(1, Ordering::SeqCst) < 3;
+                if is_full { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
+            }
         }
     }
-    let full = Full::default();
-    let (pc, address, _task) = listening(any(), full.clone()).await;
+    let disk = Disk(Arc::new(Semaphore::new(0)), Arc::default());
+    let (pc, address, _task) = listening(any(), disk.clone()).await;
     let robot = robot(address);
-    let over = timeout(LONG, pc.run(50, jobs(20))).await.unwrap().unwrap();
+    let mut order = pc.start(50, jobs(20)).await.unwrap();
+    let early =
+        timeout(500 * MS, async { while order.progress().await.is_some_and(|now| now.queued == 0) {} });
+    assert!(early.await.is_err(), "the robot has jobs that were not kept");
+    disk.0.add_permits(1);
+    let over = timeout(LONG, order).await.unwrap().unwrap();
     assert_eq!(over, Over { executed: 20, complete: true, unfit: None });
-    assert!(full.0.load(Ordering::SeqCst) > 3);
+    assert!(disk.1.load(Ordering::SeqCst) > 3);
     assert_eq!(executed(robot), jobs(20));
 }
 

@@ -13,6 +13,8 @@ mod message;
 #[cfg(feature = "spec")]
 mod spec;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 
 pub use robot_session;
 

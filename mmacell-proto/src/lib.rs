@@ -2,7 +2,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(test)]
+#[cfg(any(test, feature = "tokio"))]
 extern crate std;
 
 pub mod central;
@@ -19,6 +19,8 @@ mod pose;
 mod serde_impls;
 #[cfg(feature = "spec")]
 mod spec;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 mod units;
 
 pub use central::{

@@ -10,6 +10,8 @@ mod message;
 #[cfg(feature = "spec")]
 mod spec;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 pub mod workstation;
 
 pub use robot_session;

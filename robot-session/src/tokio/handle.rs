@@ -36,6 +36,14 @@ pub trait Service: Send {
         reports: &mut Reports<'_, Self::Event>,
     );
 
+    /// When [`handle_timeout`](Self::handle_timeout) is to be called at the latest, with the clock of [`now`](crate::now).
+    fn poll_timeout(&self) -> Option<Duration> {
+        None
+    }
+
+    /// Time has passed. What the service makes of it, the session sends.
+    fn handle_timeout(&mut self, _session: &mut Self::Session, _now: Duration) {}
+
     /// Keeps of the session what has to survive the program: called before what the session has written is sent, so that the peer has
     /// nothing that was not kept, and when something has happened. A future that is dropped is called again.
     ///
@@ -148,6 +156,11 @@ impl<S: Service> Handle<S> {
         let (reply, outcome) = oneshot::channel();
         self.calls.send(call(Reply(reply))).await.map_err(|_| Closed)?;
         Ok(Outcome(outcome))
+    }
+
+    /// Makes a call whose outcome nobody waits for, if there is room for it now: says whether there is.
+    pub fn try_call(&self, call: S::Call) -> bool {
+        self.calls.try_send(call).is_ok()
     }
 
     /// The events from now on. Whoever reads too slowly loses the oldest ones, and is told how many.

@@ -5,6 +5,7 @@ mod codec;
 mod connector;
 mod driver;
 mod handle;
+mod latest;
 mod listener;
 mod task;
 
@@ -16,5 +17,6 @@ pub use connector::Serial;
 pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp};
 pub use driver::{Driver, Waker};
 pub use handle::{Closed, Handle, Link, Outcome, Reply, Reports, Service};
+pub use latest::{Latest, Source, latest};
 pub use listener::serve;
 pub use task::{Reconnect, Task, spawn};

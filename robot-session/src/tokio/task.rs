@@ -165,31 +165,36 @@ impl<S: Service, C: Connector> Task<S, C> {
         link.send_replace(Link::Connected);
         let over = loop {
             let has_room = served.has_room();
-            let turn = {
+            let woken = {
                 let Served { session, service, events, reconnect } = &mut *served;
+                let time = until(service.poll_timeout());
                 let told = Told { service, events, reconnect };
                 // A turn that a call interrupts loses nothing.
                 select! {
                     biased;
                     () = &mut stopped => break Over::Stopped,
                     () = connector.replaced() => break Over::Replaced,
-                    call = calls.recv(), if has_room => Err(call),
-                    turn = driver.turn_of(&mut **session, told) => Ok(turn),
+                    call = calls.recv(), if has_room => Woken::Call(call),
+                    turn = driver.turn_of(&mut **session, told) => Woken::Turn(turn),
+                    () = time => Woken::Time,
                 }
             };
-            match turn {
-                Ok(Ok(ControlFlow::Continue(()))) => {
+            match woken {
+                Woken::Time => served.service.handle_timeout(&mut served.session, now()),
+                Woken::Turn(Ok(ControlFlow::Continue(()))) => {
                     if let Err(error) = served.service.keep(&mut served.session).await {
                         break Over::Lost(error);
                     }
                 }
-                Ok(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => break Over::Lost(error),
-                Ok(Ok(ControlFlow::Break(Ended::ByPeer))) => {
+                Woken::Turn(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => {
+                    break Over::Lost(error);
+                }
+                Woken::Turn(Ok(ControlFlow::Break(Ended::ByPeer))) => {
                     let closed = "the peer has closed the connection";
                     break Over::Lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed));
                 }
-                Err(None) => break Over::Stopped,
-                Err(Some(call)) => {
+                Woken::Call(None) => break Over::Stopped,
+                Woken::Call(Some(call)) => {
                     served.call(call);
                     while served.has_room()
                         && let Ok(call) = calls.try_recv()
@@ -233,12 +238,7 @@ impl<S: Service> Served<S> {
         let mut stopped = pin!(stopped(stop));
         loop {
             let due = self.session.poll_timeout();
-            let time = async {
-                match due {
-                    None | Some(Duration::MAX) => pending().await,
-                    Some(at) => sleep(at.saturating_sub(now()).max(SHORTEST)).await,
-                }
-            };
+            let time = until(due.map(|at| at.max(now().saturating_add(SHORTEST))));
             select! {
                 biased;
                 () = &mut stopped => return None,
@@ -274,6 +274,20 @@ impl<S: Service> Handler<S::Session, io::Error> for Told<'_, S> {
 
     fn before_write(&mut self, session: &mut S::Session) -> impl Future<Output = io::Result<()>> {
         self.service.keep(session)
+    }
+}
+
+/// What a wait has brought.
+enum Woken<T, C> {
+    Turn(T),
+    Call(Option<C>),
+    Time,
+}
+
+async fn until(at: Option<Duration>) {
+    match at {
+        None | Some(Duration::MAX) => pending().await,
+        Some(at) => sleep(at.saturating_sub(now())).await,
     }
 }
 

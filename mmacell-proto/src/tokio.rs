@@ -1,0 +1,279 @@
+//! The central controller's end of a device in a task of its own, which connects again by itself: commands by `.await`.
+//!
+//! ```no_run
+//! use mmacell_proto::robot_session::tokio::Tcp;
+//! use mmacell_proto::{CentralConfig, Command, RobotPose, port};
+//!
+//! # async fn run(pose: RobotPose) -> Result<(), Box<dyn core::error::Error>> {
+//! let (robot, task) = mmacell_proto::tokio::central(CentralConfig::DEFAULT, Tcp::new("192.168.0.1:2001"))?;
+//! tokio::spawn(task.run());
+//! robot.command(Command::Servo { on: true }).await?;
+//! let status = robot.move_to(pose).await?;
+//! println!("{:?}", status.pose);
+//! # Ok(()) }
+//! ```
+
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+
+use robot_session::now;
+use robot_session::tokio::{self as session, Closed, Connector, Handle, Reply, Reports, Service, Task};
+
+use crate::central::{Central, CentralConfig, CentralEvent, Closing, Miss, Progress, Unfinished};
+use crate::error::{ConfigError, SessionError};
+use crate::message::{Command, ErrorCode, Mode, Status};
+use crate::pose::Pose;
+
+/// How often a device is asked whether it has arrived.
+const ASK: Duration = Duration::from_millis(50);
+
+/// A device: its commands are executed one after the other. Cloning it is cheap.
+///
+/// All events of the session are those of the [`handle`](Self::handle). A future that is dropped takes no command back: its outcome is an
+/// event, and a motion goes on.
+#[derive(Debug)]
+pub struct Device<P: Pose + Send + 'static> {
+    handle: Handle<Commands<P>>,
+}
+
+/// A handle, and the task that it works through.
+pub type Spawned<P, C> = (Device<P>, Task<Commands<P>, C>);
+
+/// A device, and the task that it works through.
+///
+/// # Errors
+/// As [`Central::new`].
+pub fn central<P, C>(config: CentralConfig, connector: C) -> Result<Spawned<P, C>, ConfigError>
+where
+    P: Pose + Send + 'static,
+    C: Connector,
+{
+    let commands = Commands { asked: None, motion: None };
+    let (handle, task) = session::spawn(Central::new(config)?, commands, connector);
+    Ok((Device { handle }, task))
+}
+
+/// Why a command has not been executed, or may not have been.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The caller's fault; nothing was sent.
+    #[error(transparent)]
+    Call(#[from] SessionError),
+    /// There is no connection; nothing was sent.
+    #[error("not connected: {0}")]
+    NotConnected(Arc<io::Error>),
+    /// The device has not executed it.
+    #[error("the device refuses the command: {0:?}")]
+    Refused(ErrorCode),
+    /// The connection has ended before the command was sent.
+    #[error("the connection has ended before the command was sent: {0:?}")]
+    NotSent(Closing),
+    /// The connection has ended before the reply.
+    #[error("whether the command was executed is unknown, the connection has ended: {0:?}")]
+    Unknown(Closing),
+    /// The motion has ended elsewhere.
+    #[error("the motion has not arrived: {0:?}")]
+    Missed(Miss),
+    /// Somebody has stopped the motion.
+    #[error("the motion was stopped")]
+    Stopped,
+    /// The task has ended. Whether the command was executed is unknown.
+    #[error(transparent)]
+    Closed(#[from] Closed),
+}
+
+impl<P: Pose + Send + 'static> Device<P> {
+    /// Has a command executed. The reply to a motion means that it has started.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn command(&self, command: Command<P>) -> Result<(), Error> {
+        self.ask(command, Until::Reply).await.map(drop)
+    }
+
+    /// Asks for the status.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn status(&self) -> Result<(Status<P>, Progress), Error> {
+        self.ask(Command::Status, Until::Reply).await?.ok_or(Error::Stopped)
+    }
+
+    /// Moves to a pose, and waits until the device is there: its status then. It is asked 20 times a second.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn move_to(&self, pose: P) -> Result<Status<P>, Error> {
+        let command = Command::Move { mode: Mode::Absolute, pose };
+        let arrived = self.ask(command, Until::Arrived).await?;
+        arrived.map(|(status, _)| status).ok_or(Error::Stopped)
+    }
+
+    /// What all handles have: events, the state of the connection, the end.
+    pub const fn handle(&self) -> &Handle<Commands<P>> {
+        &self.handle
+    }
+
+    async fn ask(&self, command: Command<P>, until: Until) -> Outcome<P> {
+        self.handle.call(|reply| Asked { command, until, reply }).await?
+    }
+}
+
+impl<P: Pose + Send + 'static> Clone for Device<P> {
+    fn clone(&self) -> Self {
+        Self { handle: self.handle.clone() }
+    }
+}
+
+/// Of a status what it says.
+type Outcome<P> = Result<Option<(Status<P>, Progress)>, Error>;
+
+/// How long a call waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Until {
+    Reply,
+    Arrived,
+}
+
+/// A command, and who waits for it.
+#[derive(Debug)]
+pub struct Asked<P> {
+    command: Command<P>,
+    until: Until,
+    reply: Reply<Outcome<P>>,
+}
+
+/// A motion that has started.
+#[derive(Debug)]
+struct Motion<P> {
+    reply: Reply<Outcome<P>>,
+    /// When the device is asked next; none while it is asked.
+    ask: Option<Duration>,
+}
+
+/// What the task does: commands in, outcomes to whom they belong.
+#[derive(Debug)]
+pub struct Commands<P> {
+    /// The one that is outstanding.
+    asked: Option<Asked<P>>,
+    motion: Option<Motion<P>>,
+}
+
+impl<P: Pose> Commands<P> {
+    /// The outcome of the outstanding command; that nobody waits for it any more its event says.
+    fn end(&mut self, outcome: Outcome<P>) {
+        if let Some(asked) = self.asked.take() {
+            let _ = asked.reply.send(outcome);
+        }
+    }
+
+    fn end_motion(&mut self, outcome: Outcome<P>) {
+        if let Some(motion) = self.motion.take() {
+            let _ = motion.reply.send(outcome);
+        }
+    }
+
+    /// The command is executed, or has started.
+    fn done(&mut self) {
+        match self.asked.take() {
+            Some(Asked { until: Until::Arrived, reply, .. }) => {
+                // Another motion takes the place of this one.
+                self.end_motion(Err(Error::Stopped));
+                self.motion = Some(Motion { reply, ask: Some(now().saturating_add(ASK)) });
+            }
+            Some(asked) => {
+                if matches!(asked.command, Command::Move { .. } | Command::Stop | Command::Reset) {
+                    self.end_motion(Err(Error::Stopped));
+                }
+                let _ = asked.reply.send(Ok(None));
+            }
+            None => {}
+        }
+    }
+
+    /// What a status means for the motion that somebody waits for.
+    fn moved(&mut self, status: Status<P>, progress: Progress) {
+        match progress {
+            Progress::Arrived => self.end_motion(Ok(Some((status, progress)))),
+            Progress::Missed(miss) => self.end_motion(Err(Error::Missed(miss))),
+            Progress::Still => self.end_motion(Err(Error::Stopped)),
+            Progress::Starting | Progress::Moving | Progress::Stopping => {
+                if let Some(motion) = &mut self.motion {
+                    motion.ask = Some(now().saturating_add(ASK));
+                }
+            }
+        }
+    }
+}
+
+impl<P: Pose + Send + 'static> Service for Commands<P> {
+    type Session = Central<P>;
+    type Call = Asked<P>;
+    type Event = CentralEvent<P>;
+
+    fn has_room(&self, session: &Central<P>) -> bool {
+        session.is_idle()
+    }
+
+    fn call(&mut self, session: &mut Central<P>, _now: Duration, call: Asked<P>) {
+        if call.reply.is_abandoned() {
+            return;
+        }
+        match session.request(call.command) {
+            Ok(()) => self.asked = Some(call),
+            Err(error) => drop(call.reply.send(Err(error.into()))),
+        }
+    }
+
+    fn event(
+        &mut self,
+        _session: &mut Central<P>,
+        event: CentralEvent<P>,
+        reports: &mut Reports<'_, CentralEvent<P>>,
+    ) {
+        match event {
+            CentralEvent::Done { .. } => self.done(),
+            CentralEvent::Refused { error, .. } => match (&self.asked, &mut self.motion) {
+                (None, Some(motion)) => motion.ask = Some(now().saturating_add(ASK)),
+                _ => self.end(Err(Error::Refused(error))),
+            },
+            CentralEvent::Status { status, motion } => {
+                self.moved(status, motion);
+                self.end(Ok(Some((status, motion))));
+            }
+            CentralEvent::Closed { reason, unfinished } => {
+                self.end(match (reason, unfinished) {
+                    (Closing::Agreed, _) => Ok(None),
+                    (_, Unfinished::Unknown(_)) => Err(Error::Unknown(reason)),
+                    (_, Unfinished::Nothing | Unfinished::NotSent(_)) => Err(Error::NotSent(reason)),
+                });
+                self.end_motion(Err(Error::Unknown(reason)));
+                if reason != Closing::Disconnected {
+                    reports.reconnect(io::Error::other(std::format!("the connection has ended: {reason:?}")));
+                }
+            }
+            _ => {}
+        }
+        reports.event(event);
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.motion.as_ref()?.ask
+    }
+
+    fn handle_timeout(&mut self, session: &mut Central<P>, now: Duration) {
+        let Some(motion) = &mut self.motion else { return };
+        if motion.ask.is_some_and(|ask| ask <= now) {
+            // While another command is outstanding, its reply is awaited first.
+            motion.ask =
+                if session.request(Command::Status).is_ok() { None } else { Some(now.saturating_add(ASK)) };
+        }
+    }
+
+    fn refuse(&mut self, call: Asked<P>, why: &Arc<io::Error>) {
+        // Whoever is gone does not need to know that nothing was sent.
+        let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
+    }
+}

@@ -1,0 +1,124 @@
+//! The workstation in a task of its own, which opens its port again by itself: the latest pose at any time.
+//!
+//! ```no_run
+//! use val2_viewer::WorkstationConfig;
+//! use val2_viewer::robot_session::tokio::Tcp;
+//!
+//! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
+//! let (mut arm, task) = val2_viewer::tokio::workstation(WorkstationConfig::default(), Tcp::new("192.168.0.7:4001"))?;
+//! tokio::spawn(task.run());
+//! while let Ok(pose) = arm.pose.next().await {
+//!     match pose {
+//!         Some(pose) => println!("{pose:?}"),
+//!         None => println!("the arm may be somewhere else"),
+//!     }
+//! }
+//! # Ok(()) }
+//! ```
+
+extern crate std;
+
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+
+use robot_session::now;
+use robot_session::tokio::{
+    self as session, Connector, Handle, Latest, Reports, Service, Source, Task, latest,
+};
+
+use crate::error::ConfigError;
+use crate::message::PosePacket;
+use crate::workstation::{Workstation, WorkstationConfig, WorkstationEvent};
+
+/// A display cycle: about five times a second (§5).
+const CYCLE: Duration = Duration::from_millis(200);
+
+/// What draws the arm has this. Cloning it is cheap.
+#[derive(Debug, Clone)]
+pub struct Arm {
+    /// The last pose that was asked for; none while the picture is stale.
+    pub pose: Latest<PosePacket>,
+    /// Every event, whether there is a connection, and the end.
+    pub handle: Handle<Display>,
+}
+
+/// An arm, and the task that asks for its pose in every display cycle, 200 ms.
+///
+/// # Errors
+/// As [`Workstation::new`].
+pub fn workstation<C: Connector>(
+    config: WorkstationConfig,
+    connector: C,
+) -> Result<(Arm, Task<Display, C>), ConfigError> {
+    let (source, pose) = latest();
+    let display = Display { source, cycle: Some(Duration::ZERO) };
+    let (handle, task) = session::spawn(Workstation::new(config)?, display, connector);
+    Ok((Arm { pose, handle }, task))
+}
+
+impl Arm {
+    /// Pauses the display, or goes on with it. Without room for the call, in a task that has no connection, it is not made: says whether
+    /// it is.
+    ///
+    /// After a host that was off, the display has to be paused for [`WorkstationConfig::pause`] before it asks again.
+    pub fn pause(&self, is_paused: bool) -> bool {
+        self.handle.try_call(Paused(is_paused))
+    }
+}
+
+/// Whether the display is to pause.
+#[derive(Debug, Clone, Copy)]
+pub struct Paused(bool);
+
+/// What the task does: display cycles in, poses out.
+#[derive(Debug)]
+pub struct Display {
+    source: Source<PosePacket>,
+    /// When the next display cycle is; none while the display is paused.
+    cycle: Option<Duration>,
+}
+
+impl Service for Display {
+    type Session = Workstation;
+    type Call = Paused;
+    type Event = WorkstationEvent;
+
+    fn has_room(&self, _session: &Workstation) -> bool {
+        true
+    }
+
+    fn call(&mut self, _session: &mut Workstation, now: Duration, Paused(is_paused): Paused) {
+        self.cycle = if is_paused { None } else { self.cycle.or(Some(now)) };
+    }
+
+    fn event(
+        &mut self,
+        _session: &mut Workstation,
+        event: WorkstationEvent,
+        reports: &mut Reports<'_, WorkstationEvent>,
+    ) {
+        match event {
+            // How long it holds the session says: it is stale then.
+            WorkstationEvent::Pose(pose) => self.source.set(pose, None),
+            WorkstationEvent::Stale => self.source.clear(),
+            _ => {}
+        }
+        reports.event(event);
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.cycle
+    }
+
+    fn handle_timeout(&mut self, session: &mut Workstation, now: Duration) {
+        if self.cycle.is_some_and(|cycle| cycle <= now) {
+            session.draw(now);
+            self.cycle = Some(now.saturating_add(CYCLE));
+        }
+    }
+
+    fn refuse(&mut self, call: Paused, _why: &Arc<io::Error>) {
+        self.cycle = if call.0 { None } else { self.cycle.or(Some(now())) };
+    }
+}

@@ -2,6 +2,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "tokio")]
+extern crate std;
+
 pub mod controller;
 mod decoder;
 mod error;
@@ -14,6 +17,8 @@ mod scale;
 #[cfg(feature = "spec")]
 mod spec;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 
 pub use controller::{
     Controller, ControllerConfig, ControllerEvent, ControllerState, ControllerStatistics, Unselected,
@@ -26,7 +31,7 @@ pub use host::{
     ExceptionOutcome, Host, HostConfig, HostEvent, HostState, HostStatistics, LostReason, Policy,
     UnknownReason,
 };
-pub use limit::{Limiter, Limits};
+pub use limit::{Limiter, Limits, Reach};
 pub use message::*;
 pub use robot_session;
 pub use scale::Scale;

@@ -156,6 +156,48 @@ impl Axes {
     const REST: Self = Self { speed: [0; AXES], position: [0; AXES] };
 }
 
+/// How far an arm may be told to go on each axis, in units of its words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reach {
+    /// At least; not above zero.
+    pub low: [i32; AXES],
+    /// At most; not below zero.
+    pub high: [i32; AXES],
+}
+
+impl Reach {
+    /// The speeds (cumulative) nearest to `target` from which an arm that went so far as the odometer says, and that brakes with
+    /// `acceleration`, stops within reach. Beyond it, none that leads further away.
+    pub fn speeds(
+        &self,
+        odometer: [i32; AXES],
+        mut target: [i16; AXES],
+        acceleration: &[u16; AXES],
+    ) -> [i16; AXES] {
+        let ends = self.low.iter().zip(&self.high).zip(odometer);
+        for ((target, ((low, high), at)), change) in target.iter_mut().zip(ends).zip(acceleration) {
+            let change = u32::from(*change);
+            let way = |to: i32, from: i32| u32::try_from(to.saturating_sub(from)).unwrap_or(0).min(LONGEST);
+            let (down, up) = (braking_speed(way(at, *low), change), braking_speed(way(*high, at), change));
+            *target = (*target).max(-down).min(up);
+        }
+        target
+    }
+
+    /// The offsets (non-cumulative) nearest to `target` that are within reach.
+    pub fn offsets(&self, target: [i16; AXES]) -> [i16; AXES] {
+        let mut offsets = target;
+        for (offset, (low, high)) in offsets.iter_mut().zip(self.low.iter().zip(&self.high)) {
+            let within = i32::from(*offset).max(*low).min(*high);
+            *offset = i16::try_from(within).unwrap_or(*offset);
+        }
+        offsets
+    }
+}
+
+/// A way from which no speed of a word is too fast to stop at the least change.
+const LONGEST: u32 = 1 << 28;
+
 /// Not `clamp`: it checks its arguments, which keeps the axes from being done at once.
 fn approach(speed: i16, target: i16, most: i16, change: i16) -> i16 {
     let wanted = target.max(-most).min(most);

@@ -13,8 +13,8 @@ use proptest::prelude::*;
 use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
     Controller, ControllerConfig, ControllerState, DecodeError, Decoder, EncodeError, End, Exception, Frame,
-    Framing, HostMessage, LeadingDle, List, Message, Mode, Motion, MotionPhase, Received, Reply,
-    RobotMessage, SegmentStatus, Start, StartCode, Transform,
+    Framing, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, MotionPhase, Reach,
+    Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
 
 fn framings() -> impl Strategy<Value = Framing> {
@@ -364,6 +364,33 @@ proptest! {
             prop_assert!(controller.poll_timeout().is_none_or(|at| at > now));
             prop_assert!(core::iter::from_fn(|| controller.poll_event()).count() <= 16);
             prop_assert_eq!(controller.statistics().unexpected, 0);
+        }
+    }
+}
+
+proptest! {
+    /// Wherever the caller wants to go, and whenever a reply is not read.
+    #[test]
+    fn an_arm_stays_within_reach(
+        low in -400..=0, high in 0..=400, velocity in 1..120u16, acceleration in 1..40u16,
+        steps in prop::collection::vec((-200..200i16, prop::bool::weighted(0.1)), 1..300),
+    ) {
+        let reach = Reach { low: [low; 6], high: [high; 6] };
+        let limits = Limits { velocity: [velocity; 6], acceleration: [acceleration; 6] };
+        let mut limiter = Limiter::new(limits);
+        let (mut at, mut last) = (0, 0);
+        for (target, is_rejected) in steps {
+            if is_rejected {
+                // The arm did not move by the last value, and is at rest.
+                at -= last;
+                limiter.rejected();
+            }
+            let wanted = reach.speeds([at; 6], [target; 6], &limits.acceleration);
+            last = i32::from(limiter.speeds(wanted)[0]);
+            at += last;
+            prop_assert!((low..=high).contains(&at), "{at}");
+            let offset = i32::from(reach.offsets([target; 6])[5]);
+            prop_assert!((low..=high).contains(&offset));
         }
     }
 }

@@ -2,6 +2,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "tokio")]
+extern crate std;
+
 pub mod controller;
 pub mod decoder;
 pub mod error;
@@ -16,6 +19,8 @@ pub mod profile;
 #[cfg(feature = "spec")]
 mod spec;
 pub mod timing;
+#[cfg(feature = "tokio")]
+pub mod tokio;
 pub mod words;
 
 pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStatistics};

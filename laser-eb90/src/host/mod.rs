@@ -209,6 +209,11 @@ impl Host {
             && self.core.events.has_room(EVENTS)
     }
 
+    /// The configuration.
+    pub fn config(&self) -> &HostConfig {
+        &self.core.config
+    }
+
     /// The machine.
     pub fn machine(&self) -> &HostMachine {
         &self.core.machine

@@ -1,44 +1,29 @@
-//! A PC lets a robot draw a line of 100 pieces under tokio:
-//! `cargo run -p kawasaki-msg --features tokio --example drawing_tokio -- 127.0.0.1:9105`
-#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program has the socket")]
+//! A PC lets a robot draw a line of 100 pieces. Killed and started again with the same journal, it goes on:
+//! `cargo run -p kawasaki-msg --features tokio --example drawing_tokio -- 127.0.0.1:9105 [JOURNAL]`
 
-use core::ops::ControlFlow;
-
-use kawasaki_msg::robot_session::tokio::Driver;
-use kawasaki_msg::robot_session::{Session as _, now};
-use kawasaki_msg::{JobKind, Line, Pc, PcConfig, PcEvent, Point};
-use tokio::net::TcpListener;
+use kawasaki_msg::robot_session::tokio::Listen;
+use kawasaki_msg::tokio::{Journal, pc};
+use kawasaki_msg::{JobKind, Line, PcConfig, Point};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn core::error::Error>> {
-    let address = std::env::args().nth(1).ok_or("usage: HOST:PORT")?;
-    let listener = TcpListener::bind(address).await?;
+    let address = std::env::args().nth(1).ok_or("usage: HOST:PORT [JOURNAL]")?;
+    let journal = std::env::args().nth(2).unwrap_or_else(|| "drawing.journal".to_owned());
     let jobs: Vec<Line> = (0..100)
         .map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) })
         .collect();
-    let mut pc = Pc::new(PcConfig::TCP)?;
-    pc.start(50, &jobs[..])?;
-    // The order outlives a connection: with the next one it goes on.
-    while pc.order().is_some() {
-        let mut driver = Driver::new(listener.accept().await?.0);
-        pc.handle_connected(now());
-        loop {
-            let turn = driver.turn(&mut pc, |_, event| match event {
-                PcEvent::Disconnect | PcEvent::OrderOver { .. } | PcEvent::OutcomeUnknown { .. } => {
-                    ControlFlow::Break(())
-                }
-                event => {
-                    println!("{event:?}");
-                    ControlFlow::Continue(())
-                }
-            });
-            // A connection that broke is no end of the order.
-            if !matches!(turn.await, Ok(ControlFlow::Continue(()))) {
-                break;
-            }
-        }
-        pc.handle_disconnected(now());
+    let (journal, begun) = Journal::open(journal)?;
+    let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind(address).await?)?;
+    tokio::spawn(task.run());
+    let mut order = match begun {
+        Some(begun) => robot.resume(begun, jobs).await?,
+        None => robot.start(50, jobs).await?,
+    };
+    while let Some(progress) = order.progress().await {
+        println!("{progress:?}");
     }
-    println!("{} executed", pc.executed());
+    println!("{} executed", order.await?.executed);
+    // The journal has that too, then.
+    robot.handle().shutdown().await;
     Ok(())
 }

@@ -1,34 +1,37 @@
-//! A host under tokio: `cargo run -p val2-alter --features tokio --example to_and_fro_tokio -- /dev/ttyS0`. Moves the tool slowly to and fro.
+//! Moves the tool slowly to and fro, within 50 mm: `cargo run -p val2-alter --features tokio --example to_and_fro_tokio -- /dev/ttyS0`
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program sets the pace")]
 
-use core::ops::ControlFlow;
+use core::time::Duration;
 
-use tokio_serial::SerialPortBuilderExt as _;
-use val2_alter::robot_session::tokio::Driver;
-use val2_alter::robot_session::{Session as _, now};
-use val2_alter::{Host, HostConfig, HostEvent};
+use val2_alter::robot_session::tokio::Serial;
+use val2_alter::tokio::host;
+use val2_alter::{HostConfig, HostEvent, Reach};
+
+/// 50 mm, in units of 1/32 mm.
+const END: i32 = 1600;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: PORT")?;
-    let mut driver = Driver::new(tokio_serial::new(path, 38400).open_native_async()?);
     // A busy computer may read apart what came together: no silence ends a frame.
     let config = HostConfig { gap: None, ..HostConfig::default() };
-    let mut session = Host::new(config)?;
-    session.handle_connected(now());
+    let reach = Reach { low: [0; 6], high: [END, 0, 0, 0, 0, 0] };
+    let (arm, task) = host(config, Some(reach), Serial(tokio_serial::new(path, config.baud)))?;
+    let mut events = arm.handle().events();
+    drop(task.thread()?); // a reply is due within 15 ms, whatever else this program does
+    let mut speed = 16; // units a cycle: 18 mm/s
     loop {
-        // One turn loses nothing when it is dropped: it may be a branch of a `select!`.
-        let turn = driver.turn(&mut session, |host, event| {
-            // 16 units a cycle are 18 mm/s.
-            let speed = if (host.statistics().cycles / 100).is_multiple_of(2) { 16 } else { -16 };
-            host.set_target(now(), [speed, 0, 0, 0, 0, 0]);
-            if !matches!(event, HostEvent::Motion(_)) {
-                println!("{:?} {event:?}", now());
-            }
-            ControlFlow::<()>::Continue(())
-        });
-        if let ControlFlow::Break(ended) = turn.await? {
-            println!("{ended:?}");
-            return Ok(());
+        match arm.commanded()[0] {
+            END => speed = -16,
+            0 => speed = 16,
+            _ => {}
         }
+        arm.set_target([speed, 0, 0, 0, 0, 0]);
+        while let Ok(event) = events.try_recv() {
+            if !matches!(event, HostEvent::Motion(_)) {
+                println!("{event:?}");
+            }
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
     }
 }

@@ -43,6 +43,7 @@
 //!
 //! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it, `boxed` returns ends that own their storage.
 #![no_std]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![deny(unsafe_code)]
 
 #[cfg(feature = "alloc")]

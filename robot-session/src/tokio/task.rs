@@ -107,6 +107,7 @@ impl<S: Service, C: Connector> Task<S, C> {
         let Reconnect { first, longest } = self.reconnect;
         let mut pause = first;
         while let Some(connected) = self.served.meanwhile(&mut self.stop, self.connector.connect()).await {
+            let has_connected = connected.is_ok();
             let error = match connected {
                 Ok(transport) => {
                     let begun = Instant::now();
@@ -124,7 +125,8 @@ impl<S: Service, C: Connector> Task<S, C> {
             };
             let error = Arc::new(error);
             self.link.send_replace(Link::Failed(Arc::clone(&error)));
-            while let Ok(call) = self.calls.try_recv() {
+            // What waits when a connection is lost waits for the next one, unless there is none.
+            while !has_connected && let Ok(call) = self.calls.try_recv() {
                 self.served.service.refuse(call, &error);
             }
             let wait = sleep(pause.mul_f64(0.5 + fastrand::f64() / 2.0));

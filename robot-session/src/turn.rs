@@ -41,6 +41,8 @@ pub(crate) struct Passed {
     pub(crate) read: Option<usize>,
     /// How many bytes were taken; none at the end, and of a flush.
     pub(crate) written: Option<usize>,
+    /// What was taken has left: no flush is needed.
+    pub(crate) flushed: bool,
 }
 
 impl Passed {
@@ -58,7 +60,7 @@ impl Passed {
             (Poll::Ready(Ok(read)), _) => (Some(read), None),
             (Poll::Pending, Poll::Ready(Ok(written))) => (None, Some(written)),
         };
-        Poll::Ready(Ok(Self { read, written }))
+        Poll::Ready(Ok(Self { read, written, flushed: false }))
     }
 }
 
@@ -170,23 +172,23 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
             let due = self.left.due(session, self.clock.now());
-            let Passed { read, written } = self.wait(session.wants_input(), due, wake.as_mut()).await?;
+            let Passed { read, written, flushed } =
+                self.wait(session.wants_input(), due, wake.as_mut()).await?;
             match written {
                 Some(0) if self.left.is_some() => return Ok(ControlFlow::Break(Ended::ByPeer)),
                 Some(taken) => {
                     self.left.take(taken);
-                    self.left.unflushed = taken > 0;
+                    self.left.unflushed = taken > 0 && !flushed;
                 }
                 None => {}
             }
+            let now = self.clock.now();
             match read {
                 Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
-                Some(length) => {
-                    session.handle_input(self.clock.now(), self.input.get(..length).unwrap_or_default());
-                }
+                Some(length) => session.handle_input(now, self.input.get(..length).unwrap_or_default()),
                 None => {}
             }
-            session.handle_timeout(self.clock.now());
+            session.handle_timeout(now);
             sending = !self.left.is_some();
             if read.is_some() || written.is_none() {
                 return Ok(report_to(session, &mut handler).map_break(Ended::ByHandler));

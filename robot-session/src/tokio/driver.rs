@@ -141,15 +141,24 @@ impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
                     read.map_ok(|()| buffer.filled().len())
                 }
             };
+            let mut flushed = false;
             let written = match out {
                 Outgoing::Nothing => Poll::Pending,
                 Outgoing::Bytes(bytes) => match port.as_mut().poll_write(context, bytes) {
                     Poll::Ready(Ok(0)) => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
+                    // A socket has nothing to flush.
+                    Poll::Ready(Ok(length)) => match port.as_mut().poll_flush(context) {
+                        Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
+                        flush => {
+                            flushed = flush.is_ready();
+                            Poll::Ready(Ok(length))
+                        }
+                    },
                     written => written,
                 },
                 Outgoing::Flush => port.as_mut().poll_flush(context).map_ok(|()| 0),
             };
-            Passed::both(read, written)
+            Passed::both(read, written).map_ok(|passed| Passed { flushed, ..passed })
         })
         .await
     }

@@ -24,6 +24,8 @@ pub struct Cell {
     pub number: u64,
     /// The number that the store has.
     pub kept: u64,
+    /// The time of its last record.
+    pub last_at: u64,
     /// Whether the hall's file allows commands to it.
     pub takes_commands: bool,
     /// Where its thread takes them.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
+use crate::remembered;
 use cellwire::io::input;
 use cellwire_links::settings;
 
@@ -102,6 +103,12 @@ pub struct Commands {
     /// The most that a command's time may differ from now.
     #[serde(default = "half_a_minute", deserialize_with = "time")]
     pub max_age: Duration,
+    /// So many a second each cell takes on the average.
+    #[serde(default = "ten")]
+    pub rate: f64,
+    /// And so many at once, after a while without any.
+    #[serde(default = "hundred")]
+    pub burst: u32,
 }
 
 /// A cell.
@@ -124,7 +131,7 @@ pub struct Cell {
 
 impl Default for Commands {
     fn default() -> Self {
-        Self { max_age: half_a_minute() }
+        Self { max_age: half_a_minute(), rate: ten(), burst: hundred() }
     }
 }
 
@@ -200,6 +207,18 @@ impl Hall {
         }
         if self.commands.max_age > OLDEST {
             return wrong("commands.max_age", &"give 1h at the most");
+        }
+        let Commands { rate, burst, max_age } = self.commands;
+        if !(rate > 0.0 && burst > 0) {
+            return wrong("commands.rate", &"give rate and burst more than 0");
+        }
+        // Those that may still come again.
+        let most = remembered::MOST as f64 / 2.0;
+        if rate * 2.0 * max_age.as_secs_f64() + f64::from(burst) > most {
+            let why = format!(
+                "a cell's commands of twice max_age are more than the {most} that are remembered: give less"
+            );
+            return wrong("commands.rate", &why);
         }
         match self.cell.is_empty() {
             true => wrong("cell", &"there is no cell: give a table [cell.NAME] for each"),
@@ -281,6 +300,14 @@ fn keep_alive() -> Duration {
 
 fn half_a_minute() -> Duration {
     Duration::from_secs(30)
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+fn hundred() -> u32 {
+    100
 }
 
 fn one() -> u8 {

@@ -9,7 +9,7 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -19,8 +19,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use serde_json::{Value as Json, json};
 
+use super::bucket::Rate;
 use super::cell::Cell;
-use super::commands::{Commands, Decision, Interrupted};
+use super::commands::{Commands, Decision, Interrupted, Write};
 use super::end::End;
 use super::hall::Hall;
 use super::health::{CellHealth, Figures, Health};
@@ -28,6 +29,7 @@ use super::links::Client;
 use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
 use super::payload::{Metric, Payload, Value};
 use super::refusals::Apart;
+use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
@@ -45,6 +47,8 @@ const TICK: Duration = Duration::from_millis(200);
 const FORGET: Duration = Duration::from_secs(3600);
 /// At the end the broker gets so long to take what it was sent.
 const FAREWELL: Duration = Duration::from_secs(2);
+/// A report and a command of the same cell may cross, and have the time of the later one then. A greater step back is the clock's.
+const CROSSED: Duration = Duration::from_secs(60);
 /// A disk that takes nothing is tried again so often.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -65,6 +69,8 @@ pub struct Hub<'a> {
     log: &'a mut dyn FnMut(Json),
     /// Why there was no broker when that was logged last.
     lost: Option<String>,
+    /// Commands that were refused at once, by their cells and why.
+    refusals: BTreeMap<(usize, &'static str), u64>,
     /// Of which cells records were refused for good, and why.
     refused: HashSet<(usize, String)>,
     forget_at: Instant,
@@ -89,8 +95,12 @@ impl<'a> Hub<'a> {
         health: Arc<Health>,
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
-        let store = Store::open(&hall.store.file, hall.store.records)?;
+        let mut store = Store::open(&hall.store.file, hall.store.records)?;
         let mut turn = Turn::default();
+        if store.upgrade(&mut turn.batch)? {
+            Remembered::migrate(&store, hall.cell.keys(), &mut turn.batch)?;
+            store.write(&core::mem::take(&mut turn.batch))?;
+        }
         let identity = match store.get("store")? {
             Some(identity) => identity,
             None => {
@@ -99,7 +109,8 @@ impl<'a> Hub<'a> {
                 identity
             }
         };
-        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, &mut turn.batch)?;
+        let rate = Rate { per_second: hall.commands.rate, burst: hall.commands.burst };
+        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let (stop, busy) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
         let (mut cells, mut threads) = (Vec::new(), Vec::new());
@@ -121,6 +132,7 @@ impl<'a> Hub<'a> {
                 is_born: false,
                 number,
                 kept: number,
+                last_at: 0,
                 takes_commands: cell.commands,
                 commands,
             });
@@ -148,6 +160,7 @@ impl<'a> Hub<'a> {
             figures,
             log,
             lost: None,
+            refusals: BTreeMap::new(),
             refused: HashSet::new(),
             forget_at,
             show_at,
@@ -283,7 +296,7 @@ impl<'a> Hub<'a> {
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
             Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
-            Event::Write { device, payload } => self.command(&device, &payload, turn),
+            Event::Write { device, payload, unfit } => self.command(&device, &payload, unfit, turn),
         }
     }
 
@@ -314,7 +327,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    fn command(&mut self, device: &str, payload: &Payload, turn: &mut Turn) {
+    fn command(&mut self, device: &str, payload: &Payload, unfit: Option<String>, turn: &mut Turn) {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
@@ -323,7 +336,9 @@ impl<'a> Hub<'a> {
             );
         };
         let now = metric::now();
-        match self.commands.decide(device, cell.takes_commands, payload, now, &mut turn.batch) {
+        let is_allowed = cell.takes_commands;
+        let write = Write { cell: device, is_allowed, payload, unfit: unfit.as_deref() };
+        match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
                 (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
                 self.record(place, now, named, &mut turn.batch);
@@ -332,6 +347,11 @@ impl<'a> Hub<'a> {
             }
             Decision::Report(named) => {
                 self.count("not_given");
+                self.record(place, now, named, &mut turn.batch);
+            }
+            Decision::Refuse(why, named) => {
+                self.count("not_given");
+                *self.refusals.entry((place, why)).or_default() += 1;
                 self.record(place, now, named, &mut turn.batch);
             }
             Decision::Strange(why) => {
@@ -346,6 +366,9 @@ impl<'a> Hub<'a> {
     /// Gives a report its number, and puts it into the batch.
     fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
         let Some(cell) = self.cells.get_mut(place) else { return };
+        let late = cell.last_at.saturating_sub(at);
+        let at = if u128::from(late) < CROSSED.as_millis() { at.max(cell.last_at) } else { at };
+        cell.last_at = at;
         cell.number += 1;
         let number = uplink::number(cell.number);
         let named = [(NUMBER, number)].into_iter().chain(named);
@@ -407,7 +430,14 @@ impl<'a> Hub<'a> {
     }
 
     fn show(&mut self) {
+        let now = metric::now();
         let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
+            commands_left: self.commands.left(&cell.name, now),
+            refusals: self
+                .refusals
+                .range((place, "")..(place + 1, ""))
+                .map(|((_, why), count)| (*why, *count))
+                .collect(),
             name: cell.name.clone(),
             is_connected: cell.is_connected,
             number: cell.number,

@@ -5,6 +5,7 @@
 #![allow(clippy::std_instead_of_core, reason = "a program with std")]
 
 pub mod broker;
+pub mod bucket;
 pub mod cell;
 mod command;
 pub mod commands;
@@ -20,6 +21,7 @@ pub mod node;
 pub mod payload;
 pub mod reconnect;
 pub mod refusals;
+pub mod remembered;
 pub mod report;
 pub mod store;
 pub mod uplink;

@@ -12,6 +12,10 @@ use redb::{Database, ReadableTable, ReadableTableMetadata, TableDefinition};
 const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
 
+/// The name of the file's format, and the format of this bridge. A file without one has the first.
+const FORMAT_NAME: &str = "format";
+const FORMAT: u32 = 2;
+
 /// What the file is read through, in bytes.
 const CACHE: usize = 16 << 20;
 
@@ -61,7 +65,30 @@ impl Store {
             Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
             None => bail!("{what} is damaged: {ADVICE}"),
         };
-        Ok(Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) })
+        let store = Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) };
+        let format = store.format()?;
+        if format > FORMAT {
+            bail!(
+                "{what} has format {format}, and this bridge knows up to {FORMAT}: run the bridge that has written it, or {ADVICE}"
+            );
+        }
+        Ok(store)
+    }
+
+    fn format(&self) -> Result<u32> {
+        Ok(self.get(FORMAT_NAME)?.and_then(|text| text.parse().ok()).unwrap_or(1))
+    }
+
+    /// Whether the file is of an earlier format: then the batch, with what else changes, makes it one of this format.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn upgrade(&self, batch: &mut Batch) -> Result<bool> {
+        let is_older = self.format()? < FORMAT;
+        if is_older {
+            batch.names.push((FORMAT_NAME.into(), Some(FORMAT.to_string())));
+        }
+        Ok(is_older)
     }
 
     /// Opens the file again: after an error of the disk nothing else makes it usable.
@@ -247,6 +274,23 @@ mod tests {
         store.write(&Batch { names: vec![("b/1".into(), None)], ..Batch::default() }).unwrap();
         assert_eq!(store.names("b/").unwrap(), [("b/2".to_owned(), "z".to_owned())]);
         assert_eq!((store.get("c").unwrap().as_deref(), store.get("d").unwrap()), (Some("w"), None));
+    }
+
+    #[test]
+    fn a_file_of_an_earlier_format_is_upgraded_and_one_of_a_later_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let mut store = Store::open(&path, 3).unwrap();
+        let mut batch = append(&["a"]);
+        assert!(store.upgrade(&mut batch).unwrap());
+        store.write(&batch).unwrap();
+        assert!(!store.upgrade(&mut Batch::default()).unwrap());
+        let later = Batch { names: vec![("format".into(), Some("3".into()))], ..Batch::default() };
+        store.write(&later).unwrap();
+        drop(store);
+        let error = Store::open(&path, 3).err().unwrap().to_string();
+        let why = "has format 3, and this bridge knows up to 2: run the bridge that has written it, or move the file away";
+        assert!(error.contains(why), "{error}");
     }
 
     #[test]

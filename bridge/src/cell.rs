@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::sync::mpsc::Sender;
 
-use super::metric::Definition;
-use super::payload::Value;
+use super::metric::{COMMON, Definition};
+use super::payload::{Metric, Quality, Value};
 use super::report::Command;
 
 /// A cell, as the hub knows it.
@@ -30,4 +30,16 @@ pub struct Cell {
     pub takes_commands: bool,
     /// Where its thread takes them.
     pub commands: Sender<Command>,
+}
+
+impl Cell {
+    /// The metrics of its own, as null: it has no values from now on.
+    pub fn nulls(&mut self, at: u64, quality: Quality) -> Vec<Metric> {
+        let own = self.definitions.iter().filter(|definition| !COMMON.contains(definition));
+        let null = |Definition { name, kind }: &Definition| {
+            self.values.remove(name);
+            Metric::null(name, *kind, at, quality)
+        };
+        own.map(null).collect()
+    }
 }

@@ -27,7 +27,7 @@ use super::hall::Hall;
 use super::health::{CellHealth, Figures, Health};
 use super::links::Client;
 use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
-use super::payload::{Metric, Payload, Value};
+use super::payload::{Metric, Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
@@ -264,7 +264,16 @@ impl<'a> Hub<'a> {
                     });
                     (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
-                self.record(place, at, named, &mut turn.batch);
+                let quality = (is_connected == Some(false)).then_some(Quality::Stale);
+                self.record_with(place, at, named, quality, &mut turn.batch);
+            }
+            Input::Cell(place, Report { at, what: What::Bad(named) }) => {
+                if let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get(place), named.first())
+                {
+                    let event = serde_json::from_str(event).unwrap_or(Json::Null);
+                    (self.log)(json!({"cell": cell.name, "values": event}));
+                }
+                self.record_with(place, at, named, Some(Quality::Bad), &mut turn.batch);
             }
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
                 let Some(cell) = self.cells.get(place) else { return };
@@ -363,8 +372,19 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Gives a report its number, and puts it into the batch.
     fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
+        self.record_with(place, at, named, None, batch);
+    }
+
+    /// Gives a report its number, and puts it into the batch. With a quality the cell's own metrics are null.
+    fn record_with(
+        &mut self,
+        place: usize,
+        at: u64,
+        named: Vec<Named>,
+        quality: Option<Quality>,
+        batch: &mut Batch,
+    ) {
         let Some(cell) = self.cells.get_mut(place) else { return };
         let late = cell.last_at.saturating_sub(at);
         let at = if u128::from(late) < CROSSED.as_millis() { at.max(cell.last_at) } else { at };
@@ -377,9 +397,15 @@ impl<'a> Hub<'a> {
             let Some(definition) = cell.definitions.iter().find(|definition| definition.name == name) else {
                 continue;
             };
-            metrics.push(Metric::new(name, definition.kind, at, Some(value.clone())));
-            cell.values.insert(definition.name, (at, value));
+            if is_number(&value) {
+                metrics.push(Metric::new(name, definition.kind, at, Some(value.clone())));
+                cell.values.insert(definition.name, (at, value));
+            } else {
+                metrics.push(Metric::null(name, definition.kind, at, Quality::Bad));
+                cell.values.remove(definition.name);
+            }
         }
+        metrics.extend(quality.into_iter().flat_map(|quality| cell.nulls(at, quality)));
         batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
         self.figures.records += 1;
     }
@@ -453,6 +479,15 @@ impl<'a> Hub<'a> {
             commands: self.figures.commands.clone(),
             ..self.figures
         });
+    }
+}
+
+/// Whether it is none of those that are no number, or infinite.
+fn is_number(value: &Value) -> bool {
+    match value {
+        Value::Float(value) => value.is_finite(),
+        Value::Double(value) => value.is_finite(),
+        _ => true,
     }
 }
 

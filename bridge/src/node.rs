@@ -118,9 +118,9 @@ impl Node {
         self.numbered("DBIRTH", Some(device), metrics.collect())
     }
 
-    /// The death of a device.
-    pub fn device_death(&self, device: &str) -> Publication {
-        self.numbered("DDEATH", Some(device), Vec::new())
+    /// The death of a device: what it had values of, and why it has none now.
+    pub fn device_death(&self, device: &str, metrics: Vec<Metric>) -> Publication {
+        self.numbered("DDEATH", Some(device), metrics)
     }
 
     /// Values of a device.

@@ -8,6 +8,8 @@
 mod broker;
 #[path = "bridge/commands.rs"]
 mod commands;
+#[path = "bridge/devices.rs"]
+mod devices;
 #[path = "bridge/held.rs"]
 mod held;
 #[path = "bridge/http.rs"]
@@ -54,24 +56,36 @@ fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
     )
 }
 
-/// A simulated ball: this program once more, because the tool is none of this package.
+/// A simulated ball.
 fn ball() -> Running {
+    simulated(&["ball", "--listen", "127.0.0.1:0"])
+}
+
+/// A simulated device: this program once more, because the tool is none of this package.
+fn simulated(arguments: &[&str]) -> Running {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["-q", "--exact", "simulated_ball", "--ignored", "--nocapture"]);
+    command.args(["-q", "--exact", "simulated_device", "--ignored", "--nocapture"]);
+    command.env("SIMULATE", arguments.join(" "));
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     Running::start(command)
 }
 
 #[test]
 #[ignore = "a process of the other tests"]
-fn simulated_ball() {
+fn simulated_device() {
     #[derive(Parser)]
     struct Simulate {
         #[command(flatten)]
         args: simulate::Args,
     }
-    let Simulate { args } = Simulate::parse_from(["simulate", "ball", "--listen", "127.0.0.1:0"]);
+    let arguments = std::env::var("SIMULATE").unwrap();
+    let Simulate { args } = Simulate::parse_from(["simulate"].into_iter().chain(arguments.split(' ')));
     simulate::run(&args).unwrap();
+}
+
+/// Where a device is: an address, or the path of a pseudo-terminal.
+fn place(device: &Running) -> &str {
+    device.ready.get("listen").or(device.ready.get("pty")).unwrap().as_str().unwrap()
 }
 
 /// A bridge whose broker is at `broker` and whose one cell is a ball.
@@ -88,7 +102,7 @@ fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Runni
     let cells = balls.iter().map(|(name, ball)| {
         format!(
             "[cell.{name}]\nlink = \"isra-ball\"\naddress = \"{}\"\nsettings = {{ report = \"0s\" }}\n",
-            ball.address()
+            place(ball)
         )
     });
     let hall = format!(

@@ -110,7 +110,8 @@ fn who_sends_half_a_request_or_does_not_read_keeps_nobody_waiting() {
         })
         .collect();
     under.is_well();
-    assert_eq!(under.count("task"), threads);
+    // The attempts to reach a broker have a thread now and then.
+    assert!(under.count("task") <= threads + 1);
     assert!(under.count("fd") <= files + 20, "{} and {files} before", under.count("fd"));
     // Also who sends a byte now and then has no more than five seconds.
     let mut slow = under.connect();

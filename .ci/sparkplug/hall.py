@@ -93,6 +93,7 @@ def certificates():
         "-extfile", "names", "-out", "broker.pem")
     run("mosquitto_passwd", "-b", "-c", str(folder / "passwords"), *LOGIN)
     (folder / "bridge.password").write_text(LOGIN[1] + "\n")
+    (folder / "bridge.password").chmod(0o600)
 
 
 os.environ["PATH"] += ":/usr/sbin"

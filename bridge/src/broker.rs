@@ -289,6 +289,27 @@ fn refusal(reason: PubAckReason) -> Refusal {
     }
 }
 
+/// What is wrong with a broker's certificate, as rustls names it, and what to do.
+const CERTIFICATES: [(&str, &str); 5] = [
+    (
+        "CaUsedAsEndEntity",
+        "the broker shows the certificate of an authority, as a self-signed one is: make a certificate that it signs, \
+         see \"Certificates\" in docs/bridge.md",
+    ),
+    (
+        "UnsupportedCertVersion",
+        "the broker's certificate has version 1, without names: make one of version 3, with subjectAltName, see \
+         \"Certificates\" in docs/bridge.md",
+    ),
+    (
+        "UnknownIssuer",
+        "tls.ca is not the authority that has signed the broker's certificate, or that one is self-signed: see \
+         \"Certificates\" in docs/bridge.md",
+    ),
+    ("Expired", "the broker's certificate is too old, or the clock of this machine is wrong"),
+    ("NotValidForName", "address has another name than the broker's certificate"),
+];
+
 /// What has happened, and what to look at.
 fn explain(error: &ConnectionError) -> String {
     match error {
@@ -298,7 +319,12 @@ fn explain(error: &ConnectionError) -> String {
             )
         }
         ConnectionError::Tls(error) => {
-            format!("TLS: {error}: see address and tls, and the broker's certificate")
+            let error = error.to_string();
+            let advice = CERTIFICATES.iter().find(|(found, _)| error.contains(found));
+            format!(
+                "TLS: {error}: {}",
+                advice.map_or("see address and tls, and the broker's certificate", |it| it.1)
+            )
         }
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
         ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::net::IpAddr;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -60,9 +62,22 @@ pub struct Broker {
     pub keep_alive: Duration,
     /// The host application without which nothing is sent.
     pub primary_host: Option<String>,
+    /// What is refused otherwise, because it is unsafe.
+    #[serde(default)]
+    pub allow: Vec<Unsafe>,
     /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
     pub qos: u8,
+}
+
+/// What a file has to allow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unsafe {
+    /// Others can read the password, or the key of the bridge's certificate.
+    ReadableSecrets,
+    /// The password goes to another machine without TLS.
+    PasswordWithoutTls,
 }
 
 /// PEM files.
@@ -162,6 +177,7 @@ impl Hall {
             beside(&mut tls.ca);
             tls.certificate.iter_mut().chain(&mut tls.key).for_each(beside);
         }
+        hall.broker.check_secrets().map_err(|(name, error)| hall.located(name, error))?;
         hall.broker.login().map_err(|error| hall.located("broker.password_file", error))?;
         hall.broker.tls().map_err(|error| hall.located("broker.tls", error))?;
         Ok(hall)
@@ -237,6 +253,38 @@ impl Broker {
         let (host, port) = self.address.rsplit_once(':').context(advice)?;
         ensure!(!host.is_empty(), advice);
         Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+    }
+
+    /// What of the secrets is unsafe and not allowed, and where.
+    fn check_secrets(&self) -> Result<(), (&'static str, anyhow::Error)> {
+        let key = self.tls.as_ref().and_then(|tls| tls.key.as_ref());
+        for (name, file) in [("broker.password_file", self.password_file.as_ref()), ("broker.tls", key)] {
+            let Some(file) = file else { continue };
+            // That it cannot be read is said by who reads it.
+            let mode = file.metadata().map_or(0, |found| found.permissions().mode());
+            if mode & 0o007 != 0 && !self.allow.contains(&Unsafe::ReadableSecrets) {
+                let file = file.display();
+                let why = anyhow!(
+                    "everybody on this machine can read {file}: chmod 600 it, or give allow = [\"readable_secrets\"]"
+                );
+                return Err((name, why));
+            }
+        }
+        let is_here = self.place().is_ok_and(|(host, _)| {
+            host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+        });
+        if self.password_file.is_some()
+            && self.tls.is_none()
+            && !is_here
+            && !self.allow.contains(&Unsafe::PasswordWithoutTls)
+        {
+            let why = anyhow!(
+                "the password would go to {} in the clear: give tls, or allow = [\"password_without_tls\"]",
+                self.address
+            );
+            return Err(("broker.password_file", why));
+        }
+        Ok(())
     }
 
     /// Name and password.

@@ -28,6 +28,8 @@ pub struct Figures {
     pub dropped_busy: u64,
     /// Records of cells that the hall's file has no more.
     pub dropped_orphans: u64,
+    /// Messages of the broker that were not understood, or not taken.
+    pub strange: u64,
     /// The disk does not take what is to be written.
     pub is_stuck: bool,
     /// The connection to the broker.
@@ -128,6 +130,12 @@ impl Figures {
             "counter",
             "Messages of the host application that were not taken: dated too far ahead.",
             &one(ahead),
+        );
+        family(
+            "strange_total",
+            "counter",
+            "Messages of the broker that were not understood, or not taken.",
+            &one(self.strange),
         );
         let dropped = [
             ("full", self.dropped_full),

@@ -27,6 +27,8 @@ use super::hall::Hall;
 use super::health::{CellHealth, Figures, Health};
 use super::links::Client;
 use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
+use super::notify::Notify;
+use super::outages::Outages;
 use super::payload::{Metric, Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
@@ -49,6 +51,8 @@ const FORGET: Duration = Duration::from_secs(3600);
 const FAREWELL: Duration = Duration::from_secs(2);
 /// A report and a command of the same cell may cross, and have the time of the later one then. A greater step back is the clock's.
 const CROSSED: Duration = Duration::from_secs(60);
+/// So many reasons are logged: who sends another one each time fills no disk.
+const REASONS: usize = 200;
 /// A disk that takes nothing is tried again so often.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -67,14 +71,16 @@ pub struct Hub<'a> {
     health: Arc<Health>,
     figures: Figures,
     log: &'a mut dyn FnMut(Json),
-    /// Why there was no broker when that was logged last.
-    lost: Option<String>,
+    outages: Outages,
     /// Commands that were refused at once, by their cells and why.
     refusals: BTreeMap<(usize, &'static str), u64>,
+    /// What the broker has sent that was not understood.
+    strange: HashSet<String>,
     /// Of which cells records were refused for good, and why.
     refused: HashSet<(usize, String)>,
     forget_at: Instant,
     show_at: Instant,
+    notify: Notify,
 }
 
 /// What a turn is to do when everything is written.
@@ -159,11 +165,13 @@ impl<'a> Hub<'a> {
             health,
             figures,
             log,
-            lost: None,
+            outages: Outages::default(),
             refusals: BTreeMap::new(),
+            strange: HashSet::new(),
             refused: HashSet::new(),
             forget_at,
             show_at,
+            notify: Notify::from_environment(),
         };
         for Interrupted { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
@@ -179,9 +187,11 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// When the store cannot be read or written, or nobody takes the log.
     pub fn run(mut self) -> Result<()> {
+        self.notify.say("READY=1");
         while !interrupt::requested() {
             self.turn(false)?;
         }
+        self.notify.say("STOPPING=1");
         self.stop.store(true, Ordering::Relaxed);
         // What the links report last is kept, and published if there is a broker.
         self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
@@ -293,8 +303,9 @@ impl<'a> Hub<'a> {
         match event {
             Event::None => {}
             Event::Connected => {
-                self.lost = None;
-                (self.log)(json!({"broker": "connected"}));
+                if self.outages.over(Instant::now()) {
+                    (self.log)(json!({"broker": "connected"}));
+                }
             }
             Event::Held { place, why } => self.held(place, &why),
             Event::Released(place) => {
@@ -304,16 +315,23 @@ impl<'a> Hub<'a> {
             }
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
-            Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
+            Event::Strange(why) => self.strange(why),
             Event::Write { device, payload, unfit } => self.command(&device, &payload, unfit, turn),
         }
     }
 
     /// Once for each reason: it is tried for as long as it takes.
     fn lost(&mut self, why: String) {
-        if self.lost.as_ref() != Some(&why) {
+        if self.outages.is_news(&why, Instant::now()) {
             (self.log)(json!({"broker": "disconnected", "why": why}));
-            self.lost = Some(why);
+        }
+    }
+
+    /// Once for each reason: every one is counted.
+    fn strange(&mut self, why: String) {
+        self.figures.strange += 1;
+        if self.strange.len() < REASONS && self.strange.insert(why.clone()) {
+            (self.log)(json!({"broker": "strange", "why": why}));
         }
     }
 
@@ -340,9 +358,7 @@ impl<'a> Hub<'a> {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
-            return (self.log)(
-                json!({"broker": "strange", "why": format!("a command for {device}, which is no cell")}),
-            );
+            return self.strange(format!("a command for {device}, which is no cell"));
         };
         let now = metric::now();
         let is_allowed = cell.takes_commands;
@@ -456,6 +472,7 @@ impl<'a> Hub<'a> {
     }
 
     fn show(&mut self) {
+        self.notify.lives(Instant::now());
         let now = metric::now();
         let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
             commands_left: self.commands.left(&cell.name, now),

@@ -18,6 +18,8 @@ pub mod hub;
 pub mod links;
 pub mod metric;
 pub mod node;
+mod notify;
+pub mod outages;
 pub mod payload;
 pub mod reconnect;
 pub mod refusals;

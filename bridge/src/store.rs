@@ -2,7 +2,10 @@
 //!
 //! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
 
+use std::fmt;
+use std::fs::{OpenOptions, Permissions};
 use std::io::ErrorKind;
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
@@ -19,6 +22,9 @@ const FORMAT: u32 = 2;
 /// What the file is read through, in bytes.
 const CACHE: usize = 16 << 20;
 
+/// What is in it is nobody else's.
+const MODE: u32 = 0o600;
+
 const ADVICE: &str = "move the file away, and a new one is made; what waits in it is lost";
 
 /// Records and names in a file.
@@ -32,6 +38,10 @@ pub struct Store {
     length: u64,
     most: u64,
 }
+
+/// The file is open in another process.
+#[derive(Debug)]
+pub struct Busy(String);
 
 /// What is written at once.
 #[derive(Debug, Default)]
@@ -54,9 +64,7 @@ impl Store {
         let what = format!("the store {}", path.display());
         let (database, next, length) = match catch(|| open(path)) {
             Some(Ok(opened)) => opened,
-            Some(Err(redb::Error::DatabaseAlreadyOpen)) => {
-                bail!("{what} is open in another process: one bridge, one store")
-            }
+            Some(Err(redb::Error::DatabaseAlreadyOpen)) => return Err(Busy(what).into()),
             Some(Err(redb::Error::Io(error)))
                 if !matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::UnexpectedEof) =>
             {
@@ -208,10 +216,22 @@ impl Store {
     }
 }
 
+impl fmt::Display for Busy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is open in another process: one bridge, one store", self.0)
+    }
+}
+
+impl std::error::Error for Busy {}
+
 /// The database, the key of the next record, and how many records there are.
 #[allow(clippy::result_large_err, reason = "it is returned once")]
 fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
-    let mut database = Database::builder().set_cache_size(CACHE).create(path)?;
+    let file =
+        OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(MODE).open(path)?;
+    // One that an earlier version has made.
+    file.set_permissions(Permissions::from_mode(MODE))?;
+    let mut database = Database::builder().set_cache_size(CACHE).create_file(file)?;
     database.check_integrity()?;
     let transaction = database.begin_write()?;
     let (next, length) = {
@@ -250,7 +270,10 @@ mod tests {
     fn the_oldest_make_room_and_keys_are_not_used_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
+        std::fs::write(&path, "").unwrap();
+        std::fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
         let mut store = Store::open(&path, 3).unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, MODE);
         assert_eq!(store.write(&append(&["a", "b"])).unwrap(), 0);
         assert_eq!(store.write(&append(&["c", "d", "e"])).unwrap(), 2);
         assert_eq!(texts(&store, 0), [(2, "c".into()), (3, "d".into()), (4, "e".into())]);

@@ -21,6 +21,8 @@ mod tool;
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -456,12 +458,110 @@ fn what_is_wrong_has_its_line() {
     assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
 }
 
+fn secret(path: &Path, mode: u32) {
+    std::fs::write(path, "correct horse\n").unwrap();
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+}
+
+#[test]
+fn what_is_unsafe_has_to_be_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("secret");
+    let hall = |more: &str| HALL.replace("node = \"bridge\"", &format!("node = \"bridge\"\n{more}"));
+    let login = "user = \"u\"\npassword_file = \"secret\"";
+    let ok = |text: &str| check(folder.path(), text).0 == Some(0);
+    let refused = |text: &str, error: &str| {
+        assert_eq!(check(folder.path(), text), (Some(2), format!("error: hall.toml, {error}\n")));
+    };
+    secret(&file, 0o600);
+    let clear = "line 6: the password would go to broker:8883 in the clear: give tls, or allow = [\"password_without_tls\"]";
+    refused(&hall(login), clear);
+    assert!(ok(&hall(&format!("{login}\nallow = [\"password_without_tls\"]"))));
+    assert!(
+        ["localhost", "127.0.0.1", "[::1]"]
+            .iter()
+            .all(|host| ok(&hall(login).replace("broker:8883", &format!("{host}:1883"))))
+    );
+    secret(&file, 0o644);
+    let here = hall(login).replace("broker:8883", "localhost:1883");
+    let readable = "line 6: everybody on this machine can read FOLDER/secret: chmod 600 it, or give allow = [\"readable_secrets\"]";
+    refused(&here, readable);
+    assert!(ok(&here.replace(login, &format!("{login}\nallow = [\"readable_secrets\"]"))));
+    refused(
+        &hall("tls = { ca = \"secret\", certificate = \"secret\", key = \"secret\" }"),
+        &readable.replace('6', "5").replacen("chmod 500", "chmod 600", 1),
+    );
+    let (status, error) = check(folder.path(), &hall("allow = [\"anything\"]"));
+    assert!(status == Some(2) && error.contains("unknown variant `anything`"), "{error}");
+}
+
+#[test]
+fn a_check_says_what_a_start_would_do_with_the_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut bridge = bridge(folder.path(), &nobody, &ball);
+    until("records", || figure(&bridge, "store_records") > 3);
+    let store = folder.path().join("s.redb");
+    assert_eq!(std::fs::metadata(&store).unwrap().permissions().mode() & 0o777, 0o600);
+    let text = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    let line = |text: &str| check(folder.path(), text).1.lines().nth(1).unwrap().to_owned();
+    let busy = line(&text);
+    assert!(busy.contains("is open in another process"), "{busy}");
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    let same = line(&text);
+    assert!(same.starts_with("{\"store\":\"FOLDER/s.redb\",\"records\":"), "{same}");
+    assert!(same.ends_with(",\"dropped_orphans\":{},\"dropped_full\":0}"), "{same}");
+    let count: u64 =
+        same["{\"store\":\"FOLDER/s.redb\",\"records\":".len()..].split(',').next().unwrap().parse().unwrap();
+    let renamed = line(
+        &text
+            .replace("[cell.ball]", "[cell.sphere]")
+            .replace("file = \"s.redb\"", "file = \"s.redb\"\nrecords = 2"),
+    );
+    let dropped = format!(
+        "\"records\":{count},\"dropped_orphans\":{{\"ball\":{count}}},\"dropped_full\":{}}}",
+        count - 2
+    );
+    assert!(renamed.ends_with(&dropped), "{renamed}");
+    let length = std::fs::metadata(&store).unwrap().len();
+    std::fs::File::options().write(true).open(&store).unwrap().set_len(length / 2).unwrap();
+    let (status, error) = check(folder.path(), &text);
+    assert!(status == Some(2) && error.contains("is damaged"), "{error}");
+}
+
+#[test]
+fn systemd_is_told_when_it_is_ready_and_that_it_lives() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let path = folder.path().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(DEADLINE)).unwrap();
+    let mut command = bridge_command(folder.path(), &nobody, &ball);
+    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "1500000");
+    let mut bridge = Running::start(command);
+    let said = || {
+        let mut text = [0; 100];
+        let length = socket.recv(&mut text).unwrap();
+        String::from_utf8(text[..length].to_vec()).unwrap()
+    };
+    assert_eq!(said(), "READY=1");
+    let start = Instant::now();
+    for _ in 0..4 {
+        assert_eq!(said(), "WATCHDOG=1");
+    }
+    assert!(start.elapsed() > Duration::from_secs(1), "{:?}", start.elapsed());
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    while said() != "STOPPING=1" {}
+}
+
 #[test]
 fn the_hall_of_the_page_is_right() {
     let folder = tempfile::tempdir().unwrap();
     let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
     std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
-    std::fs::write(folder.path().join("bridge.password"), "correct horse\n").unwrap();
+    secret(&folder.path().join("bridge.password"), 0o600);
     let page = include_str!("../../docs/bridge.md");
     let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
     let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;

@@ -190,11 +190,12 @@ class Host:
             except (RuntimeError, ValueError):
                 time.sleep(0.1)
 
-    def command(self, cell, order, ahead=0, retain=False, at=None):
-        payload = pb.Payload(timestamp=int((time.time() + ahead) * 1000) if at is None else at)
+    def command(self, cell, order, waits=True):
+        payload = pb.Payload(timestamp=int(time.time() * 1000))
         payload.metrics.add(name="Command/Request", timestamp=payload.timestamp, datatype=12, string_value=json.dumps(order))
-        self.client.publish(f"spBv1.0/{GROUP}/DCMD/{NODE}/{cell}", payload.SerializeToString(), qos=1, retain=retain).wait_for_publish(5)
-        return payload.timestamp
+        message = self.client.publish(f"spBv1.0/{GROUP}/DCMD/{NODE}/{cell}", payload.SerializeToString(), qos=1)
+        if waits:
+            message.wait_for_publish(5)
 
 
 broker_port, health_port = free_port(), free_port()
@@ -324,17 +325,32 @@ def frozen():
     return max((born.get(cell.name, float("inf")) for cell in cells))
 
 
+def flood():
+    """Far more commands for a cell than it takes, while it reports. What is measured is how long another one waits for its outcome."""
+    flooded, other = (next(cell for cell in cells if cell.NAME == name) for name in ("fanuc-hmi-modbus", "mmacell-proto"))
+    for number in range(2000):
+        host.command(flooded.name, {"id": f"flood-{time.time()}-{number}", "write_register": {"address": 100, "value": 1}}, waits=False)
+    start, id = time.time(), f"other-{time.time()}"
+    host.command(other.name, {"id": id, "command": "SRV", "on": True})
+    took = wait("the outcome of another cell's command", lambda: any(it[0] == "done" for it in host.outcomes.get(id, [])), args.longest)
+    wait("the outcomes of a flood", lambda: sum(id.startswith("flood-") for id in host.outcomes) % 2000 == 0, 60)
+    refused = sum(it[0] == "refused" for id, outcomes in host.outcomes.items() if id.startswith("flood-") for it in outcomes)
+    print(f"  of 2000 commands for a cell {refused} are refused; another cell's is done after {took:.1f} s", flush=True)
+    return took
+
+
 FAULTS = {
     "restart": (restart, "the broker is started anew"),
     "cut": (cut, "the network is cut"),
     "leave": (leave, "the host application goes and comes"),
     "future": (future, "a STATE dated a year ahead"),
+    "flood": (flood, "2000 commands for one cell"),
     "frozen": (frozen, "every device stands still"),
 }
 rows = []
 for name in args.faults or FAULTS:
     fault, what = FAULTS[name]
-    times, took = (1 if name in ("frozen", "future") else args.times), []
+    times, took = (1 if name in ("frozen", "future", "flood") else args.times), []
     for _ in range(times):
         back = fault()
         took.append(wait(f"back after {name}", is_online, args.longest) if back is None else back)

@@ -170,7 +170,8 @@ fn connection<A: Adapter>(
             end.disconnected(&why);
         }
         if let Some(command) = end.command() {
-            let begun = if is_alive {
+            // Who speaks by itself may be about to.
+            let begun = if is_alive || !silence.is_asked {
                 adapter.command(session, command)
             } else {
                 Err("the device does not answer".into())

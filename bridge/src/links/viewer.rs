@@ -80,7 +80,7 @@ impl Adapter for Viewer {
     type Session = Host;
 
     fn is_answer(event: &HostEvent) -> bool {
-        matches!(event, HostEvent::Asked | HostEvent::Sent(_))
+        matches!(event, HostEvent::Asked | HostEvent::Ignored)
     }
 
     fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {

@@ -9,6 +9,8 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
+mod records;
+
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -24,12 +26,12 @@ use super::cell::Cell;
 use super::commands::{Commands, Decision, Interrupted, Write};
 use super::end::End;
 use super::hall::Hall;
-use super::health::{CellHealth, Figures, Health};
+use super::health::{Figures, Health};
 use super::links::Client;
-use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
+use super::metric::{self, CONNECTED, EVENT, NUMBER, STORE};
 use super::notify::Notify;
 use super::outages::Outages;
-use super::payload::{Metric, Payload, Quality, Value};
+use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
@@ -49,12 +51,8 @@ const TICK: Duration = Duration::from_millis(200);
 const FORGET: Duration = Duration::from_secs(3600);
 /// At the end the broker gets so long to take what it was sent.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// A report and a command of the same cell may cross, and have the time of the later one then. A greater step back is the clock's.
-const CROSSED: Duration = Duration::from_secs(60);
 /// So many reasons are logged: who sends another one each time fills no disk.
 const REASONS: usize = 200;
-/// A disk that takes nothing is tried again so often.
-const RETRY: Duration = Duration::from_secs(1);
 
 /// The hub.
 #[allow(missing_debug_implementations, reason = "it holds a store")]
@@ -386,125 +384,6 @@ impl<'a> Hub<'a> {
                 self.record(place, now, vec![(EVENT, metric::text(event.to_string()))], &mut turn.batch);
             }
         }
-    }
-
-    fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
-        self.record_with(place, at, named, None, batch);
-    }
-
-    /// Gives a report its number, and puts it into the batch. With a quality the cell's own metrics are null.
-    fn record_with(
-        &mut self,
-        place: usize,
-        at: u64,
-        named: Vec<Named>,
-        quality: Option<Quality>,
-        batch: &mut Batch,
-    ) {
-        let Some(cell) = self.cells.get_mut(place) else { return };
-        let late = cell.last_at.saturating_sub(at);
-        let at = if u128::from(late) < CROSSED.as_millis() { at.max(cell.last_at) } else { at };
-        cell.last_at = at;
-        cell.number += 1;
-        let number = uplink::number(cell.number);
-        let named = [(NUMBER, number)].into_iter().chain(named);
-        let mut metrics = Vec::new();
-        for (name, value) in named {
-            let Some(definition) = cell.definitions.iter().find(|definition| definition.name == name) else {
-                continue;
-            };
-            if is_number(&value) {
-                metrics.push(Metric::new(name, definition.kind, at, Some(value.clone())));
-                cell.values.insert(definition.name, (at, value));
-            } else {
-                metrics.push(Metric::null(name, definition.kind, at, Quality::Bad));
-                cell.values.remove(definition.name);
-            }
-        }
-        metrics.extend(quality.into_iter().flat_map(|quality| cell.nulls(at, quality)));
-        batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
-        self.figures.records += 1;
-    }
-
-    /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
-    fn write(&mut self, batch: &mut Batch) -> Result<()> {
-        let news = self.cells.iter_mut().filter(|cell| cell.number != cell.kept);
-        batch.names.extend(news.map(|cell| {
-            cell.kept = cell.number;
-            (number_of(&cell.name), Some(cell.number.to_string()))
-        }));
-        if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() {
-            return Ok(());
-        }
-        let mut logged = String::new();
-        let dropped = loop {
-            let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
-            let error = match opened.and_then(|()| self.store.write(batch)) {
-                Ok(dropped) => break dropped,
-                Err(error) if interrupt::requested() => return Err(error),
-                Err(error) => format!("{error:#}"),
-            };
-            if error != logged {
-                let advice = "nothing is taken or published until this is mended";
-                (self.log)(json!({"store": "stuck", "why": error, "advice": advice}));
-                logged = error;
-            }
-            self.figures.is_stuck = true;
-            self.show();
-            thread::sleep(RETRY);
-        };
-        if core::mem::take(&mut self.figures.is_stuck) {
-            (self.log)(json!({"store": "written"}));
-        }
-        if dropped > 0 && self.figures.dropped_full == 0 {
-            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
-        }
-        if dropped > 0 {
-            let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);
-            self.uplink.made_room(oldest);
-        }
-        self.figures.dropped_full += dropped;
-        Ok(())
-    }
-
-    fn count(&mut self, outcome: &'static str) {
-        *self.figures.commands.entry(outcome).or_default() += 1;
-    }
-
-    fn show(&mut self) {
-        self.notify.lives(Instant::now());
-        let now = metric::now();
-        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
-            commands_left: self.commands.left(&cell.name, now),
-            refusals: self
-                .refusals
-                .range((place, "")..(place + 1, ""))
-                .map(|((_, why), count)| (*why, *count))
-                .collect(),
-            name: cell.name.clone(),
-            is_connected: cell.is_connected,
-            number: cell.number,
-            held: self.uplink.held(place),
-        });
-        self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
-        self.health.set(Figures {
-            cells: cells.collect(),
-            is_online: self.uplink.is_online(),
-            stored: self.store.len(),
-            in_flight: self.uplink.in_flight(),
-            uplink: self.uplink.counts,
-            commands: self.figures.commands.clone(),
-            ..self.figures
-        });
-    }
-}
-
-/// Whether it is none of those that are no number, or infinite.
-fn is_number(value: &Value) -> bool {
-    match value {
-        Value::Float(value) => value.is_finite(),
-        Value::Double(value) => value.is_finite(),
-        _ => true,
     }
 }
 

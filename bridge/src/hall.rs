@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::net::IpAddr;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -260,9 +259,7 @@ impl Broker {
         let key = self.tls.as_ref().and_then(|tls| tls.key.as_ref());
         for (name, file) in [("broker.password_file", self.password_file.as_ref()), ("broker.tls", key)] {
             let Some(file) = file else { continue };
-            // That it cannot be read is said by who reads it.
-            let mode = file.metadata().map_or(0, |found| found.permissions().mode());
-            if mode & 0o007 != 0 && !self.allow.contains(&Unsafe::ReadableSecrets) {
+            if is_readable(file) && !self.allow.contains(&Unsafe::ReadableSecrets) {
                 let file = file.display();
                 let why = anyhow!(
                     "everybody on this machine can read {file}: chmod 600 it, or give allow = [\"readable_secrets\"]"
@@ -325,6 +322,17 @@ impl Broker {
         };
         Ok(Some(Tls { authorities: certificates(&files.ca)?, client }))
     }
+}
+
+/// Whether everybody on this machine can read it. That nobody can is said by who reads it.
+fn is_readable(file: &Path) -> bool {
+    #[cfg(unix)]
+    return file.metadata().is_ok_and(|found| {
+        use std::os::unix::fs::PermissionsExt as _;
+        found.permissions().mode() & 0o007 != 0
+    });
+    #[cfg(not(unix))]
+    return false;
 }
 
 /// A name that is a level of a topic.

@@ -1,14 +1,13 @@
 //! What systemd is told of a service of `Type=notify`: that it is ready, that it lives, that it ends. Without systemd nobody is told.
 
 use std::env;
-use std::os::linux::net::SocketAddrExt as _;
-use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Who is told.
 #[derive(Debug)]
 pub(crate) struct Notify {
-    socket: Option<(UnixDatagram, SocketAddr)>,
+    socket: Option<PathBuf>,
     /// From one sign of life to the next.
     interval: Option<Duration>,
     due: Instant,
@@ -17,22 +16,22 @@ pub(crate) struct Notify {
 impl Notify {
     /// As the environment says.
     pub(crate) fn from_environment() -> Self {
-        let address = env::var("NOTIFY_SOCKET").ok().and_then(|name| match name.strip_prefix('@') {
-            Some(name) => SocketAddr::from_abstract_name(name).ok(),
-            None => SocketAddr::from_pathname(name).ok(),
-        });
-        let socket = address.and_then(|address| Some((UnixDatagram::unbound().ok()?, address)));
         let limit = env::var("WATCHDOG_USEC").ok().and_then(|text| text.parse().ok());
         let interval = limit.map(|limit| Duration::from_micros(limit) / 3);
-        Self { socket, interval, due: Instant::now() }
+        Self { socket: env::var_os("NOTIFY_SOCKET").map(PathBuf::from), interval, due: Instant::now() }
     }
 
     /// Says it, once.
     pub(crate) fn say(&self, what: &str) {
-        if let Some((socket, address)) = &self.socket {
+        #[cfg(unix)]
+        if let Some(place) = &self.socket
+            && let Ok(socket) = std::os::unix::net::UnixDatagram::unbound()
+        {
             // Who does not listen has no use for it.
-            let _ = socket.send_to_addr(what.as_bytes(), address);
+            let _ = socket.send_to(what.as_bytes(), place);
         }
+        #[cfg(not(unix))]
+        let _ = (&self.socket, what);
     }
 
     /// A sign of life, where it is time for one.

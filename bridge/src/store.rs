@@ -3,9 +3,8 @@
 //! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
 
 use std::fmt;
-use std::fs::{OpenOptions, Permissions};
-use std::io::ErrorKind;
-use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
@@ -21,9 +20,6 @@ const FORMAT: u32 = 2;
 
 /// What the file is read through, in bytes.
 const CACHE: usize = 16 << 20;
-
-/// What is in it is nobody else's.
-const MODE: u32 = 0o600;
 
 const ADVICE: &str = "move the file away, and a new one is made; what waits in it is lost";
 
@@ -227,10 +223,7 @@ impl std::error::Error for Busy {}
 /// The database, the key of the next record, and how many records there are.
 #[allow(clippy::result_large_err, reason = "it is returned once")]
 fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
-    let file =
-        OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(MODE).open(path)?;
-    // One that an earlier version has made.
-    file.set_permissions(Permissions::from_mode(MODE))?;
+    let file = private(path)?;
     let mut database = Database::builder().set_cache_size(CACHE).create_file(file)?;
     database.check_integrity()?;
     let transaction = database.begin_write()?;
@@ -244,6 +237,21 @@ fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
     Ok((database, next, length))
 }
 
+/// The file, which nobody else can read, also where an earlier version has made it.
+fn private(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+        let file = options.mode(0o600).open(path)?;
+        file.set_permissions(std::fs::Permissions::from_mode(0o600))?;
+        Ok(file)
+    }
+    #[cfg(not(unix))]
+    options.open(path)
+}
+
 /// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
 fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
     let hook = panic::take_hook();
@@ -255,6 +263,8 @@ fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
     use super::*;
 
     fn append(records: &[&str]) -> Batch {
@@ -271,9 +281,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
         std::fs::write(&path, "").unwrap();
-        std::fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o644)).unwrap();
         let mut store = Store::open(&path, 3).unwrap();
-        assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, MODE);
+        assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(store.write(&append(&["a", "b"])).unwrap(), 0);
         assert_eq!(store.write(&append(&["c", "d", "e"])).unwrap(), 2);
         assert_eq!(texts(&store, 0), [(2, "c".into()), (3, "d".into()), (4, "e".into())]);

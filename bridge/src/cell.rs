@@ -32,6 +32,15 @@ pub struct Cell {
     pub commands: Sender<Command>,
 }
 
+/// A report and a command of the same cell may cross, and the later one of their times is that of both then. A greater step back is the
+/// clock's.
+const CROSSED: u64 = 60_000;
+
+/// The time of a record that was made at `at`, after one that has the time `last`.
+pub fn in_order(last: u64, at: u64) -> u64 {
+    if last.saturating_sub(at) < CROSSED { at.max(last) } else { at }
+}
+
 impl Cell {
     /// The metrics of its own, as null: it has no values from now on.
     pub fn nulls(&mut self, at: u64, quality: Quality) -> Vec<Metric> {
@@ -41,5 +50,16 @@ impl Cell {
             Metric::null(name, *kind, at, quality)
         };
         own.map(null).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_go_on_unless_the_clock_is_set_back() {
+        assert_eq!((in_order(1_000_000, 1_000_001), in_order(1_000_000, 999_998)), (1_000_001, 1_000_000));
+        assert_eq!((in_order(1_000_000, 940_001), in_order(1_000_000, 940_000)), (1_000_000, 940_000));
     }
 }

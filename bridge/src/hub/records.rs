@@ -8,6 +8,7 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Hub, number_of};
+use crate::cell::in_order;
 use crate::health::{CellHealth, Figures};
 use crate::metric::{self, NUMBER, Named};
 use crate::payload::{Metric, Payload, Quality, Value};
@@ -15,8 +16,6 @@ use crate::store::Batch;
 use crate::uplink;
 use cellwire::io::interrupt;
 
-/// A report and a command of the same cell may cross, and have the time of the later one then. A greater step back is the clock's.
-const CROSSED: Duration = Duration::from_secs(60);
 /// A disk that takes nothing is tried again so often.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -35,8 +34,7 @@ impl Hub<'_> {
         batch: &mut Batch,
     ) {
         let Some(cell) = self.cells.get_mut(place) else { return };
-        let late = cell.last_at.saturating_sub(at);
-        let at = if u128::from(late) < CROSSED.as_millis() { at.max(cell.last_at) } else { at };
+        let at = in_order(cell.last_at, at);
         cell.last_at = at;
         cell.number += 1;
         let number = uplink::number(cell.number);

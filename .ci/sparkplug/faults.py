@@ -356,6 +356,9 @@ for name in args.faults or FAULTS:
         took.append(wait(f"back after {name}", is_online, args.longest) if back is None else back)
         if took[-1] > args.longest:
             fail(f"{name}: back after {took[-1]} s")
+        ended = [(cell.name, cell.process.returncode) for cell in cells if cell.process.poll() is not None]
+        if ended:
+            fail(f"simulators have ended, with {ended}")
         time.sleep(random.uniform(0, 1))
     rows.append((what, times, max(took)))
     print(f"  {what}: back after {', '.join(f'{it:.1f}' for it in took)} s", flush=True)

@@ -95,7 +95,7 @@ mod tests {
             now += SECOND;
             waited.push(waits.next(now));
         }
-        assert!(waited[0] <= SECOND / 2 && waited.iter().all(|wait| *wait <= LONGEST_WAIT), "{waited:?}");
+        assert!(waited[0] <= SECOND / 2 && waited.iter().all(|wait| *wait <= 10 * SECOND), "{waited:?}");
         assert!(waited.iter().skip(6).all(|wait| *wait >= LONGEST_WAIT / 2), "{waited:?}");
         waits.accepted(now);
         assert!(waits.next(now + 2 * LONGEST_WAIT) <= SECOND / 2);

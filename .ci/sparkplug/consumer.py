@@ -104,6 +104,13 @@ class Consumer:
         self.client.connect(host, port, keepalive=10, clean_start=True)
         self.client.loop_start()
 
+    def look(self):
+        """Connects under another name, without the host application and its will."""
+        self.client = mqtt.Client("looker", protocol=mqtt.MQTTv5)
+        self.client.username_pw_set(*self.login)
+        self.client.connect(*self.place)
+        self.client.loop_start()
+
     def stop(self):
         self.client.disconnect()
         self.client.loop_stop()

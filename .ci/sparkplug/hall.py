@@ -31,6 +31,8 @@ if args.alone:
     os.sched_setaffinity(0, processors[:-1])
 BRIDGE = str(Path(args.cellwire).with_name("cellwire-bridge"))
 LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "hall", "bridge-1", "scada"
+COMMANDER, DASHBOARD = (HOST, "battery"), ("dashboard", "staple")
+PAGE = Path(__file__).parents[2] / "docs/bridge.md"
 folder = args.place / "run"
 subprocess.run(["rm", "-rf", folder], check=True)
 folder.mkdir(parents=True)
@@ -92,7 +94,10 @@ def certificates():
     run("openssl", "x509", "-req", "-in", "broker.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "2",
         "-extfile", "names", "-out", "broker.pem")
     run("mosquitto_passwd", "-b", "-c", str(folder / "passwords"), *LOGIN)
+    for login in (COMMANDER, DASHBOARD):
+        run("mosquitto_passwd", "-b", str(folder / "passwords"), *login)
     (folder / "bridge.password").write_text(LOGIN[1] + "\n")
+    (folder / "bridge.password").chmod(0o600)
 
 
 os.environ["PATH"] += ":/usr/sbin"
@@ -117,9 +122,10 @@ autosave_interval 0
 
 
 def access(*forbidden):
-    """Who may do what: everything, but with these cells' topics."""
+    """Who may do what: as the page has it, but with these cells' topics."""
+    rules = next(block for block in PAGE.read_text().split("```text\n") if block.startswith("user ")).split("```")[0]
     denied = "".join(f"topic deny spBv1.0/{GROUP}/+/{NODE}/{cell.name}\n" for cell in forbidden)
-    (folder / "access").write_text(f"user {LOGIN[0]}\n{denied}topic readwrite spBv1.0/#\n")
+    (folder / "access").write_text(rules.replace(f"user {LOGIN[0]}\n", f"user {LOGIN[0]}\n{denied}"))
 
 
 def start_broker():
@@ -221,7 +227,7 @@ forbidden = [cell for cell in cells if cell.NAME != "kawasaki-msg"][:1] if args.
 access(*forbidden)
 broker = start_broker()
 bridge = Bridge(hall)
-consumer = Consumer("127.0.0.1", plain_port, LOGIN, GROUP, NODE, HOST, args.qos)
+consumer = Consumer("127.0.0.1", plain_port, COMMANDER, GROUP, NODE, HOST, args.qos)
 consumer.refusing = bool(forbidden)
 started = time.time()
 # Without the host application nothing is sent.
@@ -271,6 +277,16 @@ def commands(round):
     return len(sent)
 
 
+# Who may only look orders nothing.
+looker = Consumer("127.0.0.1", plain_port, DASHBOARD, GROUP, NODE, HOST, args.qos)
+looker.look()
+accepted = figure('commands_total{outcome="accepted"}')
+looker.command(cells[0].name, {"id": "looker", **cells[0].orders(1)[0][1]})
+looker.client.publish(f"spBv1.0/STATE/{HOST}", looker.state(False), qos=1, retain=True)
+time.sleep(2)
+if consumer.outcome("looker") or figure('commands_total{outcome="accepted"}') != accepted or figure("online") != 1:
+    fail("a dashboard has ordered something")
+looker.client.disconnect()
 ordered = commands(1)
 consumer.ask_rebirth()
 wait("a rebirth", lambda: consumer.rebirth is None)

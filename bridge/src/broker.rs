@@ -10,19 +10,22 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use rumqttc::v5::mqttbytes::v5::{DisconnectReasonCode, Filter, LastWill, PubAckReason, SubscribeReasonCode};
+use rumqttc::v5::mqttbytes::v5::{
+    DisconnectReasonCode, Filter, LastWill, PubAckReason, RetainForwardRule, SubscribeReasonCode,
+};
 use rumqttc::v5::mqttbytes::{Error as Malformed, QoS};
 use rumqttc::v5::{
-    Client, ClientError, Connection, ConnectionError, Event, Incoming, MqttOptions, StateError,
+    AsyncClient, ClientError, ConnectionError, Event, EventLoop, Incoming, MqttOptions, StateError,
 };
 use rumqttc::{Outgoing, TlsConfiguration, Transport};
+use tokio::runtime::Builder;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 
 /// So many messages wait for the socket.
 const ROOM: usize = 256;
-/// The longest message that is read: a command is short.
-const LONGEST: u32 = 256 * 1024;
+/// The longest packet that is read: a broker keeps a longer one to itself, and tells nobody. So this is far above what is taken.
+const LONGEST: u32 = 16 << 20;
 /// The reason code "packet too large": of PUBACK no code of the standard, and sent nevertheless, by mosquitto.
 const TOO_LARGE: u8 = 0x95;
 /// So many messages are in flight; a broker may ask for fewer.
@@ -73,6 +76,8 @@ pub enum Happened {
         topic: String,
         /// Its content.
         payload: Vec<u8>,
+        /// Its sender has asked the broker to keep it for whoever comes later, or it was kept.
+        is_retained: bool,
     },
     /// The broker has this message; with QoS 0, the socket has.
     Published(u64),
@@ -87,8 +92,6 @@ pub enum Happened {
     },
     /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
     TooLong,
-    /// The broker, or the network, has ended it without a word; [`Closed`](Self::Closed) follows.
-    Dropped,
     /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
     TakenOver,
     /// It has ended, and why. Nothing follows.
@@ -109,7 +112,7 @@ pub enum Refusal {
 /// A connection; its end is [`Happened::Closed`].
 #[allow(missing_debug_implementations, reason = "rumqttc's client has none")]
 pub struct Session {
-    client: Client,
+    client: AsyncClient,
     sent: Arc<Mutex<VecDeque<Option<u64>>>>,
 }
 
@@ -117,7 +120,7 @@ impl Session {
     /// Begins to connect. `report` is called by a thread of the connection.
     ///
     /// # Errors
-    /// When the system has no room for a thread.
+    /// When the system has no room for a thread, or no descriptor.
     pub fn open(options: &Options, report: impl Fn(Happened) + Send + 'static) -> Result<Self> {
         let mut mqtt = MqttOptions::new(&options.client, &options.host, options.port);
         mqtt.set_clean_start(true);
@@ -134,17 +137,28 @@ impl Session {
             let configuration = TlsConfiguration::Simple { ca: authorities.clone(), alpn: None, client_auth };
             mqtt.set_transport(Transport::Tls(configuration));
         }
-        let (client, connection) = Client::new(mqtt, ROOM);
+        let (client, connection) = AsyncClient::new(mqtt, ROOM);
+        // It opens descriptors, and the system may have none left.
+        let runtime =
+            Builder::new_current_thread().enable_all().build().context("no runtime for the connection")?;
         let sent = Arc::new(Mutex::new(VecDeque::new()));
         let shared = Arc::clone(&sent);
         let thread = thread::Builder::new().name("broker".into());
-        thread.spawn(move || run(connection, &shared, report)).context("cannot start the broker's thread")?;
+        thread
+            .spawn(move || runtime.block_on(run(connection, &shared, report)))
+            .context("cannot start the broker's thread")?;
         Ok(Self { client, sent })
     }
 
-    /// Asks for messages of these topics, with QoS 1.
-    pub fn subscribe(&self, topics: &[String]) {
-        let filters = topics.iter().map(|topic| Filter::new(topic.as_str(), QoS::AtLeastOnce));
+    /// Asks for messages of these topics, with QoS 1: those from now on, and of `kept` also what the broker has kept.
+    pub fn subscribe(&self, topics: &[String], kept: &[String]) {
+        let filter = |topic: &String| Filter::new(topic.as_str(), QoS::AtLeastOnce);
+        let fresh = |topic| Filter {
+            preserve_retain: true,
+            retain_forward_rule: RetainForwardRule::Never,
+            ..filter(topic)
+        };
+        let filters = topics.iter().map(fresh).chain(kept.iter().map(filter));
         // A connection that has ended has reported it.
         let _ = self.client.try_subscribe_many(filters);
     }
@@ -205,12 +219,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(Happened)) {
+async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(Happened)) {
     let mut flight: HashMap<u16, u64> = HashMap::new();
     let why = loop {
-        let event = match connection.recv() {
-            Ok(Ok(event)) => event,
-            Ok(Err(error)) => {
+        let event = match connection.poll().await {
+            Ok(event) => event,
+            Err(ConnectionError::RequestsDone) => break "closed".into(),
+            Err(error) => {
                 match &error {
                     ConnectionError::MqttState(StateError::Deserialization(
                         Malformed::InvalidConnectReturnCode(TOO_LARGE),
@@ -219,18 +234,10 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
                         reason_code: DisconnectReasonCode::SessionTakenOver,
                         ..
                     }) => report(Happened::TakenOver),
-                    ConnectionError::MqttState(
-                        StateError::ConnectionAborted
-                        | StateError::Io(_)
-                        | StateError::Deserialization(Malformed::Io(_)),
-                    ) => {
-                        report(Happened::Dropped);
-                    }
                     _ => {}
                 }
                 break explain(&error);
             }
-            Err(_) => break "closed".into(),
         };
         match event {
             Event::Incoming(Incoming::ConnAck(ack)) => {
@@ -246,6 +253,7 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
             Event::Incoming(Incoming::Publish(message)) => report(Happened::Message {
                 topic: String::from_utf8_lossy(&message.topic).into_owned(),
                 payload: message.payload.to_vec(),
+                is_retained: message.retain,
             }),
             Event::Outgoing(Outgoing::Publish(number)) => match (lock(sent).pop_front().flatten(), number) {
                 (Some(token), 0) => report(Happened::Published(token)),
@@ -281,6 +289,27 @@ fn refusal(reason: PubAckReason) -> Refusal {
     }
 }
 
+/// What is wrong with a broker's certificate, as rustls names it, and what to do.
+const CERTIFICATES: [(&str, &str); 5] = [
+    (
+        "CaUsedAsEndEntity",
+        "the broker shows the certificate of an authority, as a self-signed one is: make a certificate that it signs, \
+         see \"Certificates\" in docs/bridge.md",
+    ),
+    (
+        "UnsupportedCertVersion",
+        "the broker's certificate has version 1, without names: make one of version 3, with subjectAltName, see \
+         \"Certificates\" in docs/bridge.md",
+    ),
+    (
+        "UnknownIssuer",
+        "tls.ca is not the authority that has signed the broker's certificate, or that one is self-signed: see \
+         \"Certificates\" in docs/bridge.md",
+    ),
+    ("Expired", "the broker's certificate is too old, or the clock of this machine is wrong"),
+    ("NotValidForName", "address has another name than the broker's certificate"),
+];
+
 /// What has happened, and what to look at.
 fn explain(error: &ConnectionError) -> String {
     match error {
@@ -290,7 +319,12 @@ fn explain(error: &ConnectionError) -> String {
             )
         }
         ConnectionError::Tls(error) => {
-            format!("TLS: {error}: see address and tls, and the broker's certificate")
+            let error = error.to_string();
+            let advice = CERTIFICATES.iter().find(|(found, _)| error.contains(found));
+            format!(
+                "TLS: {error}: {}",
+                advice.map_or("see address and tls, and the broker's certificate", |it| it.1)
+            )
         }
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
         ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(

@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -7,8 +8,12 @@ use std::time::Duration;
 
 use anyhow::Result;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser};
+use prost::Message as _;
 use serde_json::json;
 
+use crate::hall::StoreSettings;
+use crate::store::{Busy, Store};
+use crate::uplink::Record;
 use crate::{Hall, Health, Hub, http, links};
 use cellwire::command::manual::{self, Shell};
 use cellwire::command::settings::lines;
@@ -22,7 +27,7 @@ struct Args {
     /// The hall
     #[arg(long, value_name = "HALL.toml", required_unless_present_any = ["completions", "man"])]
     config: Option<PathBuf>,
-    /// Connect to nobody: check the file, with the line of what is wrong
+    /// Connect to nobody: check the file, with the line of what is wrong, and the store, with the records that a start would drop
     #[arg(long)]
     check: bool,
     /// Print what a shell needs to complete the options
@@ -75,7 +80,7 @@ fn run(file: &Path, check: bool) -> Result<()> {
     if check {
         let cells: Vec<&String> = hall.cell.keys().collect();
         log(&json!({"hall": file, "broker": hall.broker.address, "cells": cells}))?;
-        return Ok(());
+        return check_store(&hall);
     }
     output::never_wait()?;
     interrupt::note_within(
@@ -95,6 +100,33 @@ fn run(file: &Path, check: bool) -> Result<()> {
     let hub = Hub::start(&hall, clients, health, &mut print)?;
     log(&json!({"ready": "bridge", "cells": hall.cell.len(), "health": place}))?;
     hub.run()
+}
+
+/// What a start would do with the store, if there is one; a damaged one is an error.
+fn check_store(hall: &Hall) -> Result<()> {
+    let StoreSettings { file, records: most } = &hall.store;
+    if !file.exists() {
+        return Ok(());
+    }
+    let store = match Store::open(file, *most) {
+        Ok(store) => store,
+        Err(error) if error.is::<Busy>() => return log(&json!({"store": file, "why": error.to_string()})),
+        Err(error) => return Err(error),
+    };
+    let (mut orphans, mut next) = (BTreeMap::<String, u64>::new(), 0);
+    loop {
+        let records = store.records(next, 1000)?;
+        let Some((last, _)) = records.last() else { break };
+        next = last + 1;
+        for (_, bytes) in records {
+            let Record { cell, .. } = Record::decode(bytes.as_slice()).unwrap_or_default();
+            if !hall.cell.contains_key(&cell) {
+                *orphans.entry(cell).or_default() += 1;
+            }
+        }
+    }
+    let full = store.len().saturating_sub(*most);
+    log(&json!({"store": file, "records": store.len(), "dropped_orphans": orphans, "dropped_full": full}))
 }
 
 /// What can be set of the cells of each link, for the end of the long help.

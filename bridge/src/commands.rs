@@ -1,51 +1,36 @@
 //! Commands of the broker: each is remembered before it is given to a link, so that none is executed twice.
 //!
 //! A command has an id that its sender uses once, and a time. The id is in the store, safely on the disk, before the cell has the
-//! command. The same id again only has its outcome reported again, also by the next process; what had no outcome when a process
-//! ended is unknown. Ids are remembered for a day, and a command whose time is further from now than
-//! [`max_age`](super::hall::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be obeyed. Where the
-//! clock was wrong for a while it would not be: so a command that is not later than every one that was forgotten is refused too.
+//! command. The same id again only has its outcome reported again, also by the next process, and also where it was refused; what had no
+//! outcome when a process ended is unknown. Ids are remembered for a day and longer where their time is ahead, and a command whose time is
+//! further from now than [`max_age`](super::hall::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be
+//! obeyed. Where a clock was wrong for a while it would not be: so a command that is not later than every one that was forgotten is
+//! refused too.
 
 use std::collections::HashMap;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
-use serde::{Deserialize, Serialize};
+use anyhow::Result;
 use serde_json::{Map, Value as Json};
 
+use super::bucket::{Bucket, Rate};
 use super::metric::{COMMAND, DETAIL, Named, OUTCOME, REQUEST, text};
 use super::payload::{Payload, Value};
+use super::remembered::{self, Entry, Remembered};
 use super::report::{Command, Outcome};
 use crate::store::{Batch, Store};
 
-const PREFIX: &str = "command/";
-/// The name, in the store, of the latest time of a command that was forgotten.
-const FORGOTTEN: &str = "forgotten";
-/// So long an id is remembered.
-const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// So many are.
-const MOST: usize = 100_000;
 /// The longest id, in bytes.
 const LONGEST_ID: usize = 64;
 
-/// What is known of the commands of a day.
+/// What is known of the commands of each cell.
 #[derive(Debug)]
 pub struct Commands {
-    max_age: Duration,
-    known: HashMap<String, Entry>,
-    /// The latest time of a command that was forgotten.
-    forgotten: u64,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Entry {
-    /// When it was received.
-    at: u64,
-    /// Its own time.
-    #[serde(default)]
-    sent: u64,
-    outcome: Outcome,
-    detail: String,
+    /// In milliseconds.
+    max_age: u64,
+    rate: Rate,
+    known: HashMap<String, Remembered>,
+    buckets: HashMap<String, Bucket>,
 }
 
 /// A command that had no outcome when the bridge ended.
@@ -57,13 +42,28 @@ pub struct Interrupted {
     pub report: Vec<Named>,
 }
 
+/// A message that writes metrics of a cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Write<'a> {
+    /// The cell.
+    pub cell: &'a str,
+    /// Whether the hall's file allows commands to it.
+    pub is_allowed: bool,
+    /// The metrics.
+    pub payload: &'a Payload,
+    /// Why it is no command that may be obeyed, if it is none.
+    pub unfit: Option<&'a str>,
+}
+
 /// What is to be done about a message that writes metrics of a cell.
 #[derive(Debug, PartialEq)]
 pub enum Decision {
     /// The command is in the batch: once that is written, give it to the cell, and report this.
     Give(Command, Vec<Named>),
-    /// Report this.
+    /// Its id is known: report what became of it.
     Report(Vec<Named>),
+    /// It is refused, for a reason that has this name in the metrics: report this.
+    Refuse(&'static str, Vec<Named>),
     /// It is no command that could be reported by an id, and why.
     Strange(String),
 }
@@ -73,82 +73,103 @@ impl Commands {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn open(store: &Store, max_age: Duration, batch: &mut Batch) -> Result<(Self, Vec<Interrupted>)> {
-        let (mut known, mut unknown) = (HashMap::new(), Vec::new());
-        for (name, value) in store.names(PREFIX)? {
-            let mut entry: Entry =
-                serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
-            let key = name.strip_prefix(PREFIX).unwrap_or_default().to_owned();
-            if entry.outcome == Outcome::Accepted {
+    pub fn open(
+        store: &Store,
+        max_age: Duration,
+        rate: Rate,
+        batch: &mut Batch,
+    ) -> Result<(Self, Vec<Interrupted>)> {
+        let (mut known, mut unknown) = (Remembered::open(store)?, Vec::new());
+        for (cell, remembered) in &mut known {
+            for (id, entry) in remembered.unfinished() {
                 entry.outcome = Outcome::Unknown;
                 entry.detail = "the bridge has ended before the outcome".into();
-                if let Some((cell, id)) = key.split_once('/') {
-                    unknown.push(Interrupted { cell: cell.to_owned(), report: entry.named(id) });
-                }
-                put(batch, &key, Some(&entry));
+                remembered::put(batch, cell, id, Some(entry));
+                unknown.push(Interrupted { cell: cell.clone(), report: entry.named(id) });
             }
-            known.insert(key, entry);
         }
-        let forgotten = store.get(FORGOTTEN)?.and_then(|text| text.parse().ok()).unwrap_or_default();
-        Ok((Self { max_age, known, forgotten }, unknown))
+        let max_age = u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX);
+        Ok((Self { max_age, rate, known, buckets: HashMap::new() }, unknown))
     }
 
-    /// Decides about a message for a cell; `allowed` is whether the cell takes commands.
-    pub fn decide(
-        &mut self,
-        cell: &str,
-        allowed: bool,
-        payload: &Payload,
-        now: u64,
-        batch: &mut Batch,
-    ) -> Decision {
-        let (mut command, at) = match read(payload) {
-            Ok(read) => read,
-            Err(why) => return Decision::Strange(why),
+    /// Decides about a message for a cell.
+    pub fn decide(&mut self, write: Write<'_>, now: u64, batch: &mut Batch) -> Decision {
+        let (cell, max_age) = (write.cell, self.max_age);
+        let (mut command, at) = match (read(write.payload), write.unfit) {
+            (Ok(read), _) => read,
+            (Err(_), Some(why)) => return Decision::Strange(why.into()),
+            (Err(why), None) => return Decision::Strange(why),
         };
-        let key = key(cell, &command.id);
-        if let Some(entry) = self.known.get(&key) {
+        if let Some(entry) = self.known.get(cell).and_then(|known| known.get(&command.id)) {
             return Decision::Report(entry.named(&command.id));
         }
-        let mut entry = Entry { at: now, sent: 0, outcome: Outcome::Refused, detail: String::new() };
-        match self.acceptable(allowed, at, now) {
-            Ok(sent) => {
-                (entry.sent, entry.outcome) = (sent, Outcome::Accepted);
-                let age = u64::try_from(self.max_age.as_millis()).unwrap_or(u64::MAX);
-                command.until = sent.saturating_add(age);
-                put(batch, &key, Some(&entry));
-                let report = entry.named(&command.id);
-                self.known.insert(key, entry);
-                Decision::Give(command, report)
-            }
-            // It is not remembered: nothing was done, and nothing will be.
-            Err(why) => {
-                entry.detail = why;
-                Decision::Report(entry.named(&command.id))
-            }
+        let acceptable = self.acceptable(write, at, now);
+        let sent = at.unwrap_or(now);
+        let (outcome, detail) = match &acceptable {
+            Ok(()) => (Outcome::Accepted, String::new()),
+            Err((_, why)) => (Outcome::Refused, why.clone()),
+        };
+        let entry = Entry { at: now, sent, outcome, detail };
+        let report = entry.named(&command.id);
+        let known = self.known.entry(cell.to_owned()).or_default();
+        known.keep(cell, &command.id, entry, now, max_age, batch);
+        command.until = sent.saturating_add(max_age);
+        match acceptable {
+            Ok(()) => Decision::Give(command, report),
+            Err((reason, _)) => Decision::Refuse(reason, report),
         }
     }
 
-    /// The time of a command that is to be given, or why it is not.
-    fn acceptable(&self, allowed: bool, at: Option<u64>, now: u64) -> Result<u64, String> {
-        if !allowed {
-            return Err("the hall's file does not allow commands to this cell".into());
+    /// Whether a command is to be given, or why it is not: as it is in the metrics, and in words.
+    fn acceptable(
+        &mut self,
+        write: Write<'_>,
+        at: Option<u64>,
+        now: u64,
+    ) -> Result<(), (&'static str, String)> {
+        if let Some(why) = write.unfit {
+            return Err(("unfit", why.into()));
         }
-        let at = at.ok_or("it has no time")?;
-        if u128::from(at.abs_diff(now)) > self.max_age.as_millis() {
-            let age = self.max_age.as_secs();
-            return Err(format!(
-                "its time {at} is more than {age} s from now, {now}: too late, or a clock is wrong"
+        if !write.is_allowed {
+            return Err(("not_allowed", "the hall's file does not allow commands to this cell".into()));
+        }
+        let at = at.ok_or_else(|| ("no_time", "it has no time".into()))?;
+        let age = self.max_age / 1000;
+        if at > now.saturating_add(self.max_age) {
+            return Err((
+                "early",
+                format!(
+                    "its time {at} is more than {age} s ahead of now, {now}: too early, or a clock is wrong; it will not be \
+                     executed then either: order anew with another id"
+                ),
             ));
         }
-        if at <= self.forgotten {
-            let last = self.forgotten;
-            return Err(format!("commands up to {last} are forgotten, its time is {at}: a clock was wrong"));
+        if at < now.saturating_sub(self.max_age) {
+            return Err((
+                "late",
+                format!(
+                    "its time {at} is more than {age} s before now, {now}: too late, or a clock is wrong"
+                ),
+            ));
         }
-        if self.known.len() >= MOST {
-            return Err(format!("more than {MOST} commands in a day"));
+        if let Some(why) = self.known.get(write.cell).and_then(|known| known.bars(at)) {
+            return Err(("forgotten", why));
         }
-        Ok(at)
+        let rate = self.rate;
+        let bucket = self.buckets.entry(write.cell.to_owned()).or_insert_with(|| Bucket::full(rate, now));
+        if !bucket.take(rate, now) {
+            let Rate { per_second, burst } = rate;
+            return Err((
+                "rate",
+                format!("this cell takes {per_second} commands a second, {burst} at once: see commands.rate"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// How many commands a cell takes now.
+    pub fn left(&self, cell: &str, now: u64) -> f64 {
+        self.buckets.get(cell).map_or(self.rate.burst.into(), |bucket| bucket.left(self.rate, now))
     }
 
     /// The outcome of a command that was given to a cell: what is to be reported.
@@ -160,29 +181,18 @@ impl Commands {
         detail: String,
         batch: &mut Batch,
     ) -> Vec<Named> {
-        let key = key(cell, id);
-        let (at, sent) = self.known.get(&key).map_or((0, 0), |entry| (entry.at, entry.sent));
+        let known = self.known.entry(cell.to_owned()).or_default();
+        let (at, sent) = known.get(id).map_or((0, 0), |entry| (entry.at, entry.sent));
         let entry = Entry { at, sent, outcome, detail };
-        put(batch, &key, Some(&entry));
         let report = entry.named(id);
-        self.known.insert(key, entry);
+        known.keep(cell, id, entry, at, self.max_age, batch);
         report
     }
 
     /// Forgets what is older than a day.
     pub fn forget(&mut self, now: u64, batch: &mut Batch) {
-        let before = self.forgotten;
-        self.known.retain(|key, entry| {
-            let is_old = u128::from(now.saturating_sub(entry.at)) > KEPT.as_millis();
-            let is_over = is_old && entry.outcome != Outcome::Accepted;
-            if is_over {
-                put(batch, key, None);
-                self.forgotten = self.forgotten.max(entry.sent);
-            }
-            !is_over
-        });
-        if self.forgotten > before {
-            batch.names.push((FORGOTTEN.into(), Some(self.forgotten.to_string())));
+        for (cell, known) in &mut self.known {
+            known.forget(cell, now, self.max_age, batch);
         }
     }
 }
@@ -192,15 +202,6 @@ impl Entry {
         let detail = text(self.detail.as_str());
         vec![(COMMAND, text(id)), (OUTCOME, text(self.outcome.name())), (DETAIL, detail)]
     }
-}
-
-fn key(cell: &str, id: &str) -> String {
-    format!("{cell}/{id}")
-}
-
-fn put(batch: &mut Batch, key: &str, entry: Option<&Entry>) {
-    let value = entry.map(|entry| serde_json::to_string(entry).unwrap_or_default());
-    batch.names.push((format!("{PREFIX}{key}"), value));
 }
 
 /// The command of a message, and its time.
@@ -238,10 +239,17 @@ mod tests {
         Payload { timestamp: Some(1), metrics: vec![metric], seq: None }
     }
 
+    const RATE: Rate = Rate { per_second: 10.0, burst: 100 };
+
+    fn to<'a>(cell: &'a str, payload: &'a Payload) -> Write<'a> {
+        Write { cell, is_allowed: true, payload, unfit: None }
+    }
+
     fn outcome(decision: &Decision) -> (&'static str, String) {
         let (kind, named) = match decision {
             Decision::Give(_, named) => ("give", named),
             Decision::Report(named) => ("report", named),
+            Decision::Refuse(reason, named) => (*reason, named),
             Decision::Strange(why) => return ("strange", why.clone()),
         };
         let of = |name| {
@@ -259,40 +267,40 @@ mod tests {
         let path = folder.path().join("store");
         let age = Duration::from_secs(30);
         let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
-        let (mut commands, unknown) = Commands::open(&store, age, &mut batch).unwrap();
+        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         assert!(unknown.is_empty());
         let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
-        let decision = commands.decide("cell", true, &request, 1_000_900, &mut batch);
+        let decision = commands.decide(to("cell", &request), 1_000_900, &mut batch);
         let Decision::Give(command, _) = &decision else { panic!("{decision:?}") };
         assert_eq!((command.id.as_str(), command.order.len(), command.until), ("a", 1, 1_030_000));
         assert_eq!(outcome(&decision), ("give", "a accepted: ".into()));
-        let again = commands.decide("cell", true, &request, 1_000_901, &mut batch);
+        let again = commands.decide(to("cell", &request), 1_000_901, &mut batch);
         assert_eq!(outcome(&again), ("report", "a accepted: ".into()));
         // Another cell's id is another's.
-        assert_eq!(outcome(&commands.decide("other", true, &request, 1_000_902, &mut batch)).0, "give");
+        assert_eq!(outcome(&commands.decide(to("other", &request), 1_000_902, &mut batch)).0, "give");
         commands.finish("other", "a", Outcome::Done, String::new(), &mut batch);
         store.write(&batch).unwrap();
         drop((store, commands));
 
         // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
         let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
-        let (mut commands, unknown) = Commands::open(&store, age, &mut batch).unwrap();
+        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         let why = "a unknown: the bridge has ended before the outcome";
         let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
         assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
         for (cell, outcome_then) in [("cell", why), ("other", "a done: ")] {
-            let decision = commands.decide(cell, true, &request, 9_000_000, &mut batch);
+            let decision = commands.decide(to(cell, &request), 9_000_000, &mut batch);
             assert_eq!(outcome(&decision), ("report", outcome_then.into()));
         }
         store.write(&batch).unwrap();
         // A day later it is forgotten, and too old to be obeyed.
         let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
         commands.forget(later, &mut batch);
-        assert_eq!(batch.names.len(), 3);
-        let decision = commands.decide("cell", true, &request, later, &mut batch);
+        assert_eq!(batch.names.len(), 4);
+        let decision = commands.decide(to("cell", &request), later, &mut batch);
         let (kind, text) = outcome(&decision);
         assert!(
-            kind == "report" && text.starts_with("a refused: its time 1000000 is more than 30 s from now"),
+            kind == "late" && text.starts_with("a refused: its time 1000000 is more than 30 s before now"),
             "{text}"
         );
     }
@@ -304,32 +312,32 @@ mod tests {
         let path = folder.path().join("store");
         let age = Duration::from_secs(30);
         let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
-        let (mut commands, _) = Commands::open(&store, age, &mut batch).unwrap();
+        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         let request = write(r#"{"id":"a"}"#, 1_000_000);
-        assert_eq!(outcome(&commands.decide("c", true, &request, 1_000_000, &mut batch)).0, "give");
+        assert_eq!(outcome(&commands.decide(to("c", &request), 1_000_000, &mut batch)).0, "give");
         commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
         // Two days too late, and right again.
         commands.forget(1_000_000 + 2 * DAY, &mut batch);
         store.write(&batch).unwrap();
-        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a clock was wrong";
-        let again = commands.decide("c", true, &request, 1_000_500, &mut batch);
-        assert_eq!(outcome(&again), ("report", why.into()));
+        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, or a clock was wrong";
+        let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
+        assert_eq!(outcome(&again), ("forgotten", why.into()));
         drop(commands);
-        let (mut commands, _) = Commands::open(&store, age, &mut batch).unwrap();
-        let again = commands.decide("c", true, &request, 1_000_500, &mut batch);
-        assert_eq!(outcome(&again), ("report", why.into()));
+        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+        let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
+        assert_eq!(outcome(&again), ("forgotten", why.into()));
         let next = write(r#"{"id":"b"}"#, 1_000_001);
-        assert_eq!(outcome(&commands.decide("c", true, &next, 1_000_500, &mut batch)).0, "give");
+        assert_eq!(outcome(&commands.decide(to("c", &next), 1_000_500, &mut batch)).0, "give");
     }
 
     #[test]
     fn what_is_no_command_is_refused_with_advice() {
         let folder = tempfile::tempdir().unwrap();
         let (store, mut batch) = (Store::open(&folder.path().join("store"), 9).unwrap(), Batch::default());
-        let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), &mut batch).unwrap();
-        let mut decide = |payload: &Payload, allowed| {
-            let decision = commands.decide("c", allowed, payload, 100_000, &mut batch);
-            let (kind, text) = outcome(&decision);
+        let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), RATE, &mut batch).unwrap();
+        let mut decide = |payload: &Payload, is_allowed| {
+            let write = Write { is_allowed, ..to("c", payload) };
+            let (kind, text) = outcome(&commands.decide(write, 100_000, &mut batch));
             format!("{kind} {text}")
         };
         let id = "strange Command/Request has no \"id\": give a text of 1 to 64 bytes, each once";
@@ -342,17 +350,69 @@ mod tests {
             decide(&Payload::default(), true),
             "strange write the metric Command/Request, and no other"
         );
-        let mut late = write(r#"{"id":"b"}"#, 69_999);
+        let mut none = write(r#"{"id":"none"}"#, 0);
+        (none.metrics[0].timestamp, none.timestamp) = (None, None);
+        assert_eq!(decide(&none, true), "no_time none refused: it has no time");
+        let allowed = "not_allowed no refused: the hall's file does not allow commands to this cell";
+        assert_eq!(decide(&write(r#"{"id":"no"}"#, 100_000), false), allowed);
+        let late = "late late refused: its time 69999 is more than 30 s before now, 100000: too late, or a clock is wrong";
+        assert_eq!(decide(&write(r#"{"id":"late"}"#, 69_999), true), late);
+        let early = decide(&write(r#"{"id":"early"}"#, 130_001), true);
         assert!(
-            decide(&late, true)
-                .starts_with("report b refused: its time 69999 is more than 30 s from now, 100000")
+            early.starts_with("early early refused: its time 130001 is more than 30 s ahead of now, 100000"),
+            "{early}"
         );
-        assert!(decide(&write(r#"{"id":"b"}"#, 130_001), true).starts_with("report b refused: its time"));
-        late.metrics[0].timestamp = None;
-        late.timestamp = None;
-        assert_eq!(decide(&late, true), "report b refused: it has no time");
-        let allowed = "report b refused: the hall's file does not allow commands to this cell";
-        assert_eq!(decide(&write(r#"{"id":"b"}"#, 100_000), false), allowed);
         assert_eq!(decide(&write(r#"{"id":"b"}"#, 70_000), true), "give b accepted: ");
+        assert_eq!(decide(&write(r#"{"id":"c"}"#, 130_000), true), "give c accepted: ");
+    }
+
+    #[test]
+    fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let age = Duration::from_secs(30);
+        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+        let early = write(r#"{"id":"early"}"#, 200_000);
+        let (kind, why) = outcome(&commands.decide(to("c", &early), 100_000, &mut batch));
+        assert_eq!(kind, "early");
+        let (long, retained) = (write(r#"{"id":"long"}"#, 100_000), write(r#"{"id":"kept"}"#, 100_000));
+        for (payload, unfit) in [(&long, "too long"), (&retained, "retained")] {
+            let write = Write { unfit: Some(unfit), ..to("c", payload) };
+            assert_eq!(outcome(&commands.decide(write, 100_000, &mut batch)).0, "unfit");
+        }
+        let nothing = Payload::default();
+        let unreadable = Write { unfit: Some("too long"), ..to("c", &nothing) };
+        let decision = commands.decide(unreadable, 100_000, &mut batch);
+        assert_eq!(decision, Decision::Strange("too long".into()));
+        // The same bytes when their time has come.
+        let again = commands.decide(to("c", &early), 200_000, &mut batch);
+        assert_eq!(outcome(&again), ("report", why.clone()));
+        store.write(&batch).unwrap();
+        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+        assert!(unknown.is_empty());
+        assert_eq!(outcome(&commands.decide(to("c", &early), 200_000, &mut batch)), ("report", why));
+        assert_eq!(outcome(&commands.decide(to("c", &long), 100_000, &mut batch)).0, "report");
+    }
+
+    #[test]
+    fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let (store, mut batch) = (Store::open(&folder.path().join("store"), 9).unwrap(), Batch::default());
+        let rate = Rate { per_second: 2.0, burst: 5 };
+        let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), rate, &mut batch).unwrap();
+        let mut kinds = |cell: &str, ids: core::ops::Range<u32>, now| {
+            let given = ids.filter(|id| {
+                let payload = write(&format!(r#"{{"id":"{id}"}}"#), now);
+                let (kind, text) = outcome(&commands.decide(to(cell, &payload), now, &mut batch));
+                let why = "refused: this cell takes 2 commands a second, 5 at once: see commands.rate";
+                assert!(kind == "give" || kind == "rate" && text.ends_with(why), "{text}");
+                kind == "give"
+            });
+            given.count()
+        };
+        assert_eq!(kinds("flooded", 0..1000, 100_000), 5);
+        assert_eq!(kinds("other", 0..5, 100_000), 5);
+        assert_eq!(kinds("flooded", 1000..2000, 101_000), 2);
     }
 }

@@ -1,5 +1,6 @@
 //! The cell's end of the channels between the thread of a cell and the hub.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError};
@@ -12,6 +13,9 @@ use super::metric::{self, CONNECTED, EVENT, Named};
 use super::payload::Value;
 use super::report::{Command, Input, Outcome, Report, What};
 
+/// So many reasons of a device that does not answer are reported.
+const REASONS: usize = 20;
+
 /// The end of a cell's thread.
 #[derive(Debug)]
 pub struct End {
@@ -22,8 +26,8 @@ pub struct End {
     dropped: Arc<AtomicU64>,
     /// The command that has no outcome yet.
     current: Option<String>,
-    /// Why there was no connection when that was reported last.
-    reported: Option<String>,
+    /// Why it has not answered since it did.
+    reported: HashSet<String>,
 }
 
 impl End {
@@ -35,7 +39,7 @@ impl End {
         stop: Arc<AtomicBool>,
         dropped: Arc<AtomicU64>,
     ) -> Self {
-        Self { cell, hub, commands, stop, dropped, current: None, reported: None }
+        Self { cell, hub, commands, stop, dropped, current: None, reported: HashSet::new() }
     }
 
     /// Whether the bridge ends.
@@ -57,16 +61,21 @@ impl End {
         self.values(vec![(EVENT, Value::String(text))]);
     }
 
-    /// The link is connected.
+    /// Reports that what the device reports cannot be, with an event that says why: its metrics have no values until it reports others.
+    pub fn bad(&self, event: &Json) {
+        self.send(What::Bad(vec![(EVENT, Value::String(event.to_string()))]));
+    }
+
+    /// The device answers.
     pub fn connected(&mut self, place: &str) {
-        self.reported = None;
+        self.reported.clear();
         self.link(true, &serde_json::json!({"event": "connected", "place": place}));
     }
 
-    /// The link is not connected, and why: once for each reason.
+    /// The device does not answer, and why: once for each reason.
     pub fn disconnected(&mut self, why: &str) {
-        if self.reported.as_deref() != Some(why) {
-            self.reported = Some(why.to_owned());
+        // A device that says something else each time is no reason to remember all of it.
+        if self.reported.len() < REASONS && self.reported.insert(why.to_owned()) {
             self.link(false, &serde_json::json!({"event": "disconnected", "why": why}));
         }
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -10,6 +11,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
+use crate::remembered;
 use cellwire::io::input;
 use cellwire_links::settings;
 
@@ -59,9 +61,22 @@ pub struct Broker {
     pub keep_alive: Duration,
     /// The host application without which nothing is sent.
     pub primary_host: Option<String>,
+    /// What is refused otherwise, because it is unsafe.
+    #[serde(default)]
+    pub allow: Vec<Unsafe>,
     /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
     pub qos: u8,
+}
+
+/// What a file has to allow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unsafe {
+    /// Others can read the password, or the key of the bridge's certificate.
+    ReadableSecrets,
+    /// The password goes to another machine without TLS.
+    PasswordWithoutTls,
 }
 
 /// PEM files.
@@ -102,6 +117,12 @@ pub struct Commands {
     /// The most that a command's time may differ from now.
     #[serde(default = "half_a_minute", deserialize_with = "time")]
     pub max_age: Duration,
+    /// So many a second each cell takes on the average.
+    #[serde(default = "ten")]
+    pub rate: f64,
+    /// And so many at once, after a while without any.
+    #[serde(default = "hundred")]
+    pub burst: u32,
 }
 
 /// A cell.
@@ -124,7 +145,7 @@ pub struct Cell {
 
 impl Default for Commands {
     fn default() -> Self {
-        Self { max_age: half_a_minute() }
+        Self { max_age: half_a_minute(), rate: ten(), burst: hundred() }
     }
 }
 
@@ -155,6 +176,7 @@ impl Hall {
             beside(&mut tls.ca);
             tls.certificate.iter_mut().chain(&mut tls.key).for_each(beside);
         }
+        hall.broker.check_secrets().map_err(|(name, error)| hall.located(name, error))?;
         hall.broker.login().map_err(|error| hall.located("broker.password_file", error))?;
         hall.broker.tls().map_err(|error| hall.located("broker.tls", error))?;
         Ok(hall)
@@ -201,6 +223,18 @@ impl Hall {
         if self.commands.max_age > OLDEST {
             return wrong("commands.max_age", &"give 1h at the most");
         }
+        let Commands { rate, burst, max_age } = self.commands;
+        if !(rate > 0.0 && burst > 0) {
+            return wrong("commands.rate", &"give rate and burst more than 0");
+        }
+        // Those that may still come again.
+        let most = remembered::MOST as f64 / 2.0;
+        if rate * 2.0 * max_age.as_secs_f64() + f64::from(burst) > most {
+            let why = format!(
+                "a cell's commands of twice max_age are more than the {most} that are remembered: give less"
+            );
+            return wrong("commands.rate", &why);
+        }
         match self.cell.is_empty() {
             true => wrong("cell", &"there is no cell: give a table [cell.NAME] for each"),
             false => Ok(()),
@@ -218,6 +252,36 @@ impl Broker {
         let (host, port) = self.address.rsplit_once(':').context(advice)?;
         ensure!(!host.is_empty(), advice);
         Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+    }
+
+    /// What of the secrets is unsafe and not allowed, and where.
+    fn check_secrets(&self) -> Result<(), (&'static str, anyhow::Error)> {
+        let key = self.tls.as_ref().and_then(|tls| tls.key.as_ref());
+        for (name, file) in [("broker.password_file", self.password_file.as_ref()), ("broker.tls", key)] {
+            let Some(file) = file else { continue };
+            if is_readable(file) && !self.allow.contains(&Unsafe::ReadableSecrets) {
+                let file = file.display();
+                let why = anyhow!(
+                    "everybody on this machine can read {file}: chmod 600 it, or give allow = [\"readable_secrets\"]"
+                );
+                return Err((name, why));
+            }
+        }
+        let is_here = self.place().is_ok_and(|(host, _)| {
+            host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+        });
+        if self.password_file.is_some()
+            && self.tls.is_none()
+            && !is_here
+            && !self.allow.contains(&Unsafe::PasswordWithoutTls)
+        {
+            let why = anyhow!(
+                "the password would go to {} in the clear: give tls, or allow = [\"password_without_tls\"]",
+                self.address
+            );
+            return Err(("broker.password_file", why));
+        }
+        Ok(())
     }
 
     /// Name and password.
@@ -260,6 +324,17 @@ impl Broker {
     }
 }
 
+/// Whether everybody on this machine can read it. That nobody can is said by who reads it.
+fn is_readable(file: &Path) -> bool {
+    #[cfg(unix)]
+    return file.metadata().is_ok_and(|found| {
+        use std::os::unix::fs::PermissionsExt as _;
+        found.permissions().mode() & 0o007 != 0
+    });
+    #[cfg(not(unix))]
+    return false;
+}
+
 /// A name that is a level of a topic.
 fn check_name(name: &str) -> Result<()> {
     ensure!(!name.is_empty() && name.len() <= 64, "give a name of 1 to 64 bytes");
@@ -281,6 +356,14 @@ fn keep_alive() -> Duration {
 
 fn half_a_minute() -> Duration {
     Duration::from_secs(30)
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+fn hundred() -> u32 {
+    100
 }
 
 fn one() -> u8 {

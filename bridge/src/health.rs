@@ -28,6 +28,8 @@ pub struct Figures {
     pub dropped_busy: u64,
     /// Records of cells that the hall's file has no more.
     pub dropped_orphans: u64,
+    /// Messages of the broker that were not understood, or not taken.
+    pub strange: u64,
     /// The disk does not take what is to be written.
     pub is_stuck: bool,
     /// The connection to the broker.
@@ -47,6 +49,10 @@ pub struct CellHealth {
     pub is_connected: bool,
     /// The number of its last record.
     pub number: u64,
+    /// So many commands it takes now.
+    pub commands_left: f64,
+    /// Its commands that were refused at once, by why.
+    pub refusals: Vec<(&'static str, u64)>,
     /// Its records that wait because the broker refuses its topic.
     pub held: usize,
 }
@@ -94,7 +100,7 @@ impl Figures {
             }
         };
         let one = |value: u64| vec![(String::new(), number(value))];
-        let Counts { connections, published, acknowledged, rejected, refused } = self.uplink;
+        let Counts { connections, published, acknowledged, rejected, refused, ahead } = self.uplink;
         family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
         family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
         family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
@@ -119,6 +125,18 @@ impl Figures {
             "Connections that the broker has accepted.",
             &one(connections),
         );
+        family(
+            "states_ahead_total",
+            "counter",
+            "Messages of the host application that were not taken: dated too far ahead.",
+            &one(ahead),
+        );
+        family(
+            "strange_total",
+            "counter",
+            "Messages of the broker that were not understood, or not taken.",
+            &one(self.strange),
+        );
         let dropped = [
             ("full", self.dropped_full),
             ("busy", self.dropped_busy),
@@ -141,6 +159,21 @@ impl Figures {
             let name = cell.name.replace('\\', "\\\\").replace('"', "\\\"");
             format!("{{cell=\"{name}\"}}")
         };
+        let left = self.cells.iter().map(|cell| (label(cell), cell.commands_left));
+        family("commands_left", "gauge", "Commands that the cell takes now.", &left.collect::<Vec<_>>());
+        let refusals = self.cells.iter().flat_map(|cell| {
+            let of = |(why, count): &(&str, u64)| {
+                let label = label(cell);
+                (format!("{},why=\"{why}\"}}", label.trim_end_matches('}')), number(*count))
+            };
+            cell.refusals.iter().map(of)
+        });
+        family(
+            "commands_refused_total",
+            "counter",
+            "Commands that were refused before the cell had them, by why.",
+            &refusals.collect::<Vec<_>>(),
+        );
         let links = self.cells.iter().map(|cell| (label(cell), number(cell.is_connected.into())));
         family(
             "link_connected",
@@ -179,7 +212,14 @@ mod tests {
     fn the_text_of_prometheus() {
         let health = Health::default();
         assert_eq!((health.reply("/health").status, health.reply("/x").status), (503, 404));
-        let cells = vec![CellHealth { name: "a \"b\\".into(), is_connected: true, number: 7, held: 2 }];
+        let cells = vec![CellHealth {
+            name: "a \"b\\".into(),
+            is_connected: true,
+            number: 7,
+            commands_left: 2.5,
+            refusals: vec![("rate", 4)],
+            held: 2,
+        }];
         health.set(Figures { is_online: true, stored: 3, cells, ..Figures::default() });
         assert_eq!(health.reply("/health").status, 200);
         let text = health.reply("/metrics").body;
@@ -190,6 +230,8 @@ mod tests {
             "cellwire_bridge_dropped_total{why=\"full\"} 0",
             "cellwire_bridge_dropped_total{why=\"refused\"} 0",
             "cellwire_bridge_record_number{cell=\"a \\\"b\\\\\"} 7",
+            "cellwire_bridge_commands_left{cell=\"a \\\"b\\\\\"} 2.5",
+            "cellwire_bridge_commands_refused_total{cell=\"a \\\"b\\\\\",why=\"rate\"} 4",
             "cellwire_bridge_held_records{cell=\"a \\\"b\\\\\"} 2",
         ] {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");

@@ -5,6 +5,7 @@
 #![allow(clippy::std_instead_of_core, reason = "a program with std")]
 
 pub mod broker;
+pub mod bucket;
 pub mod cell;
 mod command;
 pub mod commands;
@@ -17,9 +18,12 @@ pub mod hub;
 pub mod links;
 pub mod metric;
 pub mod node;
+mod notify;
+pub mod outages;
 pub mod payload;
 pub mod reconnect;
 pub mod refusals;
+pub mod remembered;
 pub mod report;
 pub mod store;
 pub mod uplink;

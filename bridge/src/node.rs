@@ -7,6 +7,8 @@ use super::payload::{Kind, Metric, Payload, Value};
 
 /// Where every topic of Sparkplug B begins.
 const NAMESPACE: &str = "spBv1.0";
+/// The longest message that is taken as a command, in bytes.
+const LONGEST: usize = 256 * 1024;
 /// The metric whose writing asks for all births anew.
 const REBIRTH: &str = "Node Control/Rebirth";
 /// The metric that ties a death to its birth.
@@ -43,6 +45,8 @@ pub enum Received {
         device: String,
         /// The metrics.
         payload: Payload,
+        /// Why it is no command that may be obeyed, if it is none.
+        unfit: Option<String>,
     },
     /// Whether a host application is online, and since when it is so, in milliseconds since 1970 UTC.
     State {
@@ -69,10 +73,14 @@ impl Node {
         format!("{NAMESPACE}/{group}/{kind}/{node}{device}")
     }
 
-    /// The topics that it listens to; `host` is the primary host application.
-    pub fn subscriptions(&self, host: Option<&str>) -> Vec<String> {
-        let state = host.map(|host| format!("{NAMESPACE}/STATE/{host}"));
-        [self.topic("NCMD", None), self.topic("DCMD", Some("+"))].into_iter().chain(state).collect()
+    /// The topics of what it may be ordered.
+    pub fn subscriptions(&self) -> [String; 2] {
+        [self.topic("NCMD", None), self.topic("DCMD", Some("+"))]
+    }
+
+    /// The topic of a host application's state.
+    pub fn state_of(host: &str) -> String {
+        format!("{NAMESPACE}/STATE/{host}")
     }
 
     /// The death of the node: the connection's will, or said at its intended end. It has no number.
@@ -110,9 +118,9 @@ impl Node {
         self.numbered("DBIRTH", Some(device), metrics.collect())
     }
 
-    /// The death of a device.
-    pub fn device_death(&self, device: &str) -> Publication {
-        self.numbered("DDEATH", Some(device), Vec::new())
+    /// The death of a device: what it had values of, and why it has none now.
+    pub fn device_death(&self, device: &str, metrics: Vec<Metric>) -> Publication {
+        self.numbered("DDEATH", Some(device), metrics)
     }
 
     /// Values of a device.
@@ -134,24 +142,37 @@ impl Node {
         Metric::new(BD_SEQ, Kind::Int64, metric::now(), Some(whole(self.bd_seq)))
     }
 
-    /// Understands a message.
-    pub fn receive(&self, topic: &str, payload: &[u8]) -> Received {
+    /// Understands a message; `is_retained` is whether the broker was to keep it.
+    pub fn receive(&self, topic: &str, payload: &[u8], is_retained: bool) -> Received {
         if let Some(host) = topic.strip_prefix(NAMESPACE).and_then(|rest| rest.strip_prefix("/STATE/")) {
             return state(host, payload);
         }
         let strange = |why: &str| Received::Strange(format!("{topic}: {why}"));
+        let length = payload.len();
         let Ok(payload) = Payload::decode(payload) else { return strange("no payload of Sparkplug B") };
         if topic == self.topic("NCMD", None) {
             let asks = |metric: &Metric| {
                 metric.name.as_deref() == Some(REBIRTH) && metric.value == Some(Value::Boolean(true))
             };
             return match payload.metrics.iter().any(asks) {
+                _ if is_retained => {
+                    strange("a retained command is ignored: publish it without the retain flag")
+                }
                 true => Received::Rebirth,
                 false => strange("the only command to the node is Node Control/Rebirth = true"),
             };
         }
         match topic.strip_prefix(&self.topic("DCMD", Some(""))) {
-            Some(device) => Received::Write { device: device.into(), payload },
+            Some(device) => {
+                let unfit = if is_retained {
+                    Some("it is retained: publish commands without the retain flag".into())
+                } else if length > LONGEST {
+                    Some(format!("it has {length} bytes: a command has {LONGEST} at the most"))
+                } else {
+                    None
+                };
+                Received::Write { device: device.into(), payload, unfit }
+            }
             None => strange("not a topic of this node"),
         }
     }
@@ -224,20 +245,33 @@ mod tests {
             let metric = Metric::new("Node Control/Rebirth", Kind::Boolean, 1, Some(Value::Boolean(value)));
             Payload { timestamp: Some(1), metrics: vec![metric], seq: None }.encode_to_vec()
         };
-        assert_eq!(node.receive("spBv1.0/g/NCMD/n", &rebirth(true)), Received::Rebirth);
-        assert!(matches!(node.receive("spBv1.0/g/NCMD/n", &rebirth(false)), Received::Strange(_)));
-        assert!(matches!(node.receive("spBv1.0/g/NCMD/n", b"\xff"), Received::Strange(_)));
-        assert!(matches!(node.receive("spBv1.0/x/DCMD/n/d", &rebirth(true)), Received::Strange(_)));
-        let Received::Write { device, .. } = node.receive("spBv1.0/g/DCMD/n/d", &rebirth(true)) else {
-            panic!("a write")
+        assert_eq!(node.receive("spBv1.0/g/NCMD/n", &rebirth(true), false), Received::Rebirth);
+        let strange = |topic: &str, payload: &[u8], is_retained| {
+            matches!(node.receive(topic, payload, is_retained), Received::Strange(_))
         };
-        assert_eq!(device, "d");
+        assert!(strange("spBv1.0/g/NCMD/n", &rebirth(false), false));
+        assert!(strange("spBv1.0/g/NCMD/n", &rebirth(true), true));
+        assert!(strange("spBv1.0/g/NCMD/n", b"\xff", false));
+        assert!(strange("spBv1.0/x/DCMD/n/d", &rebirth(true), false));
+        let write =
+            |payload: &[u8], is_retained| match node.receive("spBv1.0/g/DCMD/n/d", payload, is_retained) {
+                Received::Write { device, unfit, .. } => (device, unfit.unwrap_or_default()),
+                other => panic!("{other:?}"),
+            };
+        let retained = "it is retained: publish commands without the retain flag";
+        assert_eq!(write(&rebirth(true), false), ("d".into(), String::new()));
+        assert_eq!(write(&rebirth(true), true), ("d".into(), retained.into()));
+        let metric = |length| Metric::new("m", Kind::String, 1, Some(text("x".repeat(length))));
+        let payload =
+            |length| Payload { timestamp: None, metrics: vec![metric(length)], seq: None }.encode_to_vec();
+        let around = payload(LONGEST).len() - LONGEST;
+        assert_eq!(write(&payload(LONGEST - around), false).1, "");
+        let long = "it has 262145 bytes: a command has 262144 at the most";
+        assert_eq!(write(&payload(LONGEST - around + 1), false).1, long);
         let state = Received::State { host: "h".into(), online: true, timestamp: 9 };
-        assert_eq!(node.receive("spBv1.0/STATE/h", br#"{"online":true,"timestamp":9}"#), state);
-        assert!(matches!(node.receive("spBv1.0/STATE/h", b"ONLINE"), Received::Strange(_)));
-        assert_eq!(
-            node.subscriptions(Some("h")),
-            ["spBv1.0/g/NCMD/n", "spBv1.0/g/DCMD/n/+", "spBv1.0/STATE/h"]
-        );
+        assert_eq!(node.receive("spBv1.0/STATE/h", br#"{"online":true,"timestamp":9}"#, true), state);
+        assert!(strange("spBv1.0/STATE/h", b"ONLINE", true));
+        assert_eq!(node.subscriptions(), ["spBv1.0/g/NCMD/n", "spBv1.0/g/DCMD/n/+"]);
+        assert_eq!(Node::state_of("h"), "spBv1.0/STATE/h");
     }
 }

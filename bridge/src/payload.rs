@@ -35,9 +35,44 @@ pub struct Metric {
     /// There is no value.
     #[prost(bool, optional, tag = "7")]
     pub is_null: Option<bool>,
+    /// More about it.
+    #[prost(message, optional, tag = "9")]
+    pub properties: Option<Properties>,
     /// The value.
     #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
     pub value: Option<Value>,
+}
+
+/// Named properties of a metric: a key and a value each, in two lists.
+#[derive(Clone, PartialEq, Message)]
+pub struct Properties {
+    /// Their names.
+    #[prost(string, repeated, tag = "1")]
+    pub keys: Vec<String>,
+    /// Their values.
+    #[prost(message, repeated, tag = "2")]
+    pub values: Vec<Property>,
+}
+
+/// The value of a property, as far as the bridge has any: a number of 32 bits.
+#[derive(Clone, PartialEq, Message)]
+pub struct Property {
+    /// Sparkplug's number of its type.
+    #[prost(uint32, optional, tag = "1")]
+    pub datatype: Option<u32>,
+    /// The value.
+    #[prost(uint32, optional, tag = "3")]
+    pub value: Option<u32>,
+}
+
+/// What a value is worth, with Sparkplug's numbers; what has no such property is good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Quality {
+    /// The device reports what cannot be.
+    Bad = 0,
+    /// The device does not answer.
+    Stale = 500,
 }
 
 /// The value of a metric.
@@ -95,8 +130,17 @@ impl Metric {
             datatype: Some(kind.number()),
             is_historical: None,
             is_null: value.is_none().then_some(true),
+            properties: None,
             value,
         }
+    }
+
+    /// A metric without a value, and why it has none.
+    pub fn null(name: &str, kind: Kind, timestamp: u64, quality: Quality) -> Self {
+        // Int32.
+        let quality = Property { datatype: Some(3), value: Some(quality as u32) };
+        let properties = Properties { keys: vec!["Quality".into()], values: vec![quality] };
+        Self { properties: Some(properties), ..Self::new(name, kind, timestamp, None) }
     }
 }
 
@@ -120,6 +164,27 @@ mod tests {
         ];
         assert_eq!(payload.encode_to_vec(), bytes);
         assert_eq!(Payload::decode(&bytes[..]).unwrap(), payload);
+    }
+
+    #[test]
+    fn a_null_has_its_quality() {
+        let payload = Payload {
+            metrics: vec![Metric::null("a", Kind::Float, 5, Quality::Stale)],
+            ..Payload::default()
+        };
+        let bytes = [
+            0x12, 0x1B, // 2: a metric of 27 bytes
+            0x0A, 0x01, b'a', // 1: name
+            0x18, 0x05, // 3: timestamp
+            0x20, 0x09, // 4: datatype Float
+            0x38, 0x01, // 7: is_null
+            0x4A, 0x10, // 9: properties of 16 bytes
+            0x0A, 0x07, b'Q', b'u', b'a', b'l', b'i', b't', b'y', // 1: key
+            0x12, 0x05, // 2: a value of 5 bytes
+            0x08, 0x03, // 1: type Int32
+            0x18, 0xF4, 0x03, // 3: int_value 500
+        ];
+        assert_eq!(payload.encode_to_vec(), bytes);
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub struct Report {
 pub enum What {
     /// Values of its metrics.
     Values(Vec<Named>),
+    /// What the device reports cannot be: its own metrics have no values.
+    Bad(Vec<Named>),
     /// What became of a command, and why.
     Outcome {
         /// The command.

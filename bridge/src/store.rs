@@ -2,7 +2,9 @@
 //!
 //! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
 
-use std::io::ErrorKind;
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
@@ -11,6 +13,10 @@ use redb::{Database, ReadableTable, ReadableTableMetadata, TableDefinition};
 
 const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
+
+/// The name of the file's format, and the format of this bridge. A file without one has the first.
+const FORMAT_NAME: &str = "format";
+const FORMAT: u32 = 2;
 
 /// What the file is read through, in bytes.
 const CACHE: usize = 16 << 20;
@@ -28,6 +34,10 @@ pub struct Store {
     length: u64,
     most: u64,
 }
+
+/// The file is open in another process.
+#[derive(Debug)]
+pub struct Busy(String);
 
 /// What is written at once.
 #[derive(Debug, Default)]
@@ -50,9 +60,7 @@ impl Store {
         let what = format!("the store {}", path.display());
         let (database, next, length) = match catch(|| open(path)) {
             Some(Ok(opened)) => opened,
-            Some(Err(redb::Error::DatabaseAlreadyOpen)) => {
-                bail!("{what} is open in another process: one bridge, one store")
-            }
+            Some(Err(redb::Error::DatabaseAlreadyOpen)) => return Err(Busy(what).into()),
             Some(Err(redb::Error::Io(error)))
                 if !matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::UnexpectedEof) =>
             {
@@ -61,7 +69,30 @@ impl Store {
             Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
             None => bail!("{what} is damaged: {ADVICE}"),
         };
-        Ok(Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) })
+        let store = Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) };
+        let format = store.format()?;
+        if format > FORMAT {
+            bail!(
+                "{what} has format {format}, and this bridge knows up to {FORMAT}: run the bridge that has written it, or {ADVICE}"
+            );
+        }
+        Ok(store)
+    }
+
+    fn format(&self) -> Result<u32> {
+        Ok(self.get(FORMAT_NAME)?.and_then(|text| text.parse().ok()).unwrap_or(1))
+    }
+
+    /// Whether the file is of an earlier format: then the batch, with what else changes, makes it one of this format.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn upgrade(&self, batch: &mut Batch) -> Result<bool> {
+        let is_older = self.format()? < FORMAT;
+        if is_older {
+            batch.names.push((FORMAT_NAME.into(), Some(FORMAT.to_string())));
+        }
+        Ok(is_older)
     }
 
     /// Opens the file again: after an error of the disk nothing else makes it usable.
@@ -181,10 +212,19 @@ impl Store {
     }
 }
 
+impl fmt::Display for Busy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is open in another process: one bridge, one store", self.0)
+    }
+}
+
+impl std::error::Error for Busy {}
+
 /// The database, the key of the next record, and how many records there are.
 #[allow(clippy::result_large_err, reason = "it is returned once")]
 fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
-    let mut database = Database::builder().set_cache_size(CACHE).create(path)?;
+    let file = private(path)?;
+    let mut database = Database::builder().set_cache_size(CACHE).create_file(file)?;
     database.check_integrity()?;
     let transaction = database.begin_write()?;
     let (next, length) = {
@@ -195,6 +235,21 @@ fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
     };
     transaction.commit()?;
     Ok((database, next, length))
+}
+
+/// The file, which nobody else can read, also where an earlier version has made it.
+fn private(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+        let file = options.mode(0o600).open(path)?;
+        file.set_permissions(std::fs::Permissions::from_mode(0o600))?;
+        Ok(file)
+    }
+    #[cfg(not(unix))]
+    options.open(path)
 }
 
 /// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
@@ -208,6 +263,8 @@ fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
     use super::*;
 
     fn append(records: &[&str]) -> Batch {
@@ -223,7 +280,10 @@ mod tests {
     fn the_oldest_make_room_and_keys_are_not_used_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
+        std::fs::write(&path, "").unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o644)).unwrap();
         let mut store = Store::open(&path, 3).unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(store.write(&append(&["a", "b"])).unwrap(), 0);
         assert_eq!(store.write(&append(&["c", "d", "e"])).unwrap(), 2);
         assert_eq!(texts(&store, 0), [(2, "c".into()), (3, "d".into()), (4, "e".into())]);
@@ -247,6 +307,23 @@ mod tests {
         store.write(&Batch { names: vec![("b/1".into(), None)], ..Batch::default() }).unwrap();
         assert_eq!(store.names("b/").unwrap(), [("b/2".to_owned(), "z".to_owned())]);
         assert_eq!((store.get("c").unwrap().as_deref(), store.get("d").unwrap()), (Some("w"), None));
+    }
+
+    #[test]
+    fn a_file_of_an_earlier_format_is_upgraded_and_one_of_a_later_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let mut store = Store::open(&path, 3).unwrap();
+        let mut batch = append(&["a"]);
+        assert!(store.upgrade(&mut batch).unwrap());
+        store.write(&batch).unwrap();
+        assert!(!store.upgrade(&mut Batch::default()).unwrap());
+        let later = Batch { names: vec![("format".into(), Some("3".into()))], ..Batch::default() };
+        store.write(&later).unwrap();
+        drop(store);
+        let error = Store::open(&path, 3).err().unwrap().to_string();
+        let why = "has format 3, and this bridge knows up to 2: run the bridge that has written it, or move the file away";
+        assert!(error.contains(why), "{error}");
     }
 
     #[test]

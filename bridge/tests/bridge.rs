@@ -6,8 +6,18 @@
 
 #[path = "bridge/broker.rs"]
 mod broker;
+#[path = "bridge/certificates.rs"]
+mod certificates;
+#[path = "bridge/commands.rs"]
+mod commands;
+#[path = "bridge/devices.rs"]
+mod devices;
+#[path = "bridge/file.rs"]
+mod file;
 #[path = "bridge/held.rs"]
 mod held;
+#[path = "bridge/http.rs"]
+mod http;
 #[path = "bridge/limits.rs"]
 mod limits;
 #[path = "../../cellwire/tests/tool/running.rs"]
@@ -15,59 +25,46 @@ mod tool;
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
+use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use broker::Broker;
 use cellwire::command::simulate;
 use clap::Parser;
 use tool::{DEADLINE, Running};
 
-const HALL: &str = r#"[broker]
-address = "broker:8883"
-group = "hall"
-node = "bridge"
-
-[store]
-file = "hall.redb"
-
-[cell.robot]
-link = "fanuc-hmi-modbus"
-address = "10.0.0.1:502"
-settings = { poll = "100ms" }
-"#;
-
-fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
-    let file = folder.join("hall.toml");
-    std::fs::write(&file, text).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
-    let output = command.args(["--check", "--config"]).arg(&file).output().unwrap();
-    let out = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
-    (
-        output.status.code(),
-        out.replace(file.to_str().unwrap(), "hall.toml").replace(folder.to_str().unwrap(), "FOLDER"),
-    )
+/// A simulated ball.
+fn ball() -> Running {
+    simulated(&["ball", "--listen", "127.0.0.1:0"])
 }
 
-/// A simulated ball: this program once more, because the tool is none of this package.
-fn ball() -> Running {
+/// A simulated device: this program once more, because the tool is none of this package.
+fn simulated(arguments: &[&str]) -> Running {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["-q", "--exact", "simulated_ball", "--ignored", "--nocapture"]);
+    command.args(["-q", "--exact", "simulated_device", "--ignored", "--nocapture"]);
+    command.env("SIMULATE", arguments.join(" "));
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     Running::start(command)
 }
 
 #[test]
 #[ignore = "a process of the other tests"]
-fn simulated_ball() {
+fn simulated_device() {
     #[derive(Parser)]
     struct Simulate {
         #[command(flatten)]
         args: simulate::Args,
     }
-    let Simulate { args } = Simulate::parse_from(["simulate", "ball", "--listen", "127.0.0.1:0"]);
+    let arguments = std::env::var("SIMULATE").unwrap();
+    let Simulate { args } = Simulate::parse_from(["simulate"].into_iter().chain(arguments.split(' ')));
     simulate::run(&args).unwrap();
+}
+
+/// Where a device is: an address, or the path of a pseudo-terminal.
+fn place(device: &Running) -> &str {
+    device.ready.get("listen").or(device.ready.get("pty")).unwrap().as_str().unwrap()
 }
 
 /// A bridge whose broker is at `broker` and whose one cell is a ball.
@@ -84,7 +81,7 @@ fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Runni
     let cells = balls.iter().map(|(name, ball)| {
         format!(
             "[cell.{name}]\nlink = \"isra-ball\"\naddress = \"{}\"\nsettings = {{ report = \"0s\" }}\n",
-            ball.address()
+            place(ball)
         )
     });
     let hall = format!(
@@ -101,6 +98,14 @@ fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Runni
         .arg(file);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
+}
+
+/// Changes the hall's file.
+fn edit(folder: &Path, from: &str, to: &str) {
+    let file = folder.join("hall.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.contains(from), "{text}");
+    std::fs::write(&file, text.replace(from, to)).unwrap();
 }
 
 /// What the bridge answers to a request for a path.
@@ -272,20 +277,18 @@ fn a_record_that_may_be_taken_later_waits() {
 }
 
 #[test]
-fn two_bridges_with_one_name_do_not_fight_for_it() {
+fn a_broker_that_ends_each_connection_is_tried_again_soon() {
     let folder = tempfile::tempdir().unwrap();
     let ball = ball();
     let broker = Broker::new();
     let mut bridge = bridge(folder.path(), &broker.address(), &ball);
-    let why =
-        "another client has this name: every bridge has a node, and client, of its own; tried again in about";
-    // A broker that ends one connection after the other as soon as it has accepted it.
-    for _ in 0..3 {
+    // As one that is started anew again and again: that is no other client with the name.
+    let mut last = Instant::now();
+    for _ in 0..7 {
         broker.accept(&[]).message();
+        assert!(last.elapsed() < Duration::from_secs(15), "{:?}", last.elapsed());
+        last = Instant::now();
     }
-    let line = bridge.line("another client");
-    assert!(line.contains(&format!("{why} 60 s")), "{line}");
-    assert!(broker.is_left_alone(Duration::from_secs(5)));
     let before = figure(&bridge, "store_records");
     until("records that wait", || figure(&bridge, "store_records") > before);
 
@@ -296,6 +299,32 @@ fn two_bridges_with_one_name_do_not_fight_for_it() {
     assert!(error.trim_end().ends_with("is open in another process: one bridge, one store"), "{error}");
     until("records that wait", || figure(&bridge, "store_records") > before + 1);
     assert_eq!(bridge.signal("-TERM"), Some(0));
+    assert!(!bridge.rest().iter().any(|line| line.contains("another client")));
+}
+
+#[test]
+fn a_state_from_the_future_is_not_taken_and_what_follows_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let command = bridge_command(folder.path(), &broker.address(), &ball);
+    edit(folder.path(), "node = \"n\"", "node = \"n\"\nprimary_host = \"h\"");
+    let mut bridge = Running::start(command);
+    let mut peer = broker.accept(&[]);
+    let state = |online: bool, ahead: u64| {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+        let at = (now + Duration::from_secs(ahead)).as_millis();
+        format!("{{\"online\":{online},\"timestamp\":{at}}}")
+    };
+    peer.publish("spBv1.0/STATE/h", state(true, 365 * 86_400).as_bytes());
+    let line = bridge.line("\"strange\"");
+    assert!(line.contains("dated more than 300 s ahead of this machine's clock: it is not taken"), "{line}");
+    until("a STATE that is counted", || figure(&bridge, "states_ahead_total") == 1);
+    assert_eq!(figure(&bridge, "online"), 0);
+    // No two clocks agree.
+    peer.publish("spBv1.0/STATE/h", state(true, 200).as_bytes());
+    peer.message();
+    until("online", || figure(&bridge, "online") == 1);
 }
 
 #[test]
@@ -346,94 +375,27 @@ fn a_disk_that_does_not_answer_does_not_keep_the_bridge() {
 }
 
 #[test]
-fn a_hall_is_checked_without_a_connection() {
+fn systemd_is_told_when_it_is_ready_and_that_it_lives() {
     let folder = tempfile::tempdir().unwrap();
-    let line = "{\"hall\":\"hall.toml\",\"broker\":\"broker:8883\",\"cells\":[\"robot\"]}\n";
-    assert_eq!(check(folder.path(), HALL), (Some(0), line.into()));
-    assert!(!folder.path().join("hall.redb").exists());
-}
-
-#[test]
-fn what_is_wrong_has_its_line() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("empty.pem"), "nothing").unwrap();
-    let bad = "-----BEGIN CERTIFICATE-----\nno base64!\n-----END CERTIFICATE-----\n";
-    std::fs::write(folder.path().join("bad.pem"), bad).unwrap();
-    for (from, to, error) in [
-        ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
-        ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
-        ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
-        (
-            "node = \"bridge\"",
-            "node = \"bridge\"\ntls = { ca = \"empty.pem\" }",
-            "line 5: FOLDER/empty.pem: it has no BEGIN CERTIFICATE in PEM form",
-        ),
-        (
-            "node = \"bridge\"",
-            "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
-            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error: InvalidCharacter(33)",
-        ),
-        (
-            "10.0.0.1:502",
-            "/dev/ttyS0",
-            "line 9: cell robot: /dev/ttyS0 would be a serial port, and this link has none: give HOST:PORT",
-        ),
-        (
-            "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
-            "\"kawasaki-msg\"\naddress = \"10.0.0.1:502\"\nsettings = { udp = true }",
-            "line 9: cell robot: over UDP the robot sends first: give listen instead of address",
-        ),
-        ("\"fanuc-hmi-modbus\"", "\"fanuc\"", "line 9: cell robot: no link is called fanuc"),
-        (
-            "poll = \"100ms\"",
-            "poll = 100",
-            "line 12: cell robot: poll=100: not a time with its unit, such as 250ms or 1.5s, give 10ms to 1h",
-        ),
-        (
-            "address = \"10.0.0.1:502\"\n",
-            "",
-            "line 9: cell robot: give address (HOST:PORT, or the path of a serial port), or listen where the device connects to \
-             the PC",
-        ),
-    ] {
-        assert_eq!(
-            check(folder.path(), &HALL.replace(from, to)),
-            (Some(2), format!("error: hall.toml, {error}\n"))
-        );
-    }
-    let (status, error) = check(folder.path(), &HALL.replace("link = \"fanuc-hmi-modbus\"", "links = 1"));
-    assert_eq!(status, Some(2));
-    assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
-}
-
-#[test]
-fn the_hall_of_the_page_is_right() {
-    let folder = tempfile::tempdir().unwrap();
-    let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
-    std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
-    std::fs::write(folder.path().join("bridge.password"), "correct horse\n").unwrap();
-    let page = include_str!("../../docs/bridge.md");
-    let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
-    let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
-    let line = format!("{{\"hall\":\"hall.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
-    assert_eq!(check(folder.path(), hall), (Some(0), line));
-}
-
-#[test]
-fn a_shell_and_man_have_its_options() {
-    let folder = tempfile::tempdir().unwrap();
-    let bridge = |option: &str, value: &Path| {
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_cellwire-bridge")).arg(option).arg(value).output().unwrap();
-        assert!(output.status.success(), "{output:?}");
-        String::from_utf8(output.stdout).unwrap()
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let path = folder.path().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(DEADLINE)).unwrap();
+    let mut command = bridge_command(folder.path(), &nobody, &ball);
+    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "1500000");
+    let mut bridge = Running::start(command);
+    let said = || {
+        let mut text = [0; 100];
+        let length = socket.recv(&mut text).unwrap();
+        String::from_utf8(text[..length].to_vec()).unwrap()
     };
-    let completions = bridge("--completions", Path::new("bash"));
-    assert!(
-        completions.contains("default cellwire-bridge\n") && completions.contains("--config"),
-        "{completions}"
-    );
-    assert_eq!(bridge("--man", folder.path()), "");
-    let page = std::fs::read_to_string(folder.path().join("cellwire-bridge.1")).unwrap();
-    assert!(page.contains("Settings of a cell of kawasaki"), "{page}");
+    assert_eq!(said(), "READY=1");
+    let start = Instant::now();
+    for _ in 0..4 {
+        assert_eq!(said(), "WATCHDOG=1");
+    }
+    assert!(start.elapsed() > Duration::from_secs(1), "{:?}", start.elapsed());
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    while said() != "STOPPING=1" {}
 }

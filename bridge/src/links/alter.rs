@@ -7,7 +7,7 @@ use robot_session::now;
 use serde_json::json;
 use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::paced::Paced;
 use crate::end::End;
 use crate::hall::Cell;
@@ -29,6 +29,7 @@ impl Default for Paced<HostConfig> {
         // Bytes that came together may be read far apart.
         Self {
             report: Duration::from_millis(500),
+            silence: Duration::from_secs(10),
             session: HostConfig { gap: None, ..HostConfig::default() },
         }
     }
@@ -40,13 +41,18 @@ struct Alter {
 }
 
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
-    let Paced { report, session } = settings;
+    let Paced { report, silence, session } = settings;
+    let silence = Silence::of_speaker(silence);
     let adapter = Alter { report, next: Duration::ZERO };
-    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
+    client::of(cell, &METRICS, Some(session.baud), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Alter {
     type Session = Host;
+
+    fn is_answer(event: &HostEvent) -> bool {
+        matches!(event, HostEvent::Start(_) | HostEvent::Motion(_) | HostEvent::End(_))
+    }
 
     fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
         match event {

@@ -7,7 +7,7 @@ use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::paced::Paced;
 use crate::end::End;
 use crate::hall::Cell;
@@ -31,7 +31,7 @@ impl Default for Paced<HostConfig> {
         // Nothing is steered: values may be old, and polls far apart.
         let (period, max_age) = (Duration::from_millis(100), Duration::from_secs(1));
         let session = HostConfig { period, max_age, ..HostConfig::default() };
-        Self { report: Duration::from_millis(500), session }
+        Self { report: Duration::from_millis(500), silence: Duration::from_secs(2), session }
     }
 }
 
@@ -42,13 +42,18 @@ struct Ball {
 }
 
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
-    let Paced { report, session } = settings;
+    let Paced { report, silence, session } = settings;
+    let silence = Silence::of_asked(silence, session.period);
     let adapter = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
-    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
+    client::of(cell, &METRICS, Some(session.baud), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Ball {
     type Session = Host;
+
+    fn is_answer(event: &HostEvent) -> bool {
+        matches!(event, HostEvent::Packet(_) | HostEvent::Old(_) | HostEvent::Unasked(_))
+    }
 
     fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
         match event {

@@ -12,6 +12,7 @@ use crate::hall::Cell;
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use cellwire::io::port::AnyPort;
+use cellwire_links::settings::Fields;
 
 /// A connection may take so long to open.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -21,10 +22,43 @@ const LONGEST_WAIT: Duration = Duration::from_secs(10);
 /// Commands and the end of the bridge are looked at so often.
 const GLANCE: Duration = Duration::from_millis(50);
 
+/// When a device that does not answer counts as dead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Silence {
+    /// After so long; zero: never, it counts as alive while it is connected.
+    pub time: Duration,
+    /// It answers what it is asked, and has not seen who asks if it does not: then the connection is begun anew. Another one speaks by
+    /// itself, and may begin at any time.
+    pub is_asked: bool,
+}
+
+impl Silence {
+    /// Of a device that speaks by itself.
+    pub(super) fn of_speaker(time: Duration) -> Self {
+        Self { time, is_asked: false }
+    }
+
+    /// Of a device that is asked so often: three questions at least are without an answer.
+    pub(super) fn of_asked(time: Duration, every: Duration) -> Self {
+        let time = if time.is_zero() { time } else { time.max(every.saturating_mul(3)) };
+        Self { time, is_asked: true }
+    }
+
+    /// Its setting.
+    pub(super) fn configure(fields: &mut impl Fields, time: &mut Duration) {
+        let range = Duration::ZERO..=Duration::from_secs(3600);
+        let about = "after so long without an answer the device is dead, three requests at least; 0s: while it is connected it is not";
+        fields.time("silence", range, about, time);
+    }
+}
+
 /// What the bridge does with a session.
 pub(super) trait Adapter {
     /// The session.
     type Session: Session;
+
+    /// Whether an event is the device's doing, so that it is alive.
+    fn is_answer(event: &<Self::Session as Session>::Event) -> bool;
 
     /// Does what is due; how long it has nothing to do, unless something happens.
     fn step(&mut self, _: &mut Self::Session, _: &mut End) -> Option<Duration> {
@@ -60,6 +94,7 @@ pub(super) fn of<A>(
     cell: &Cell,
     metrics: &'static [Definition],
     baud: Option<u32>,
+    silence: Silence,
     session: A::Session,
     adapter: A,
 ) -> Result<Client>
@@ -75,19 +110,26 @@ where
         baud.is_some() || !AnyPort::is_serial(&place),
         "{place} would be a serial port, and this link has none: give HOST:PORT"
     );
-    Ok(Client::new(metrics, move |end| run(adapter, session, &place, baud.unwrap_or_default(), end)))
+    let device = Device { place, baud: baud.unwrap_or_default(), silence };
+    Ok(Client::new(metrics, move |end| run(adapter, session, &device, end)))
+}
+
+/// Where the device is, and when it counts as dead.
+struct Device {
+    place: String,
+    baud: u32,
+    silence: Silence,
 }
 
 /// Runs until the bridge ends.
-fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u32, mut end: End) {
+fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut end: End) {
     let mut wait = FIRST_WAIT;
     while !end.is_stopped() {
-        let why = match AnyPort::open(place, baud, CONNECT) {
+        let why = match AnyPort::open(&device.place, device.baud, CONNECT) {
             Ok(port) => {
                 session.handle_connected(now());
-                end.connected(place);
                 wait = FIRST_WAIT;
-                let why = connection(&mut adapter, &mut session, Driver::new(port), &mut end);
+                let why = connection(&mut adapter, &mut session, Driver::new(port), device, &mut end);
                 session.handle_disconnected(now());
                 while let Some(event) = session.poll_event() {
                     let _ = adapter.event(&mut session, event, &mut end);
@@ -106,25 +148,51 @@ fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u
     }
 }
 
-/// Until the connection ends; why.
+/// Until the connection ends; why. The device is alive from its first answer on.
 fn connection<A: Adapter>(
     adapter: &mut A,
     session: &mut A::Session,
     mut driver: Driver<AnyPort>,
+    Device { place, silence, .. }: &Device,
     end: &mut End,
 ) -> String {
+    let (mut heard, mut is_alive) = (now(), silence.time.is_zero());
+    if is_alive {
+        end.connected(place);
+    }
     while !end.is_stopped() {
-        if let Some(command) = end.command()
-            && let Err(why) = adapter.command(session, command)
-        {
-            end.finish(Outcome::Refused, why);
+        if !silence.time.is_zero() && now().saturating_sub(heard) > silence.time {
+            let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
+            if silence.is_asked {
+                return why;
+            }
+            is_alive = false;
+            end.disconnected(&why);
+        }
+        if let Some(command) = end.command() {
+            // Who speaks by itself may be about to.
+            let begun = if is_alive || !silence.is_asked {
+                adapter.command(session, command)
+            } else {
+                Err("the device does not answer".into())
+            };
+            if let Err(why) = begun {
+                end.finish(Outcome::Refused, why);
+            }
         }
         let wait = adapter.step(session, end).unwrap_or(GLANCE).min(GLANCE);
-        let turn =
-            driver.turn(session, Some(wait), |session, event| match adapter.event(session, event, end) {
+        let turn = driver.turn(session, Some(wait), |session, event| {
+            if A::is_answer(&event) {
+                heard = now();
+                if !core::mem::replace(&mut is_alive, true) {
+                    end.connected(place);
+                }
+            }
+            match adapter.event(session, event, end) {
                 Ok(()) => ControlFlow::Continue(()),
                 Err(why) => ControlFlow::Break(why),
-            });
+            }
+        });
         match turn {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(Ended::ByHandler(why))) => return why,

@@ -88,6 +88,8 @@ struct Kawasaki<'a> {
     /// What the robot's status was when it was reported last.
     status: Option<String>,
     is_connected: bool,
+    /// Where the robot is that has connected, until its first message.
+    place: Option<String>,
 }
 
 pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Result<super::Client> {
@@ -131,6 +133,7 @@ fn run(
         jobs: 0,
         status: None,
         is_connected: false,
+        place: None,
     };
     let ended = pc::run(&mut meeting, session, &TraceArgs::off().start("kawasaki"), &mut program);
     *next = program.next;
@@ -152,12 +155,9 @@ impl Program for Kawasaki<'_> {
 
     fn notify(&mut self, _: &mut Self::Session, notification: Notification<'_>) -> Result<()> {
         match notification {
-            Notification::Connected(place) => {
-                self.is_connected = true;
-                self.end.connected(&place);
-            }
+            Notification::Connected(place) => self.place = Some(place),
             Notification::Disconnected(why) => {
-                self.is_connected = false;
+                (self.is_connected, self.place) = (false, None);
                 self.end.disconnected(why);
             }
             Notification::Event(event) => self.event(event),
@@ -225,6 +225,11 @@ impl Kawasaki<'_> {
                 return self.end.values(values);
             }
             PcEvent::PeerStatus { phase, order, .. } => {
+                if let Some(place) = self.place.take() {
+                    self.is_connected = true;
+                    self.end.connected(&place);
+                    self.status = None;
+                }
                 // It comes in every cycle of the robot: only another one is news.
                 let phase = serde_json::to_value(phase).unwrap_or_default();
                 let phase = phase.as_str().map_or_else(|| phase.to_string(), str::to_owned);

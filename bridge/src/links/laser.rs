@@ -8,7 +8,7 @@ use robot_session::now;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
 use crate::hall::Cell;
@@ -25,6 +25,7 @@ const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 pub(super) struct Settings {
     query: u16,
     poll: Duration,
+    silence: Duration,
     session: HostConfig,
 }
 
@@ -36,13 +37,14 @@ impl Default for Settings {
 
 impl Settings {
     fn at_baud(baud: u32) -> Self {
-        Self { query: STATUS, poll: Duration::from_secs(1), session: HostConfig::at_baud(baud) }
+        let (poll, silence) = (Duration::from_secs(1), Duration::from_secs(10));
+        Self { query: STATUS, poll, silence, session: HostConfig::at_baud(baud) }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { query, poll, session } = self;
+        let Self { query, poll, silence, session } = self;
         fields.whole(
             "query",
             0..=u16::MAX,
@@ -52,6 +54,7 @@ impl Configure for Settings {
         );
         let range = Duration::from_millis(100)..=Duration::from_secs(3600);
         fields.time("poll", range, "the time from one query to the next", poll);
+        Silence::configure(fields, silence);
         session.configure(fields);
     }
 }
@@ -84,12 +87,23 @@ pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     let baud = given.session.baud;
     let settings = settings::read(&cell.link, Settings::at_baud(baud), &cell.settings)?;
     let session = Host::new(settings.session)?;
+    // Who is asked nothing has nothing to answer.
+    let silence = if settings.query == 0 { Duration::ZERO } else { settings.silence };
+    let silence = Silence::of_asked(silence, settings.poll);
     let adapter = Laser { settings, next: Duration::ZERO, order: None, running: None };
-    client::of(cell, &METRICS, Some(baud), session, adapter)
+    client::of(cell, &METRICS, Some(baud), silence, session, adapter)
 }
 
 impl Adapter for Laser {
     type Session = Host;
+
+    fn is_answer(event: &HostEvent) -> bool {
+        match event {
+            HostEvent::Answer { .. } | HostEvent::Refused { .. } | HostEvent::Unasked { .. } => true,
+            HostEvent::Done { unanswered, .. } => *unanswered == 0,
+            _ => false,
+        }
+    }
 
     fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {
         let now = now();

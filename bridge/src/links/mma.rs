@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
 use crate::hall::Cell;
@@ -41,22 +41,25 @@ const METRICS: [Definition; 9] = [
 pub(super) struct Settings {
     is_platform: bool,
     poll: Duration,
+    silence: Duration,
     session: CentralConfig,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { is_platform: false, poll: Duration::from_millis(500), session: CentralConfig::DEFAULT }
+        let (poll, silence) = (Duration::from_millis(500), Duration::from_secs(5));
+        Self { is_platform: false, poll, silence, session: CentralConfig::DEFAULT }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { is_platform, poll, session } = self;
+        let Self { is_platform, poll, silence, session } = self;
         let about = "the device: the robot has four axes, the platform two";
         fields.choice("device", &[("robot", false), ("platform", true)], about, is_platform);
         let range = Duration::from_millis(20)..=Duration::from_secs(3600);
         fields.time("poll", range, "the time from one request for the status to the next", poll);
+        Silence::configure(fields, silence);
         session.configure(fields);
     }
 }
@@ -87,7 +90,8 @@ where
         is_running: false,
         pose: PhantomData,
     };
-    client::of(cell, &METRICS, None, session, adapter)
+    let silence = Silence::of_asked(settings.silence, settings.poll);
+    client::of(cell, &METRICS, None, silence, session, adapter)
 }
 
 impl<P> Adapter for Mma<P>
@@ -96,6 +100,13 @@ where
     Central<P>: Session<Event = CentralEvent<P>>,
 {
     type Session = Central<P>;
+
+    fn is_answer(event: &CentralEvent<P>) -> bool {
+        matches!(
+            event,
+            CentralEvent::Done { .. } | CentralEvent::Refused { .. } | CentralEvent::Status { .. }
+        )
+    }
 
     fn step(&mut self, central: &mut Central<P>, end: &mut End) -> Option<Duration> {
         let now = now();

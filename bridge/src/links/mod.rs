@@ -8,6 +8,7 @@ mod laser;
 mod mma;
 mod modbus;
 mod paced;
+mod telemetry;
 mod viewer;
 
 use anyhow::{Context, Result, ensure};

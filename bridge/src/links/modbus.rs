@@ -10,18 +10,19 @@ use robot_session::now;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::order;
+use super::telemetry::{Read, Telemetry};
 use crate::end::End;
 use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, word_order};
+use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{Configure, Fields};
 
-/// So many requests in a row without a reply, and the controller counts as gone.
-const MOST_SILENT: u32 = 3;
+/// The period of the controller's background task, which counts the life counter.
+const PERIOD: Duration = Duration::from_millis(8);
 
 const METRICS: [Definition; 19] = [
     define("Telemetry/Life Counter", Kind::Int64),
@@ -49,24 +50,33 @@ const METRICS: [Definition; 19] = [
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     poll: Duration,
+    silence: Duration,
     unit: u8,
     register: u16,
-    word_order: WordOrder,
+    /// Without one it is found.
+    word_order: Option<WordOrder>,
     session: ClientConfig,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let (poll, word_order) = (Duration::from_millis(500), WordOrder::default());
-        Self { poll, unit: 1, register: TelemetryBlock::ADDRESS, word_order, session: ClientConfig::tcp() }
+        Self {
+            poll: Duration::from_millis(500),
+            silence: Duration::from_secs(3),
+            unit: 1,
+            register: TelemetryBlock::ADDRESS,
+            word_order: None,
+            session: ClientConfig::tcp(),
+        }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { poll, unit, register, word_order: order, session } = self;
+        let Self { poll, silence, unit, register, word_order, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
         fields.time("poll", range, "the time from one request for the telemetry to the next", poll);
+        Silence::configure(fields, silence);
         fields.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
         fields.whole(
             "register",
@@ -75,7 +85,13 @@ impl Configure for Settings {
             "the PDU address of the telemetry's first register",
             register,
         );
-        word_order(fields, order);
+        let orders = [
+            ("auto", None),
+            ("low_first", Some(WordOrder::LowFirst)),
+            ("high_first", Some(WordOrder::HighFirst)),
+        ];
+        let about = "which register of a 32-bit value comes first; auto: found by the life counter and by what can be";
+        fields.choice("word_order", &orders, about, word_order);
         ClientSettings(session).configure(fields);
     }
 }
@@ -97,7 +113,7 @@ struct Modbus {
     next: Duration,
     /// The request for the telemetry that is in flight.
     asked: Option<Ticket>,
-    silent: u32,
+    telemetry: Telemetry,
     /// What is to be written as soon as nothing is in flight, and then its request.
     order: Option<Order>,
     writing: Option<Ticket>,
@@ -106,12 +122,18 @@ struct Modbus {
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     let session = Client::<1>::new(settings.session)?;
     let (asked, order, writing) = (None, None, None);
-    let adapter = Modbus { settings, next: Duration::ZERO, asked, silent: 0, order, writing };
-    client::of(cell, &METRICS, None, session, adapter)
+    let silence = Silence::of_asked(settings.silence, settings.poll.max(settings.session.timeout));
+    let telemetry = Telemetry::new(settings.word_order, PERIOD, settings.poll);
+    let adapter = Modbus { settings, next: Duration::ZERO, asked, telemetry, order, writing };
+    client::of(cell, &METRICS, None, silence, session, adapter)
 }
 
 impl Adapter for Modbus {
     type Session = Client<1>;
+
+    fn is_answer(event: &ClientEvent) -> bool {
+        matches!(event, ClientEvent::Replied { .. })
+    }
 
     fn step(&mut self, session: &mut Client<1>, end: &mut End) -> Option<Duration> {
         let now = now();
@@ -135,7 +157,6 @@ impl Adapter for Modbus {
     fn event(&mut self, session: &mut Client<1>, event: ClientEvent, end: &mut End) -> Result<(), String> {
         match event {
             ClientEvent::Replied { ticket, .. } => {
-                self.silent = 0;
                 let reply = session.reply(ticket);
                 if self.writing.take_if(|writing| *writing == ticket).is_some() {
                     match reply {
@@ -147,7 +168,7 @@ impl Adapter for Modbus {
                 } else if self.asked.take_if(|asked| *asked == ticket).is_some() {
                     match reply {
                         Some(Reply::HoldingRegisters(words)) => match words.first_chunk() {
-                            Some(registers) => end.values(self.values(&registers)),
+                            Some(registers) => self.report(&registers, end),
                             None => end.event(&json!({"event": "short_reply"})),
                         },
                         Some(Reply::Exception { exception, .. }) => {
@@ -170,11 +191,6 @@ impl Adapter for Modbus {
                 }
                 self.asked.take_if(|asked| *asked == ticket);
                 end.event(&json!({"event": "failed", "why": failure.to_string()}));
-                self.silent += u32::from(failure == Failure::TimedOut);
-                if self.silent >= MOST_SILENT {
-                    self.silent = 0;
-                    return Err(format!("no reply to {MOST_SILENT} requests in a row"));
-                }
                 // The rest of a reply that was cut would be taken from the next one.
                 if session.pending() > 0 {
                     return Err("a reply was cut".into());
@@ -198,17 +214,25 @@ impl Adapter for Modbus {
 
     fn lost(&mut self) {
         (self.asked, self.writing, self.order, self.next) = (None, None, None, now());
+        self.telemetry.reconnected();
     }
 }
 
 impl Modbus {
-    fn values(&self, registers: &[u16; 37]) -> Vec<(&'static str, Value)> {
-        let block = TelemetryBlock::from_registers(registers, self.settings.word_order);
+    fn report(&mut self, registers: &[u16; 37], end: &mut End) {
+        let block = match self.telemetry.read(registers, now()) {
+            Read::Values(block) => block,
+            Read::Cannot(fault, value) => {
+                return end.bad(&json!({"event": "implausible", "fault": fault, "value": value}));
+            }
+            Read::Still => return,
+        };
         let floats =
             [&block.position[..], &block.wpr, &block.quaternion, &block.velocity, &block.quaternion_rate];
         let floats = floats.into_iter().flatten().map(|value| Value::Float(*value));
         let wholes = [whole(block.life_counter), whole(block.override_percent)];
-        METRICS.iter().map(|definition| definition.name).zip(wholes.into_iter().chain(floats)).collect()
+        let names = METRICS.iter().map(|definition| definition.name);
+        end.values(names.zip(wholes.into_iter().chain(floats)).collect());
     }
 }
 

@@ -2,20 +2,23 @@
 
 use std::time::Duration;
 
+use super::client::Silence;
 use cellwire_links::settings::{Configure, Fields};
 
 /// What can be set: the least from one report to the next, and the session's own.
 #[derive(Debug, Clone)]
 pub(super) struct Paced<C> {
     pub report: Duration,
+    pub silence: Duration,
     pub session: C,
 }
 
 impl<C: Configure> Configure for Paced<C> {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { report, session } = self;
+        let Self { report, silence, session } = self;
         let range = Duration::ZERO..=Duration::from_secs(3600);
         fields.time("report", range, "the least time from one report to the next", report);
+        Silence::configure(fields, silence);
         session.configure(fields);
     }
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::json;
 use val2_viewer::{Host, HostConfig, HostEvent, timing};
 
-use super::client::{self, Adapter};
+use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
 use crate::hall::Cell;
@@ -23,6 +23,7 @@ const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     report: Duration,
+    silence: Duration,
     baud: u32,
     session: HostConfig,
 }
@@ -31,15 +32,21 @@ impl Default for Settings {
     fn default() -> Self {
         // A pose that was ordered waits for the next request.
         let session = HostConfig { max_age: Duration::from_secs(5), ..HostConfig::default() };
-        Self { report: Duration::from_millis(500), baud: timing::BAUD, session }
+        Self {
+            report: Duration::from_millis(500),
+            silence: Duration::from_secs(10),
+            baud: timing::BAUD,
+            session,
+        }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { report, baud, session } = self;
+        let Self { report, silence, baud, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
         fields.time("report", range, "the time from one report to the next", report);
+        Silence::configure(fields, silence);
         fields.baud(LINE, baud);
         session.configure(fields);
     }
@@ -62,14 +69,19 @@ struct Viewer {
 }
 
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
-    let Settings { report, baud, session } = settings;
+    let Settings { report, silence, baud, session } = settings;
+    let silence = Silence::of_speaker(silence);
     let max_age = session.max_age;
     let adapter = Viewer { report, next: Duration::ZERO, until: None, max_age, pose: [0; 12] };
-    client::of(cell, &METRICS, Some(baud), Host::new(session)?, adapter)
+    client::of(cell, &METRICS, Some(baud), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Viewer {
     type Session = Host;
+
+    fn is_answer(event: &HostEvent) -> bool {
+        matches!(event, HostEvent::Asked | HostEvent::Ignored)
+    }
 
     fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {
         let now = now();

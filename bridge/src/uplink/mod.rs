@@ -12,7 +12,7 @@ use prost::Message;
 use super::cell::Cell;
 use super::hall::Broker;
 use super::holds::{Holds, Refused};
-use super::metric::whole;
+use super::metric::{self, whole};
 use super::node::{Node, Publication, Received};
 use super::payload::{Payload, Value};
 use super::reconnect::Reconnect;
@@ -23,6 +23,9 @@ use crate::store::{Batch, Store};
 
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
+/// What a host application says of itself may be dated so far ahead: no two clocks agree. What is dated further ahead would hide what it
+/// says by the right time.
+const AHEAD: Duration = Duration::from_secs(300);
 
 /// The name, in the store, of the number of the next connection.
 pub const BD_SEQ: &str = "bdseq";
@@ -91,6 +94,8 @@ pub struct Counts {
     pub rejected: u64,
     /// Records that it refuses for good: they are dropped.
     pub refused: u64,
+    /// What the host application has said of itself, dated too far ahead.
+    pub ahead: u64,
 }
 
 /// A record on its way.
@@ -198,9 +203,9 @@ impl Uplink {
                 self.counts.connections += 1;
                 self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
                 self.reconnect.accepted(Instant::now());
-                let topics = self.node.subscriptions(self.host.as_deref());
+                let state: Vec<String> = self.host.iter().map(|host| Node::state_of(host)).collect();
                 if let Phase::Opening { session, .. } = &self.phase {
-                    session.subscribe(&topics);
+                    session.subscribe(&self.node.subscriptions(), &state);
                 }
                 Event::None
             }
@@ -211,7 +216,9 @@ impl Uplink {
                 }
                 Event::Connected
             }
-            Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
+            Happened::Message { topic, payload, is_retained } => {
+                self.received(self.node.receive(&topic, &payload, is_retained))
+            }
             Happened::Published(key) => self.published(key, batch),
             Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
             Happened::TooLong => {
@@ -225,13 +232,6 @@ impl Uplink {
                 Event::None
             }
             Happened::TakenOver => self.leave_name(),
-            Happened::Dropped => {
-                if self.reconnect.dropped(Instant::now()) {
-                    self.leave_name()
-                } else {
-                    Event::None
-                }
-            }
             Happened::Closed(why) => {
                 let was_left = matches!(self.phase, Phase::Leaving { .. });
                 self.closed();
@@ -285,7 +285,7 @@ impl Uplink {
 
     /// Another client has this name: two that fight for it would deliver nothing.
     fn leave_name(&mut self) -> Event {
-        let wait = self.reconnect.leave_name().as_secs();
+        let wait = self.reconnect.leave_name(Instant::now()).as_secs();
         self.disconnect();
         Event::Lost(format!(
             "another client has this name: every bridge has a node, and client, of its own; tried again in about {wait} s"
@@ -298,10 +298,21 @@ impl Uplink {
                 self.is_born = false;
                 Event::Rebirth
             }
-            Received::Write { device, payload } => Event::Write { device, payload },
+            Received::Write { device, payload, unfit } => Event::Write { device, payload, unfit },
             Received::State { host, online, timestamp } => {
                 if self.host.as_deref() != Some(host.as_str()) || timestamp < self.host_at {
-                    return Event::Strange(format!("a STATE of {host} at {timestamp}, older than the last"));
+                    return Event::Strange(format!(
+                        "a STATE of {host}, older than the last: it is not taken"
+                    ));
+                }
+                let ahead = timestamp.saturating_sub(metric::now());
+                if u128::from(ahead) > AHEAD.as_millis() {
+                    self.counts.ahead += 1;
+                    let most = AHEAD.as_secs();
+                    return Event::Strange(format!(
+                        "a STATE of {host}, dated more than {most} s ahead of this machine's clock: it is not taken: set the \
+                         clock of the host application, or this machine's"
+                    ));
                 }
                 self.host_at = timestamp;
                 match (online, &self.phase) {
@@ -379,11 +390,16 @@ impl Uplink {
     /// Does what is due: connects, and publishes what there is. Returns why a connection came to nothing.
     ///
     /// # Errors
-    /// When the store cannot be read, or the system has no room for a thread.
+    /// When the store cannot be read.
     pub fn turn(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<Option<String>> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
-            Phase::Ready => self.open()?,
+            Phase::Ready => {
+                if let Err(error) = self.open() {
+                    self.closed();
+                    return Ok(Some(format!("{error:#}")));
+                }
+            }
             Phase::Opening { .. } if is_due => {
                 self.closed();
                 return Ok(Some("the broker does not answer".into()));
@@ -433,6 +449,8 @@ pub enum Event {
         device: String,
         /// The metrics.
         payload: Payload,
+        /// Why it is no command that may be obeyed, if it is none.
+        unfit: Option<String>,
     },
     /// Nothing that is understood, and why.
     Strange(String),

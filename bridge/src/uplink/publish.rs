@@ -8,9 +8,9 @@ use prost::Message as _;
 use super::{Flying, Phase, Places, Record, Uplink};
 use crate::broker::Session;
 use crate::cell::Cell;
-use crate::metric::{DETAIL, EVENT};
+use crate::metric::{self, CONNECTED, DETAIL, Definition, EVENT};
 use crate::node::{Node, Publication};
-use crate::payload::Metric;
+use crate::payload::{Metric, Quality};
 use crate::refusals::Apart;
 use crate::store::Store;
 
@@ -131,13 +131,29 @@ impl Uplink {
     fn publish_deaths(&mut self, cells: &mut [Cell]) {
         let Phase::Online { session } = &self.phase else { return };
         for cell in cells.iter_mut().filter(|cell| cell.is_born && !cell.is_connected) {
-            if !say(session, self.node.device_death(&cell.name)) {
+            let words = last_words(cell);
+            let mut death = self.node.device_death(&cell.name, words);
+            if Session::packet_len(&death.topic, &death.payload, false) > self.longest {
+                death = self.node.device_death(&cell.name, Vec::new());
+            }
+            if !say(session, death) {
                 return;
             }
             self.node.published();
             cell.is_born = false;
         }
     }
+}
+
+/// What a death says: that the link is not connected, why, and that the cell's own metrics have no values.
+fn last_words(cell: &mut Cell) -> Vec<Metric> {
+    let mut words = cell.nulls(metric::now(), Quality::Stale);
+    let said = cell.definitions.iter().filter(|it| [CONNECTED, EVENT].contains(&it.name));
+    words.extend(said.filter_map(|Definition { name, kind }| {
+        let (at, value) = cell.values.get(name)?;
+        Some(Metric::new(name, *kind, *at, Some(value.clone())))
+    }));
+    words
 }
 
 /// Publishes as Sparkplug has births and deaths: with QoS 0.

@@ -54,8 +54,14 @@ impl Broker {
         peer.send(&[&[0x20, length + 3, 0, 0, length], properties].concat());
         let (kind, body) = peer.packet();
         assert_eq!(kind, 0x82);
-        // NCMD and DCMD.
-        peer.send(&[0x90, 5, body[0], body[1], 0, 1, 1]);
+        // Of each filter its length, its topic and its options, after the packet's number and no properties.
+        let (mut rest, mut codes) = (&body[3..], Vec::new());
+        while let [high, low, ..] = rest {
+            rest = &rest[2 + usize::from(u16::from_be_bytes([*high, *low])) + 1..];
+            codes.push(1);
+        }
+        let length = u8::try_from(codes.len()).unwrap() + 3;
+        peer.send(&[&[0x90, length, body[0], body[1], 0], &codes[..]].concat());
         peer
     }
 }
@@ -93,10 +99,19 @@ impl Peer {
 
     /// A message to the client, with QoS 0.
     pub(crate) fn publish(&mut self, topic: &str, payload: &[u8]) {
-        let length = 2 + topic.len() + 1 + payload.len();
-        let (low, high) = (u8::try_from(length & 0x7F).unwrap(), u8::try_from(length >> 7).unwrap()); // below 16384
+        self.publish_as(0x30, topic, payload);
+    }
+
+    /// A message to the client, with this first byte: 31h is retained.
+    pub(crate) fn publish_as(&mut self, first: u8, topic: &str, payload: &[u8]) {
+        let (mut length, mut head) = (2 + topic.len() + 1 + payload.len(), vec![first]);
+        while length > 0x7F {
+            head.push(u8::try_from(length & 0x7F).unwrap() | 0x80);
+            length >>= 7;
+        }
+        head.push(u8::try_from(length).unwrap());
         let topic_length = u16::try_from(topic.len()).unwrap().to_be_bytes();
-        self.send(&[&[0x30, low | 0x80, high], &topic_length[..], topic.as_bytes(), &[0], payload].concat());
+        self.send(&[&head, &topic_length[..], topic.as_bytes(), &[0], payload].concat());
     }
 
     /// PUBACK with a reason code.
@@ -141,6 +156,15 @@ impl Message {
         match number.unwrap().value {
             Some(Value::Long(number)) => number,
             ref other => panic!("{other:?}"),
+        }
+    }
+
+    /// The text of a metric, if the message has it.
+    pub(crate) fn text(&self, name: &str) -> Option<String> {
+        let metric = self.read().metrics.into_iter().find(|metric| metric.name.as_deref() == Some(name));
+        match metric?.value? {
+            Value::String(text) => Some(text),
+            other => panic!("{other:?}"),
         }
     }
 

@@ -11,7 +11,7 @@ use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
 use socket2::{SockRef, TcpKeepalive};
 
-/// A client that has vanished without a word is noticed when it acknowledges no probe: the first is sent after so long, the others
+/// A peer that has vanished without a word is noticed when it acknowledges no probe: the first is sent after so long, the others
 /// after each [`PROBE_INTERVAL`].
 const FIRST_PROBE: Duration = Duration::from_secs(30);
 const PROBE_INTERVAL: Duration = Duration::from_secs(5);
@@ -55,8 +55,7 @@ impl Listener {
             return match self.listener.accept() {
                 Ok((stream, peer)) => {
                     stream.set_nodelay(true)?;
-                    let probes = TcpKeepalive::new().with_time(FIRST_PROBE).with_interval(PROBE_INTERVAL);
-                    SockRef::from(&stream).set_tcp_keepalive(&probes)?;
+                    SockRef::from(&stream).set_tcp_keepalive(&probes())?;
                     Ok(Arrival::Client(stream, peer))
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Arrival::Nobody),
@@ -105,6 +104,11 @@ impl Source for Listener {
     fn deregister(&mut self, registry: &Registry) -> io::Result<()> {
         self.listener.deregister(registry)
     }
+}
+
+/// The probes of a peer that may vanish without a word.
+pub(super) fn probes() -> TcpKeepalive {
+    TcpKeepalive::new().with_time(FIRST_PROBE).with_interval(PROBE_INTERVAL)
 }
 
 fn reserve() -> Option<File> {

@@ -8,8 +8,10 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, anyhow};
+use socket2::SockRef;
 
 use crate::io::input::seconds;
+use crate::io::listener;
 use crate::io::output::remark;
 
 /// Listens on an address; a port alone is one of this machine's loopback address. Whoever else can connect is remarked on standard
@@ -94,6 +96,8 @@ pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
     }
     let stream = stream.ok_or(last)?;
     stream.set_nodelay(true)?;
+    // Who is never written to does not learn otherwise that a serial device server was switched off and on.
+    SockRef::from(&stream).set_tcp_keepalive(&listener::probes())?;
     Ok(stream)
 }
 
@@ -214,6 +218,13 @@ fn forward(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, break
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_peer_that_vanishes_is_noticed() {
+        let peer = listen("127.0.0.1:0").unwrap();
+        let stream = connect(&peer.local_addr().unwrap().to_string(), Duration::from_secs(5)).unwrap();
+        assert!(SockRef::from(&stream).keepalive().unwrap());
+    }
 
     #[test]
     fn the_error_of_a_port_in_use_contains_advice() {

@@ -9,7 +9,9 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
-use std::collections::HashSet;
+mod records;
+
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -19,15 +21,19 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use serde_json::{Value as Json, json};
 
+use super::bucket::Rate;
 use super::cell::Cell;
-use super::commands::{Commands, Decision, Interrupted};
+use super::commands::{Commands, Decision, Interrupted, Write};
 use super::end::End;
 use super::hall::Hall;
-use super::health::{CellHealth, Figures, Health};
+use super::health::{Figures, Health};
 use super::links::Client;
-use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
-use super::payload::{Metric, Payload, Value};
+use super::metric::{self, CONNECTED, EVENT, NUMBER, STORE};
+use super::notify::Notify;
+use super::outages::Outages;
+use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
+use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
@@ -45,8 +51,8 @@ const TICK: Duration = Duration::from_millis(200);
 const FORGET: Duration = Duration::from_secs(3600);
 /// At the end the broker gets so long to take what it was sent.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// A disk that takes nothing is tried again so often.
-const RETRY: Duration = Duration::from_secs(1);
+/// So many reasons are logged: who sends another one each time fills no disk.
+const REASONS: usize = 200;
 
 /// The hub.
 #[allow(missing_debug_implementations, reason = "it holds a store")]
@@ -63,12 +69,16 @@ pub struct Hub<'a> {
     health: Arc<Health>,
     figures: Figures,
     log: &'a mut dyn FnMut(Json),
-    /// Why there was no broker when that was logged last.
-    lost: Option<String>,
+    outages: Outages,
+    /// Commands that were refused at once, by their cells and why.
+    refusals: BTreeMap<(usize, &'static str), u64>,
+    /// What the broker has sent that was not understood.
+    strange: HashSet<String>,
     /// Of which cells records were refused for good, and why.
     refused: HashSet<(usize, String)>,
     forget_at: Instant,
     show_at: Instant,
+    notify: Notify,
 }
 
 /// What a turn is to do when everything is written.
@@ -89,8 +99,12 @@ impl<'a> Hub<'a> {
         health: Arc<Health>,
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
-        let store = Store::open(&hall.store.file, hall.store.records)?;
+        let mut store = Store::open(&hall.store.file, hall.store.records)?;
         let mut turn = Turn::default();
+        if store.upgrade(&mut turn.batch)? {
+            Remembered::migrate(&store, hall.cell.keys(), &mut turn.batch)?;
+            store.write(&core::mem::take(&mut turn.batch))?;
+        }
         let identity = match store.get("store")? {
             Some(identity) => identity,
             None => {
@@ -99,7 +113,8 @@ impl<'a> Hub<'a> {
                 identity
             }
         };
-        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, &mut turn.batch)?;
+        let rate = Rate { per_second: hall.commands.rate, burst: hall.commands.burst };
+        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let (stop, busy) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
         let (mut cells, mut threads) = (Vec::new(), Vec::new());
@@ -121,6 +136,7 @@ impl<'a> Hub<'a> {
                 is_born: false,
                 number,
                 kept: number,
+                last_at: 0,
                 takes_commands: cell.commands,
                 commands,
             });
@@ -147,10 +163,13 @@ impl<'a> Hub<'a> {
             health,
             figures,
             log,
-            lost: None,
+            outages: Outages::default(),
+            refusals: BTreeMap::new(),
+            strange: HashSet::new(),
             refused: HashSet::new(),
             forget_at,
             show_at,
+            notify: Notify::from_environment(),
         };
         for Interrupted { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
@@ -166,9 +185,11 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// When the store cannot be read or written, or nobody takes the log.
     pub fn run(mut self) -> Result<()> {
+        self.notify.say("READY=1");
         while !interrupt::requested() {
             self.turn(false)?;
         }
+        self.notify.say("STOPPING=1");
         self.stop.store(true, Ordering::Relaxed);
         // What the links report last is kept, and published if there is a broker.
         self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
@@ -251,7 +272,16 @@ impl<'a> Hub<'a> {
                     });
                     (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
-                self.record(place, at, named, &mut turn.batch);
+                let quality = (is_connected == Some(false)).then_some(Quality::Stale);
+                self.record_with(place, at, named, quality, &mut turn.batch);
+            }
+            Input::Cell(place, Report { at, what: What::Bad(named) }) => {
+                if let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get(place), named.first())
+                {
+                    let event = serde_json::from_str(event).unwrap_or(Json::Null);
+                    (self.log)(json!({"cell": cell.name, "values": event}));
+                }
+                self.record_with(place, at, named, Some(Quality::Bad), &mut turn.batch);
             }
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
                 let Some(cell) = self.cells.get(place) else { return };
@@ -271,8 +301,9 @@ impl<'a> Hub<'a> {
         match event {
             Event::None => {}
             Event::Connected => {
-                self.lost = None;
-                (self.log)(json!({"broker": "connected"}));
+                if self.outages.over(Instant::now()) {
+                    (self.log)(json!({"broker": "connected"}));
+                }
             }
             Event::Held { place, why } => self.held(place, &why),
             Event::Released(place) => {
@@ -282,16 +313,23 @@ impl<'a> Hub<'a> {
             }
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
-            Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
-            Event::Write { device, payload } => self.command(&device, &payload, turn),
+            Event::Strange(why) => self.strange(why),
+            Event::Write { device, payload, unfit } => self.command(&device, &payload, unfit, turn),
         }
     }
 
     /// Once for each reason: it is tried for as long as it takes.
     fn lost(&mut self, why: String) {
-        if self.lost.as_ref() != Some(&why) {
+        if self.outages.is_news(&why, Instant::now()) {
             (self.log)(json!({"broker": "disconnected", "why": why}));
-            self.lost = Some(why);
+        }
+    }
+
+    /// Once for each reason: every one is counted.
+    fn strange(&mut self, why: String) {
+        self.figures.strange += 1;
+        if self.strange.len() < REASONS && self.strange.insert(why.clone()) {
+            (self.log)(json!({"broker": "strange", "why": why}));
         }
     }
 
@@ -314,16 +352,16 @@ impl<'a> Hub<'a> {
         }
     }
 
-    fn command(&mut self, device: &str, payload: &Payload, turn: &mut Turn) {
+    fn command(&mut self, device: &str, payload: &Payload, unfit: Option<String>, turn: &mut Turn) {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
-            return (self.log)(
-                json!({"broker": "strange", "why": format!("a command for {device}, which is no cell")}),
-            );
+            return self.strange(format!("a command for {device}, which is no cell"));
         };
         let now = metric::now();
-        match self.commands.decide(device, cell.takes_commands, payload, now, &mut turn.batch) {
+        let is_allowed = cell.takes_commands;
+        let write = Write { cell: device, is_allowed, payload, unfit: unfit.as_deref() };
+        match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
                 (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
                 self.record(place, now, named, &mut turn.batch);
@@ -334,6 +372,11 @@ impl<'a> Hub<'a> {
                 self.count("not_given");
                 self.record(place, now, named, &mut turn.batch);
             }
+            Decision::Refuse(why, named) => {
+                self.count("not_given");
+                *self.refusals.entry((place, why)).or_default() += 1;
+                self.record(place, now, named, &mut turn.batch);
+            }
             Decision::Strange(why) => {
                 let event = json!({"event": "command_refused", "why": why});
                 (self.log)(json!({"cell": device, "command": event}));
@@ -341,88 +384,6 @@ impl<'a> Hub<'a> {
                 self.record(place, now, vec![(EVENT, metric::text(event.to_string()))], &mut turn.batch);
             }
         }
-    }
-
-    /// Gives a report its number, and puts it into the batch.
-    fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
-        let Some(cell) = self.cells.get_mut(place) else { return };
-        cell.number += 1;
-        let number = uplink::number(cell.number);
-        let named = [(NUMBER, number)].into_iter().chain(named);
-        let mut metrics = Vec::new();
-        for (name, value) in named {
-            let Some(definition) = cell.definitions.iter().find(|definition| definition.name == name) else {
-                continue;
-            };
-            metrics.push(Metric::new(name, definition.kind, at, Some(value.clone())));
-            cell.values.insert(definition.name, (at, value));
-        }
-        batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
-        self.figures.records += 1;
-    }
-
-    /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
-    fn write(&mut self, batch: &mut Batch) -> Result<()> {
-        let news = self.cells.iter_mut().filter(|cell| cell.number != cell.kept);
-        batch.names.extend(news.map(|cell| {
-            cell.kept = cell.number;
-            (number_of(&cell.name), Some(cell.number.to_string()))
-        }));
-        if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() {
-            return Ok(());
-        }
-        let mut logged = String::new();
-        let dropped = loop {
-            let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
-            let error = match opened.and_then(|()| self.store.write(batch)) {
-                Ok(dropped) => break dropped,
-                Err(error) if interrupt::requested() => return Err(error),
-                Err(error) => format!("{error:#}"),
-            };
-            if error != logged {
-                let advice = "nothing is taken or published until this is mended";
-                (self.log)(json!({"store": "stuck", "why": error, "advice": advice}));
-                logged = error;
-            }
-            self.figures.is_stuck = true;
-            self.show();
-            thread::sleep(RETRY);
-        };
-        if core::mem::take(&mut self.figures.is_stuck) {
-            (self.log)(json!({"store": "written"}));
-        }
-        if dropped > 0 && self.figures.dropped_full == 0 {
-            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
-        }
-        if dropped > 0 {
-            let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);
-            self.uplink.made_room(oldest);
-        }
-        self.figures.dropped_full += dropped;
-        Ok(())
-    }
-
-    fn count(&mut self, outcome: &'static str) {
-        *self.figures.commands.entry(outcome).or_default() += 1;
-    }
-
-    fn show(&mut self) {
-        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
-            name: cell.name.clone(),
-            is_connected: cell.is_connected,
-            number: cell.number,
-            held: self.uplink.held(place),
-        });
-        self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
-        self.health.set(Figures {
-            cells: cells.collect(),
-            is_online: self.uplink.is_online(),
-            stored: self.store.len(),
-            in_flight: self.uplink.in_flight(),
-            uplink: self.uplink.counts,
-            commands: self.figures.commands.clone(),
-            ..self.figures
-        });
     }
 }
 

@@ -1,0 +1,139 @@
+//! The telemetry block of a FANUC controller: its word order, and whether it can be, as `cellwire fanuc log` sees it.
+
+use std::time::Duration;
+
+use cellwire::cell::telemetry::plausibility::Plausibility;
+use fanuc_hmi_modbus::typed::OrderProbe;
+use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
+
+/// What a block is.
+#[derive(Debug, PartialEq)]
+pub(super) enum Read {
+    /// What the controller reports.
+    Values(TelemetryBlock),
+    /// It cannot be: the fault's name, and the value that shows it.
+    Cannot(&'static str, &'static str),
+    /// It cannot be for the same reason as the one before.
+    Still,
+}
+
+/// Reads blocks one after the other.
+#[derive(Debug)]
+pub(super) struct Telemetry {
+    /// What the file says.
+    given: Option<WordOrder>,
+    /// What the life counter says.
+    probe: OrderProbe,
+    /// What the blocks have been read in, where neither says it yet.
+    assumed: WordOrder,
+    plausibility: Plausibility,
+    fault: Option<(&'static str, &'static str)>,
+}
+
+impl Telemetry {
+    /// Of a controller whose blocks are read every `poll`.
+    pub(super) fn new(given: Option<WordOrder>, period: Duration, poll: Duration) -> Self {
+        Self {
+            given,
+            probe: OrderProbe::default(),
+            assumed: WordOrder::default(),
+            plausibility: Plausibility::new(None, period, poll),
+            fault: None,
+        }
+    }
+
+    /// A connection was made.
+    pub(super) fn reconnected(&mut self) {
+        (self.probe, self.fault) = (OrderProbe::default(), None);
+        self.plausibility.reconnected();
+    }
+
+    /// A block that was read at `now`.
+    pub(super) fn read(&mut self, registers: &[u16; 37], now: Duration) -> Read {
+        let [first, second, ..] = *registers;
+        let found = self.probe.watch([first, second]);
+        let in_order = |order| TelemetryBlock::from_registers(registers, order);
+        if self.given.is_none() && found.is_none() {
+            // A real in the wrong order is a denormal or has no sense, and a quaternion no unit length.
+            let can_be = |order| self.plausibility.clone().check(&in_order(order), now).is_none();
+            let other = match self.assumed {
+                WordOrder::LowFirst => WordOrder::HighFirst,
+                WordOrder::HighFirst => WordOrder::LowFirst,
+            };
+            if !can_be(self.assumed) && can_be(other) {
+                self.assumed = other;
+            }
+        }
+        self.assumed = self.given.or(found).unwrap_or(self.assumed);
+        let block = in_order(self.assumed);
+        let fault = match self.plausibility.check(&block, now) {
+            Some((fault, value)) => Some((fault.name(), value)),
+            None if found.is_some_and(|found| found != self.assumed) => Some(("word_order", "life_counter")),
+            None => None,
+        };
+        let is_news = fault != self.fault;
+        self.fault = fault;
+        match fault {
+            None => Read::Values(block),
+            Some((fault, value)) if is_news => Read::Cannot(fault, value),
+            Some(_) => Read::Still,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const POLL: Duration = Duration::from_millis(100);
+
+    /// A block whose life counter is so far.
+    fn registers(order: WordOrder, life: u32) -> [u16; 37] {
+        let block = TelemetryBlock {
+            life_counter: life,
+            position: [465.0, 0.0, 365.0],
+            quaternion: [0.0, 0.6, 0.0, 0.8],
+            ..TelemetryBlock::default()
+        };
+        block.to_registers(order)
+    }
+
+    fn telemetry(given: Option<WordOrder>) -> Telemetry {
+        Telemetry::new(given, Duration::from_millis(8), POLL)
+    }
+
+    #[test]
+    fn the_word_order_is_found_from_the_first_block_on() {
+        for order in [WordOrder::LowFirst, WordOrder::HighFirst] {
+            let mut telemetry = telemetry(None);
+            for life in 1..9 {
+                let Read::Values(block) = telemetry.read(&registers(order, life * 12), POLL * life) else {
+                    panic!("{order:?} {life}")
+                };
+                assert_eq!((block.life_counter, block.position[0]), (life * 12, 465.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_word_order_that_cannot_be_is_said_once() {
+        let mut telemetry = telemetry(Some(WordOrder::HighFirst));
+        let read = telemetry.read(&registers(WordOrder::LowFirst, 12), POLL);
+        assert_eq!(read, Read::Cannot("denormal", "POS_X"));
+        assert_eq!(telemetry.read(&registers(WordOrder::LowFirst, 24), POLL * 2), Read::Still);
+        assert!(matches!(telemetry.read(&registers(WordOrder::HighFirst, 36), POLL * 3), Read::Values(_)));
+    }
+
+    #[test]
+    fn what_is_no_telemetry_is_said_with_its_fault() {
+        let mut telemetry = telemetry(None);
+        assert_eq!(telemetry.read(&[u16::MAX; 37], POLL), Read::Cannot("nan", "POS_X"));
+        assert_eq!(telemetry.read(&[0; 37], POLL * 2), Read::Cannot("quaternion", "Q_1"));
+        for at in 3..13 {
+            assert!(matches!(
+                telemetry.read(&registers(WordOrder::LowFirst, 12 * at), POLL * at),
+                Read::Values(_)
+            ));
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! What systemd is told of a service of `Type=notify`: that it is ready, that it lives, that it ends. Without systemd nobody is told.
+
+use std::env;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Who is told.
+#[derive(Debug)]
+pub(crate) struct Notify {
+    socket: Option<PathBuf>,
+    /// From one sign of life to the next.
+    interval: Option<Duration>,
+    due: Instant,
+}
+
+impl Notify {
+    /// As the environment says.
+    pub(crate) fn from_environment() -> Self {
+        let limit = env::var("WATCHDOG_USEC").ok().and_then(|text| text.parse().ok());
+        let interval = limit.map(|limit| Duration::from_micros(limit) / 3);
+        Self { socket: env::var_os("NOTIFY_SOCKET").map(PathBuf::from), interval, due: Instant::now() }
+    }
+
+    /// Says it, once.
+    pub(crate) fn say(&self, what: &str) {
+        #[cfg(unix)]
+        if let Some(place) = &self.socket
+            && let Ok(socket) = std::os::unix::net::UnixDatagram::unbound()
+        {
+            // Who does not listen has no use for it.
+            let _ = socket.send_to(what.as_bytes(), place);
+        }
+        #[cfg(not(unix))]
+        let _ = (&self.socket, what);
+    }
+
+    /// A sign of life, where it is time for one.
+    pub(crate) fn lives(&mut self, now: Instant) {
+        if let Some(interval) = self.interval
+            && now >= self.due
+        {
+            self.due = now + interval;
+            self.say("WATCHDOG=1");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! The commands of one cell that are remembered, so that none is executed twice and none that was refused is executed later.
+//!
+//! There is room for some thousands. What makes room leaves a mark: a command that is not later than what was forgotten is refused.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+
+use super::report::Outcome;
+use crate::store::{Batch, Store};
+
+/// In the store, before CELL/ID.
+const PREFIX: &str = "command/";
+/// In the store, before the cell: what of it was forgotten.
+const FORGOTTEN: &str = "forgotten/";
+/// The name, in a store of an earlier format, of the latest time of a command of any cell that was forgotten.
+const FORGOTTEN_OF_ALL: &str = "forgotten";
+/// So long an outcome can be asked for.
+const KEPT: Duration = Duration::from_secs(24 * 3600);
+/// So many are remembered.
+pub const MOST: usize = 20_000;
+
+/// The commands of a cell.
+#[derive(Debug, Default)]
+pub struct Remembered {
+    entries: HashMap<String, Entry>,
+    forgotten: Forgotten,
+}
+
+/// A command, as it is remembered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// When it was received.
+    pub at: u64,
+    /// Its own time.
+    #[serde(default)]
+    pub sent: u64,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// And why.
+    pub detail: String,
+}
+
+/// What is not remembered one by one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+struct Forgotten {
+    /// The latest time of a command that was forgotten.
+    until: u64,
+    /// The times, from and to, of commands that were refused as too early.
+    early: Option<(u64, u64)>,
+}
+
+impl Remembered {
+    /// What the store has of every cell.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn open(store: &Store) -> Result<HashMap<String, Self>> {
+        let mut cells: HashMap<String, Self> = HashMap::new();
+        for (name, value) in store.names(PREFIX)? {
+            let entry = serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
+            if let Some((cell, id)) = name.strip_prefix(PREFIX).and_then(|key| key.split_once('/')) {
+                cells.entry(cell.to_owned()).or_default().entries.insert(id.to_owned(), entry);
+            }
+        }
+        for (name, value) in store.names(FORGOTTEN)? {
+            let cell = name.strip_prefix(FORGOTTEN).unwrap_or_default().to_owned();
+            cells.entry(cell).or_default().forgotten =
+                serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
+        }
+        Ok(cells)
+    }
+
+    /// What a store of an earlier format has forgotten, of all cells: it is taken over by each.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn migrate<'a>(
+        store: &Store,
+        cells: impl Iterator<Item = &'a String>,
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let Some(until) = store.get(FORGOTTEN_OF_ALL)?.and_then(|text| text.parse().ok()) else {
+            return Ok(());
+        };
+        for cell in cells {
+            Self { forgotten: Forgotten { until, early: None }, ..Self::default() }.mark(cell, batch);
+        }
+        batch.names.push((FORGOTTEN_OF_ALL.into(), None));
+        Ok(())
+    }
+
+    /// The command of an id.
+    pub fn get(&self, id: &str) -> Option<&Entry> {
+        self.entries.get(id)
+    }
+
+    /// Those that have no outcome.
+    pub fn unfinished(&mut self) -> impl Iterator<Item = (&String, &mut Entry)> {
+        self.entries.iter_mut().filter(|(_, entry)| entry.outcome == Outcome::Accepted)
+    }
+
+    /// Why a command of this time is refused, because of others that were forgotten.
+    pub fn bars(&self, sent: u64) -> Option<String> {
+        let Forgotten { until, early } = self.forgotten;
+        match early {
+            _ if sent <= until => Some(format!(
+                "commands up to {until} are forgotten, its time is {sent}: a flood, or a clock was wrong"
+            )),
+            Some((from, to)) if (from..=to).contains(&sent) => Some(format!(
+                "too many commands dated {from} to {to} were refused as too early, its time is {sent}"
+            )),
+            _ => None,
+        }
+    }
+
+    /// Remembers a command, or its outcome.
+    pub fn keep(&mut self, cell: &str, id: &str, entry: Entry, now: u64, max_age: u64, batch: &mut Batch) {
+        if self.entries.len() >= MOST && !self.entries.contains_key(id) {
+            self.make_room(cell, now.saturating_add(max_age), batch);
+        }
+        put(batch, cell, id, Some(&entry));
+        self.entries.insert(id.to_owned(), entry);
+    }
+
+    /// Forgets the oldest, or those that were refused as later than `latest` where they are the most.
+    fn make_room(&mut self, cell: &str, latest: u64, batch: &mut Batch) {
+        let over = self.entries.iter().filter(|(_, entry)| entry.outcome != Outcome::Accepted);
+        let (mut early, mut due): (Vec<_>, Vec<_>) =
+            over.map(|(id, entry)| (entry.sent, id.clone())).partition(|(sent, _)| *sent > latest);
+        let gone = if early.len() > MOST / 2 {
+            early.sort_unstable();
+            let (first, last) = (early.first().map_or(0, |it| it.0), early.last().map_or(0, |it| it.0));
+            let (from, to) = self.forgotten.early.unwrap_or((first, last));
+            self.forgotten.early = Some((from.min(first), to.max(last)));
+            early
+        } else {
+            due.sort_unstable();
+            due.truncate(MOST / 8);
+            self.forgotten.until = self.forgotten.until.max(due.last().map_or(0, |it| it.0));
+            due
+        };
+        for (_, id) in gone {
+            put(batch, cell, &id, None);
+            self.entries.remove(&id);
+        }
+        self.mark(cell, batch);
+    }
+
+    /// Forgets what is older than a day and can no more be accepted.
+    pub fn forget(&mut self, cell: &str, now: u64, max_age: u64, batch: &mut Batch) {
+        let (before, kept) = (self.forgotten, u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX));
+        let forgotten = &mut self.forgotten;
+        self.entries.retain(|id, entry| {
+            let until = entry.at.saturating_add(kept).max(entry.sent.saturating_add(max_age));
+            let is_over = now > until && entry.outcome != Outcome::Accepted;
+            if is_over {
+                put(batch, cell, id, None);
+                forgotten.until = forgotten.until.max(entry.sent);
+            }
+            !is_over
+        });
+        forgotten.early.take_if(|(_, to)| now > to.saturating_add(max_age));
+        if *forgotten != before {
+            self.mark(cell, batch);
+        }
+    }
+
+    fn mark(&self, cell: &str, batch: &mut Batch) {
+        let value = serde_json::to_string(&self.forgotten).unwrap_or_default();
+        batch.names.push((format!("{FORGOTTEN}{cell}"), Some(value)));
+    }
+}
+
+/// Writes a command, or removes it.
+pub fn put(batch: &mut Batch, cell: &str, id: &str, entry: Option<&Entry>) {
+    let value = entry.map(|entry| serde_json::to_string(entry).unwrap_or_default());
+    batch.names.push((format!("{PREFIX}{cell}/{id}"), value));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AGE: u64 = 30_000;
+
+    #[test]
+    fn what_an_earlier_format_has_forgotten_is_forgotten_by_each_cell() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = Store::open(&folder.path().join("store"), 9).unwrap();
+        let names = vec![("forgotten".into(), Some("7".into()))];
+        store.write(&Batch { names, ..Batch::default() }).unwrap();
+        let mut batch = Batch::default();
+        Remembered::migrate(&store, ["a".to_owned(), "b".to_owned()].iter(), &mut batch).unwrap();
+        store.write(&batch).unwrap();
+        let cells = Remembered::open(&store).unwrap();
+        assert!(
+            ["a", "b"].iter().all(|cell| cells[*cell].bars(7).is_some() && cells[*cell].bars(8).is_none())
+        );
+        assert_eq!(store.get("forgotten").unwrap(), None);
+    }
+
+    fn refused(sent: u64) -> Entry {
+        Entry { at: 1_000_000, sent, outcome: Outcome::Refused, detail: String::new() }
+    }
+
+    #[test]
+    fn a_flood_forgets_the_oldest_and_what_is_not_later_is_barred() {
+        let (mut cell, mut batch) = (Remembered::default(), Batch::default());
+        let begun = Entry { outcome: Outcome::Accepted, ..refused(1) };
+        cell.keep("c", "begun", begun.clone(), 1_000_000, AGE, &mut batch);
+        for number in 0..u64::try_from(MOST).unwrap() {
+            cell.keep("c", &number.to_string(), refused(1_000_000 + number), 1_000_000, AGE, &mut batch);
+        }
+        assert!(cell.entries.len() <= MOST);
+        assert_eq!(cell.get("begun"), Some(&begun));
+        assert_eq!((cell.get("2499"), cell.get("2500")), (None, Some(&refused(1_002_500))));
+        let why = "commands up to 1002499 are forgotten, its time is 1002499: a flood, or a clock was wrong";
+        assert_eq!((cell.bars(1_002_499), cell.bars(1_002_500)), (Some(why.into()), None));
+        assert!(
+            batch.names.contains(&("forgotten/c".into(), Some(r#"{"until":1002499,"early":null}"#.into())))
+        );
+    }
+
+    #[test]
+    fn a_flood_from_the_future_bars_its_own_times_and_no_others() {
+        let (mut cell, mut batch, future) = (Remembered::default(), Batch::default(), 9_000_000);
+        cell.keep("c", "now", refused(1_000_000), 1_000_000, AGE, &mut batch);
+        for number in 0..u64::try_from(MOST).unwrap() {
+            cell.keep("c", &number.to_string(), refused(future + number), 1_000_000, AGE, &mut batch);
+        }
+        assert!(cell.get("now").is_some() && cell.get("0").is_none());
+        assert_eq!((cell.bars(1_000_001), cell.bars(future - 1)), (None, None));
+        let why = "too many commands dated 9000000 to 9019998 were refused as too early, its time is 9000007";
+        assert_eq!(cell.bars(future + 7), Some(why.into()));
+        // Until they can no more be accepted.
+        cell.forget("c", future + 19_998 + AGE, AGE, &mut batch);
+        assert!(cell.bars(future + 7).is_some());
+        cell.forget("c", future + 19_999 + AGE, AGE, &mut batch);
+        assert!(cell.bars(future + 7).is_none());
+    }
+
+    #[test]
+    fn what_was_too_early_is_remembered_until_it_is_too_late() {
+        let (mut cell, mut batch, day) = (Remembered::default(), Batch::default(), 86_400_000);
+        cell.keep("c", "early", refused(1_000_000 + 3 * day), 1_000_000, AGE, &mut batch);
+        cell.forget("c", 1_000_000 + 3 * day + AGE, AGE, &mut batch);
+        assert!(cell.get("early").is_some());
+        cell.forget("c", 1_000_001 + 3 * day + AGE, AGE, &mut batch);
+        assert!(cell.get("early").is_none() && cell.bars(1_000_000 + 3 * day).is_some());
+    }
+}

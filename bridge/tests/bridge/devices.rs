@@ -1,0 +1,181 @@
+//! Devices that do not answer, or report what cannot be.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use cellwire_bridge::payload::{Metric, Payload};
+use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
+
+use crate::broker::{Broker, Message, Peer};
+use crate::tool::Running;
+use crate::{ball, bridge, simulated};
+
+/// The next message of a kind, such as DBIRTH.
+fn next(peer: &mut Peer, kind: &str) -> Message {
+    loop {
+        let message = peer.any_message();
+        if message.number.is_some() {
+            peer.acknowledge(&message, 0);
+        }
+        if message.topic.contains(kind) {
+            return message;
+        }
+    }
+}
+
+fn metric(payload: &Payload, name: &str) -> Metric {
+    let found = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some(name));
+    found.unwrap_or_else(|| panic!("{name} in {payload:?}")).clone()
+}
+
+/// The quality of a metric that has no value.
+fn quality(payload: &Payload, name: &str) -> Option<u32> {
+    let metric = metric(payload, name);
+    assert_eq!((metric.is_null, &metric.value), (Some(true), &None), "{name}");
+    metric.properties.unwrap().values[0].value
+}
+
+fn signal(process: &Running, signal: &str) {
+    assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
+}
+
+fn dies_and_is_born(folder: &Path, ball: &Running) {
+    let broker = Broker::new();
+    let mut bridge = bridge(folder, &broker.address(), ball);
+    let mut peer = broker.accept(&[]);
+    next(&mut peer, "/DBIRTH/");
+    signal(ball, "-STOP");
+    let why = "the device has not answered for 2s";
+    let event = format!("{{\"event\":\"disconnected\",\"why\":\"{why}\"}}");
+    let last = loop {
+        let message = next(&mut peer, "/DDATA/");
+        if message.text("Event").is_some_and(|found| found == event) {
+            break message;
+        }
+    };
+    let death = next(&mut peer, "/DDEATH/");
+    assert_eq!(death.text("Event"), Some(event));
+    for name in ["Force/X", "Keys", "Stale"] {
+        assert_eq!(
+            (quality(&last.read(), name), quality(&death.read(), name)),
+            (Some(500), Some(500)),
+            "{name}"
+        );
+    }
+    let line = bridge.line("\"disconnected\"");
+    assert!(line.contains(why), "{line}");
+    signal(ball, "-CONT");
+    let birth = next(&mut peer, "/DBIRTH/");
+    assert_eq!(metric(&birth.read(), "Force/X").is_null, Some(true), "what it was before is not what it is");
+    let data = next(&mut peer, "/DDATA/");
+    assert!(data.text("Event").is_some_and(|event| event.contains("\"connected\"")));
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    assert!(
+        !bridge.rest().iter().any(|line| line.contains("\"disconnected\"") && line.contains(why)),
+        "once"
+    );
+}
+
+#[test]
+fn a_device_that_does_not_answer_is_dead_and_born_again_when_it_does() {
+    let folder = tempfile::tempdir().unwrap();
+    dies_and_is_born(folder.path(), &ball());
+}
+
+#[test]
+fn a_device_on_a_serial_port_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = folder.path().join("line");
+    let ball = simulated(&["ball", "--pty", line.to_str().unwrap()]);
+    dies_and_is_born(folder.path(), &ball);
+}
+
+/// What a controller reports.
+const GOOD: u8 = 0;
+const ONES: u8 = 1;
+const ZEROS: u8 = 2;
+
+/// A controller that answers every request with its block, whose reals have their high word first.
+fn controller(reports: Arc<AtomicU8>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let mut life = 0;
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let mut request = [0; 12];
+            while stream.read_exact(&mut request).is_ok() {
+                life += 12;
+                let block = TelemetryBlock {
+                    life_counter: life,
+                    position: [465.0, 0.0, 365.0],
+                    quaternion: [0.0, 0.6, 0.0, 0.8],
+                    ..TelemetryBlock::default()
+                };
+                let words = match reports.load(Ordering::Relaxed) {
+                    GOOD => block.to_registers(WordOrder::HighFirst),
+                    ONES => [u16::MAX; 37],
+                    _ => [0; 37],
+                };
+                let mut reply = request[..4].to_vec();
+                reply.extend([0, 77, request[6], 3, 74]);
+                reply.extend(words.iter().flat_map(|word| word.to_be_bytes()));
+                if stream.write_all(&reply).is_err() {
+                    break;
+                }
+            }
+        }
+    });
+    place
+}
+
+#[test]
+fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let reports = Arc::new(AtomicU8::new(GOOD));
+    let place = controller(Arc::clone(&reports));
+    let hall = format!(
+        "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
+         [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nsettings = {{ poll = \"50ms\" }}\n",
+        broker.address()
+    );
+    let file = folder.path().join("hall.toml");
+    std::fs::write(&file, hall).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut bridge = Running::start(command);
+    let mut peer = broker.accept(&[]);
+    let x = "Telemetry/Position/X";
+    let good = |peer: &mut Peer| loop {
+        let message = next(peer, "/DDATA/").read();
+        if message.metrics.iter().any(|metric| metric.name.as_deref() == Some(x)) {
+            // The word order is found.
+            assert_eq!(metric(&message, x).value, Some(cellwire_bridge::payload::Value::Float(465.0)));
+            return;
+        }
+    };
+    good(&mut peer);
+    for (what, fault, value) in [(ONES, "nan", "POS_X"), (ZEROS, "quaternion", "Q_1")] {
+        reports.store(what, Ordering::Relaxed);
+        let message = loop {
+            let message = next(&mut peer, "/DDATA/");
+            if message.text("Event").is_some() {
+                break message;
+            }
+        };
+        let event = format!("{{\"event\":\"implausible\",\"fault\":\"{fault}\",\"value\":\"{value}\"}}");
+        assert_eq!(message.text("Event"), Some(event.clone()));
+        for name in [x, "Telemetry/Life Counter", "Telemetry/Quaternion Rate/Z"] {
+            assert_eq!(quality(&message.read(), name), Some(0), "{name}");
+        }
+        let line = bridge.line("implausible");
+        assert!(line.contains(&event), "{line}");
+        reports.store(GOOD, Ordering::Relaxed);
+        good(&mut peer);
+    }
+}

@@ -1,0 +1,199 @@
+//! The hall's file and its store, as `--check` sees them.
+
+use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::Command;
+
+use crate::{ball, bridge, figure, until};
+
+const HALL: &str = r#"[broker]
+address = "broker:8883"
+group = "hall"
+node = "bridge"
+
+[store]
+file = "hall.redb"
+
+[cell.robot]
+link = "fanuc-hmi-modbus"
+address = "10.0.0.1:502"
+settings = { poll = "100ms" }
+"#;
+
+fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
+    let file = folder.join("hall.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    let output = command.args(["--check", "--config"]).arg(&file).output().unwrap();
+    let out = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+    (
+        output.status.code(),
+        out.replace(file.to_str().unwrap(), "hall.toml").replace(folder.to_str().unwrap(), "FOLDER"),
+    )
+}
+
+fn secret(path: &Path, mode: u32) {
+    std::fs::write(path, "correct horse\n").unwrap();
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+}
+
+#[test]
+fn a_hall_is_checked_without_a_connection() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = "{\"hall\":\"hall.toml\",\"broker\":\"broker:8883\",\"cells\":[\"robot\"]}\n";
+    assert_eq!(check(folder.path(), HALL), (Some(0), line.into()));
+    assert!(!folder.path().join("hall.redb").exists());
+}
+
+#[test]
+fn what_is_wrong_has_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("empty.pem"), "nothing").unwrap();
+    let bad = "-----BEGIN CERTIFICATE-----\nno base64!\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("bad.pem"), bad).unwrap();
+    for (from, to, error) in [
+        ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
+        ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
+        ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\ntls = { ca = \"empty.pem\" }",
+            "line 5: FOLDER/empty.pem: it has no BEGIN CERTIFICATE in PEM form",
+        ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
+            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error: InvalidCharacter(33)",
+        ),
+        (
+            "10.0.0.1:502",
+            "/dev/ttyS0",
+            "line 9: cell robot: /dev/ttyS0 would be a serial port, and this link has none: give HOST:PORT",
+        ),
+        (
+            "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
+            "\"kawasaki-msg\"\naddress = \"10.0.0.1:502\"\nsettings = { udp = true }",
+            "line 9: cell robot: over UDP the robot sends first: give listen instead of address",
+        ),
+        ("\"fanuc-hmi-modbus\"", "\"fanuc\"", "line 9: cell robot: no link is called fanuc"),
+        (
+            "poll = \"100ms\"",
+            "poll = 100",
+            "line 12: cell robot: poll=100: not a time with its unit, such as 250ms or 1.5s, give 10ms to 1h",
+        ),
+        (
+            "address = \"10.0.0.1:502\"\n",
+            "",
+            "line 9: cell robot: give address (HOST:PORT, or the path of a serial port), or listen where the device connects to \
+             the PC",
+        ),
+    ] {
+        assert_eq!(
+            check(folder.path(), &HALL.replace(from, to)),
+            (Some(2), format!("error: hall.toml, {error}\n"))
+        );
+    }
+    let (status, error) = check(folder.path(), &HALL.replace("link = \"fanuc-hmi-modbus\"", "links = 1"));
+    assert_eq!(status, Some(2));
+    assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
+}
+
+#[test]
+fn what_is_unsafe_has_to_be_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("secret");
+    let hall = |more: &str| HALL.replace("node = \"bridge\"", &format!("node = \"bridge\"\n{more}"));
+    let login = "user = \"u\"\npassword_file = \"secret\"";
+    let ok = |text: &str| check(folder.path(), text).0 == Some(0);
+    let refused = |text: &str, error: &str| {
+        assert_eq!(check(folder.path(), text), (Some(2), format!("error: hall.toml, {error}\n")));
+    };
+    secret(&file, 0o600);
+    let clear = "line 6: the password would go to broker:8883 in the clear: give tls, or allow = [\"password_without_tls\"]";
+    refused(&hall(login), clear);
+    assert!(ok(&hall(&format!("{login}\nallow = [\"password_without_tls\"]"))));
+    assert!(
+        ["localhost", "127.0.0.1", "[::1]"]
+            .iter()
+            .all(|host| ok(&hall(login).replace("broker:8883", &format!("{host}:1883"))))
+    );
+    secret(&file, 0o644);
+    let here = hall(login).replace("broker:8883", "localhost:1883");
+    let readable = "line 6: everybody on this machine can read FOLDER/secret: chmod 600 it, or give allow = [\"readable_secrets\"]";
+    refused(&here, readable);
+    assert!(ok(&here.replace(login, &format!("{login}\nallow = [\"readable_secrets\"]"))));
+    refused(
+        &hall("tls = { ca = \"secret\", certificate = \"secret\", key = \"secret\" }"),
+        &readable.replace('6', "5").replacen("chmod 500", "chmod 600", 1),
+    );
+    let (status, error) = check(folder.path(), &hall("allow = [\"anything\"]"));
+    assert!(status == Some(2) && error.contains("unknown variant `anything`"), "{error}");
+}
+
+#[test]
+fn a_check_says_what_a_start_would_do_with_the_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut bridge = bridge(folder.path(), &nobody, &ball);
+    until("records", || figure(&bridge, "store_records") > 3);
+    let store = folder.path().join("s.redb");
+    assert_eq!(std::fs::metadata(&store).unwrap().permissions().mode() & 0o777, 0o600);
+    let text = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    let line = |text: &str| check(folder.path(), text).1.lines().nth(1).unwrap().to_owned();
+    let busy = line(&text);
+    assert!(busy.contains("is open in another process"), "{busy}");
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    let same = line(&text);
+    assert!(same.starts_with("{\"store\":\"FOLDER/s.redb\",\"records\":"), "{same}");
+    assert!(same.ends_with(",\"dropped_orphans\":{},\"dropped_full\":0}"), "{same}");
+    let count: u64 =
+        same["{\"store\":\"FOLDER/s.redb\",\"records\":".len()..].split(',').next().unwrap().parse().unwrap();
+    let renamed = line(
+        &text
+            .replace("[cell.ball]", "[cell.sphere]")
+            .replace("file = \"s.redb\"", "file = \"s.redb\"\nrecords = 2"),
+    );
+    let dropped = format!(
+        "\"records\":{count},\"dropped_orphans\":{{\"ball\":{count}}},\"dropped_full\":{}}}",
+        count - 2
+    );
+    assert!(renamed.ends_with(&dropped), "{renamed}");
+    let length = std::fs::metadata(&store).unwrap().len();
+    std::fs::File::options().write(true).open(&store).unwrap().set_len(length / 2).unwrap();
+    let (status, error) = check(folder.path(), &text);
+    assert!(status == Some(2) && error.contains("is damaged"), "{error}");
+}
+
+#[test]
+fn the_hall_of_the_page_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
+    secret(&folder.path().join("bridge.password"), 0o600);
+    let page = include_str!("../../../docs/bridge.md");
+    let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
+    let line = format!("{{\"hall\":\"hall.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
+    assert_eq!(check(folder.path(), hall), (Some(0), line));
+}
+
+#[test]
+fn a_shell_and_man_have_its_options() {
+    let folder = tempfile::tempdir().unwrap();
+    let bridge = |option: &str, value: &Path| {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_cellwire-bridge")).arg(option).arg(value).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let completions = bridge("--completions", Path::new("bash"));
+    assert!(
+        completions.contains("default cellwire-bridge\n") && completions.contains("--config"),
+        "{completions}"
+    );
+    assert_eq!(bridge("--man", folder.path()), "");
+    let page = std::fs::read_to_string(folder.path().join("cellwire-bridge.1")).unwrap();
+    assert!(page.contains("Settings of a cell of kawasaki"), "{page}");
+}

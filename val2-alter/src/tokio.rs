@@ -234,6 +234,8 @@ impl Service for Moving {
                 }
             }
             HostEvent::Stopped | HostEvent::End(_) | HostEvent::Lost(_) => {
+                // The last reply may have moved the arm.
+                self.count(session);
                 self.stops.drain(..).for_each(|reply| drop(reply.send(Ok(()))));
             }
             _ => {}

@@ -279,6 +279,7 @@ fn a_dry_run_says_and_draws_what_would_happen() {
         (&mm["least"], &mm["most"]),
         (&serde_json::json!([0.0, 0.0]), &serde_json::json!([30.0, 30.0]))
     );
+    assert_eq!(line["not_carried"], serde_json::json!(["f"]));
     // The arc in chords of at most 0.05 mm beside it: 2 acos(1 - 0.05 / 10) of a quarter.
     assert_eq!((&line["instructions"], &line["frames"]), (&(4 + 8).into(), &2.into()));
     assert!(svg.contains("width=\"33mm\"") && svg.contains("stroke=\"black\""), "{svg}");
@@ -301,6 +302,20 @@ fn a_dry_run_says_and_draws_what_would_happen() {
     assert!(said.contains("the drawing has what cannot be cut: 1 TEXT"), "{said}");
 }
 
+/// Laser software writes its travel as cuts without power.
+#[test]
+fn a_cut_without_power_is_a_move() {
+    let cuts = |gcode: &str| {
+        let (code, _, said, svg) = dry_run("part.nc", gcode);
+        assert_eq!((code, said.as_str()), (Some(0), ""));
+        svg.lines().any(|line| line.contains("stroke=\"black\"") && !line.contains("d=\"\""))
+    };
+    let travel = "G21 G90\nM4 F600\nG1 X10 S0\nG1 Y10 S0\n";
+    assert!(!cuts(travel));
+    assert!(cuts(&travel.replace("Y10 S0", "Y10 S80")));
+    assert!(cuts(&travel.replace(" S0", "")), "without S the plant's own power");
+}
+
 #[test]
 fn a_program_that_is_not_understood_is_refused_with_its_line() {
     for (name, program, expected) in [
@@ -311,12 +326,20 @@ fn a_program_that_is_not_understood_is_refused_with_its_line() {
         ("a.csv", "cut,1e39\n", "line 1: a number that is too large"),
         ("a.csv", "2305,1\n", "line 1: 0x0901 is no command word"),
         ("a.nc", "G0 X1\nG41 X2\n", "line 2: G41 is not supported"),
-        ("a.nc", "M3\nG2 X10 Y0 R2\n", "line 2: the ends of the arc are farther apart than 2 R"),
+        ("a.nc", "M3 F100\nG2 X10 Y0 R2\n", "line 2: the ends of the arc are farther apart than 2 R"),
         ("a.nc", "G2 X10 Y0 I3\n", "line 1: the arc begins 3.000 mm and ends 7.000 mm from its centre"),
         ("a.nc", "X10\n", "line 1: a place without G0, G1, G2 or G3 before it"),
         ("a.nc", "G1 X1 X2\n", "line 1: X is given twice"),
         ("a.nc", "G1 X1 F0\n", "line 1: F0 is no feed"),
         ("a.nc", "M6 T1\n", "line 1: M6 is not supported"),
+        ("a.nc", "M3\nG0 X1\nG1 X2\n", "line 3: a cut without a feed: give F before it"),
+        ("a.nc", "M4 S-1\n", "line 1: S-1 is no power"),
+        ("a.nc", "G1 X\n", "line 1: \"X\" is not followed by a number"),
+        (
+            "a.nc",
+            "M6\nG0 X1\nG41\nG0 Y2\n",
+            "line 1: M6 is not supported: M2, M3, M4, M5 and M30 are\nline 3: G41",
+        ),
         ("a.dxf", "hello\n", "no DXF drawing"),
     ] {
         let (code, _, said, _) = dry_run(name, program);

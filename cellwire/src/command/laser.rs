@@ -74,8 +74,15 @@ pub fn run(args: &Args) -> Result<bool> {
         log(&json!({
             "program": args.file, "instructions": program.instructions.len(), "frames": frames,
             "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
+            "not_carried": program.not_carried,
         }))?;
         return Ok(true);
+    }
+    if !program.not_carried.is_empty() {
+        log(&json!({
+            "event": "not_carried", "values": program.not_carried,
+            "hint": "the program gives these, and no instruction has them: add them to the setting program.values",
+        }))?;
     }
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
     let work = Work { file: &args.file, what: "program", fingerprint, parts };

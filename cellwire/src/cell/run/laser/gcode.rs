@@ -2,36 +2,85 @@
 
 use core::f64::consts::TAU;
 
-use anyhow::{Context, Result, bail, ensure};
-use gcode::{Block, Code, Value};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use gcode::core::TokenType;
+use gcode::{Block, Code, DiagnosticKind, Value};
 
-use super::route::{Instruction, Route};
-use super::settings::Mapping;
+use super::program::Program;
+use super::route::Route;
+use super::settings::{Coordinate, Mapping};
 
 /// Reads G0 to G3, G17, G20, G21, G90, G91, G94, M2, M3, M4, M5 and M30; F, S, X, Y, Z, A, B, C, I, J, R.
 ///
-/// G1 to G3 cut while M3 or M4 holds, else they move, as G0 does.
+/// G1 to G3 cut while M3 or M4 holds, unless S is 0, as laser software writes its travel; else they move, as G0 does. A program without
+/// S cuts with the plant's own power.
 ///
 /// # Errors
-/// When a line has anything else, with its number: a program that is not understood is not run.
-pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
+/// When a line has anything else, with its number, or a cut has no feed: a program that is not understood is not run. All such lines are
+/// named, the first twenty.
+pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Program> {
+    let mut wrong = Wrong::default();
     let program = match gcode::parse(text) {
         Ok(program) => program,
-        Err(found) => match found.iter().next() {
-            Some(first) => bail!("line {}: no G-code: {:?}", first.span.line + 1, first.kind),
-            None => bail!("no G-code"),
-        },
+        Err(found) => {
+            found.iter().for_each(|it| wrong.add(it.span.line as u64 + 1, &unreadable(&it.kind)));
+            return Err(wrong.error());
+        }
     };
     let mut machine =
         Machine { route: Route::new(mapping), motion: None, scale: 1.0, relative: false, laser: false };
     for block in &program.blocks {
         let line = block.span.line as u64 + 1;
-        let goes_on = machine.block(line, block).with_context(|| format!("line {line}"))?;
-        if !goes_on {
-            break;
+        match machine.block(line, block) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(error) => wrong.add(line, &format!("{error:#}")),
         }
     }
-    Ok(machine.route.instructions)
+    if wrong.count > 0 {
+        return Err(wrong.error());
+    }
+    let Route { feed, power, instructions, .. } = machine.route;
+    let given = [(Coordinate::F, feed > 0.0), (Coordinate::S, power.is_some())];
+    let lost = given.into_iter().filter(|(value, is_given)| *is_given && !mapping.values.contains(value));
+    Ok(Program { instructions, not_carried: lost.map(|(value, _)| value).collect() })
+}
+
+/// What is wrong with a program, line by line.
+#[derive(Default)]
+struct Wrong {
+    text: String,
+    count: usize,
+}
+
+impl Wrong {
+    fn add(&mut self, line: u64, what: &str) {
+        self.count += 1;
+        if self.count <= 20 {
+            let separator = if self.text.is_empty() { "" } else { "\n" };
+            self.text.push_str(&format!("{separator}line {line}: {what}"));
+        }
+    }
+
+    fn error(self) -> anyhow::Error {
+        match self.count {
+            0 => anyhow!("no G-code"),
+            ..=20 => anyhow!(self.text),
+            more => anyhow!("{}\nand {} more", self.text, more - 20),
+        }
+    }
+}
+
+/// What cannot be read, in words.
+fn unreadable(kind: &DiagnosticKind) -> String {
+    match kind {
+        DiagnosticKind::UnknownContent { text } => format!("{text:?} is no G-code"),
+        DiagnosticKind::Unexpected { actual, expected } if expected.contains(&TokenType::Number) => {
+            format!("{actual:?} is not followed by a number")
+        }
+        DiagnosticKind::Unexpected { actual, .. } => format!("{actual:?} is not expected here"),
+        other => other.to_string(),
+    }
 }
 
 /// What holds until it is changed.
@@ -91,7 +140,10 @@ impl Machine<'_> {
             ensure!(feed > 0.0, "F{feed} is no feed");
             self.route.feed = feed * self.scale;
         }
-        self.route.power = words.get('S').unwrap_or(self.route.power);
+        if let Some(power) = words.get('S') {
+            ensure!(power >= 0.0, "S{power} is no power: it is 0, which moves, or more");
+            self.route.power = Some(power);
+        }
         if "XYZABCIJR".chars().any(|letter| words.get(letter).is_some()) {
             self.go(line, &words)?;
         }
@@ -120,7 +172,8 @@ impl Machine<'_> {
             let value = if "XYZ".contains(letter) { value * self.scale } else { value };
             *place = if self.relative { *place + value } else { value };
         }
-        let cuts = motion > 0 && self.laser;
+        let cuts = motion > 0 && self.laser && self.route.power != Some(0.0);
+        ensure!(!cuts || self.route.feed > 0.0, "a cut without a feed: give F before it, in units a minute");
         if motion < 2 {
             ensure!(
                 ['I', 'J', 'R'].iter().all(|letter| words.get(*letter).is_none()),

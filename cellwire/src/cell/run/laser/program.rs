@@ -20,6 +20,8 @@ const OVERHEAD: (usize, usize) = (6, 7);
 pub struct Program {
     /// In order.
     pub instructions: Vec<Instruction>,
+    /// What the program gives, and the floats of its instructions do not have: feed or power.
+    pub not_carried: Vec<Coordinate>,
 }
 
 impl Program {
@@ -29,15 +31,17 @@ impl Program {
     /// When the file cannot be read, or has what no instruction can be made of, with the line.
     pub fn read(file: &Path, mapping: &Mapping, host: &HostConfig) -> Result<Self> {
         let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
-        let instructions = match kind.as_str() {
-            "csv" => csv::read(&input::text(file)?, mapping),
-            "dxf" => dxf::read(&input::bytes(file)?, mapping),
+        let all = |instructions| Self { instructions, not_carried: Vec::new() };
+        let program = match kind.as_str() {
+            "csv" => csv::read(&input::text(file)?, mapping).map(all),
+            "dxf" => dxf::read(&input::bytes(file)?, mapping).map(all),
             _ => gcode::read(&input::text(file)?, mapping),
         };
-        let instructions = instructions.with_context(|| file.display().to_string())?;
+        let program = program.with_context(|| file.display().to_string())?;
+        let instructions = &program.instructions;
         ensure!(!instructions.is_empty(), "{} has no instructions", file.display());
         ensure!(instructions.len() <= MAX_INSTRUCTIONS, "more than {MAX_INSTRUCTIONS} instructions");
-        for Instruction { line, word, values } in &instructions {
+        for Instruction { line, word, values } in instructions {
             match host.words.class(*word) {
                 Some(Class::Interpreted | Class::Immediate) => {}
                 Some(Class::Query) => bail!("line {line}: {word:#06x} is a query: it belongs in no program"),
@@ -46,7 +50,7 @@ impl Program {
             ensure!(values.iter().all(|value| value.is_finite()), "line {line}: a number that is too large");
             ensure!(values.len() <= 60, "line {line}: more floats than a frame can hold");
         }
-        Ok(Self { instructions })
+        Ok(program)
     }
 
     /// A number that programs of other instructions do not have: FNV-1a of all words and floats.

@@ -25,14 +25,15 @@ pub(super) struct Route<'a> {
     /// X, Y, Z, A, B, C.
     pub(super) at: [f64; 6],
     pub(super) feed: f64,
-    pub(super) power: f64,
+    /// As the program has it, once it has.
+    pub(super) power: Option<f64>,
     length: f64,
     pub(super) instructions: Vec<Instruction>,
 }
 
 impl<'a> Route<'a> {
     pub(super) fn new(mapping: &'a Mapping) -> Self {
-        Self { mapping, at: [0.0; 6], feed: 0.0, power: 0.0, length: 0.0, instructions: Vec::new() }
+        Self { mapping, at: [0.0; 6], feed: 0.0, power: None, length: 0.0, instructions: Vec::new() }
     }
 
     /// A straight line.
@@ -56,7 +57,7 @@ impl<'a> Route<'a> {
             Coordinate::B => b,
             Coordinate::C => c,
             Coordinate::F => self.feed,
-            Coordinate::S => self.power,
+            Coordinate::S => self.power.unwrap_or_default(),
             Coordinate::Length => self.length,
         };
         let values = self.mapping.values.iter().map(value).map(float).collect();

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::Attribute;
+use crate::check::Surroundings;
 use crate::complete::{self, Completion};
 use crate::entry::{self, Entry};
 use crate::error::DecodeError;
@@ -102,9 +103,14 @@ impl Document {
     }
 
     /// What a controller would not take, and what it takes and the author probably did not mean; each once, in the order of
-    /// the text.
+    /// the text. [`Problem::level`](crate::Problem::level) says how bad each is.
     pub fn findings(&self, rules: &Rules) -> Vec<Finding> {
-        finding::find(&self.text, &self.parts, rules)
+        self.findings_among(rules, &Surroundings::default())
+    }
+
+    /// The same where other programs and macros are known: a call of one that is not there is a finding, the name of a macro is none.
+    pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
+        finding::find(&self.text, &self.parts, rules, around)
     }
 
     /// What may stand at a byte of the text, in an editor: instructions, registers, options, labels, positions.

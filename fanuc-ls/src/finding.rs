@@ -3,7 +3,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::AttributeValue;
-use crate::check;
+use crate::check::{self, Surroundings};
 use crate::error::{Reason, Warning};
 use crate::instruction::Instruction;
 use crate::mistake::{Level, Mistake};
@@ -77,7 +77,7 @@ impl fmt::Display for Finding {
 }
 
 /// Everything there is to find in a text, in its order.
-pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
+pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
     let is_template =
         !parts.positions(text).any(|position| position.is_ok_and(|position| position.is_taught()));
     let is_copy = at(text, &parts.name).starts_with('-') && at(text, &parts.name).ends_with('-');
@@ -88,7 +88,7 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
         Problem::Warning(Warning::UntaughtPosition { .. }) => !is_template,
         _ => true,
     });
-    found.extend(check::find(text, parts));
+    found.extend(check::find(text, parts, around));
     found.sort_by_key(|(offset, _)| *offset);
     placed(text, &found)
 }

@@ -30,6 +30,7 @@ mod text;
 
 pub use attribute::{Attribute, AttributeValue};
 pub use builder::Builder;
+pub use check::Surroundings;
 pub use complete::Completion;
 pub use document::{Document, Encoding};
 pub use entry::{Content, Entry};

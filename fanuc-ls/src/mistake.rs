@@ -52,6 +52,9 @@ pub enum Mistake {
     /// A name, which can be that of a macro.
     #[error("no instruction has this name: it must be a macro's")]
     Macro,
+    /// A call of a program that is not among those that are known.
+    #[error("there is no program of this name")]
+    MissingProgram,
     /// A number outside its range.
     #[error("expected a number from {low} to {high}")]
     Range {
@@ -275,7 +278,7 @@ impl Mistake {
     /// How bad it is.
     pub fn level(self) -> Level {
         match self {
-            Self::Macro | Self::Untaught => Level::Hint,
+            Self::Macro | Self::MissingProgram | Self::Untaught => Level::Hint,
             Self::Unknown
             | Self::UnknownOption
             | Self::Unreachable
@@ -291,6 +294,9 @@ impl Mistake {
     pub fn advice(self) -> &'static str {
         match self {
             Self::Macro => "check its spelling; name the controller's macros in a file",
+            Self::MissingProgram => {
+                "check its spelling; it may be a KAREL program, or one that is not in this folder"
+            }
             Self::Unknown | Self::UnknownOption => {
                 "check its spelling; an option of the controller may have it"
             }

@@ -1,7 +1,7 @@
 //! Programs with one mistake each: it is found, at its line. Programs without one: nothing is found.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use fanuc_ls::{Document, Level, Problem, Rules};
+use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings};
 
 /// A sound program, with one text put into one of its sections; and the line where that begins.
 fn program(section: &str, text: &str) -> (String, usize) {
@@ -187,4 +187,47 @@ fn a_name_is_perhaps_a_macro_and_nothing_worse() {
         let (program, first) = program("mn", text);
         assert_eq!(found(&program), [(first, "macro".to_owned(), Level::Hint)], "{text}");
     }
+}
+
+#[test]
+fn what_is_around_a_program_is_known_by_name() {
+    let (program, first) =
+        program("mn", "CALL WELD_ON(1)\nIF R[1]=1,CALL MISSING\nRUN Logger\nCALL SR[1]\nOpen hand 1");
+    let names = |names: &[&str]| names.iter().map(ToString::to_string).collect();
+    let around =
+        Surroundings { programs: Some(names(&["WELD_ON", "LOGGER"])), macros: names(&["OPEN HAND 1"]) };
+    let findings = Document::decode(&program).unwrap().findings_among(&Rules::default(), &around);
+    let found: Vec<_> = findings.iter().map(|finding| (finding.line, finding.problem)).collect();
+    assert_eq!(found, [(first + 1, Problem::Mistake(Mistake::MissingProgram))]);
+}
+
+#[test]
+fn an_editor_is_told_what_may_stand_at_a_place() {
+    let complete = |text: &str| {
+        let (before, behind) = text.split_once('|').unwrap();
+        let text = format!(
+            "/PROG A\n/MN\n1: LBL[7:x] ;\n2:{before}{behind} ;\n/POS\nP[3]{{GP1:UF:0,UT:1,J1=0 deg}};\n/END\n"
+        );
+        let at = text.find(before).unwrap() + before.len();
+        let document = Document::decode(&text).unwrap();
+        document
+            .completions(at)
+            .into_iter()
+            .map(|found| text[found.place].to_owned() + ">" + &found.text)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(complete(" JMP LBL[|"), [">7"]);
+    assert_eq!(complete("L P[|] 5mm/sec FINE"), [">3"]);
+    assert_eq!(complete(" CAL|"), ["CAL>CALL"]);
+    assert_eq!(complete(" IF R[1]=1,EN|"), ["EN>END"]);
+    assert_eq!(complete("L P[3] 5mm/sec FINE Tool|"), ["Tool>Tool_Offset"]);
+    assert_eq!(complete(" R[1]=SU|"), ["SU>SUBSTR"]);
+    assert_eq!(complete(" !text|"), Vec::<String>::new());
+}
+
+#[test]
+fn copies_and_templates_are_not_nagged_about() {
+    let untaught = "P[1]{\n GP1:\n UF : 0, UT : 1,\n J1= ******** deg\n};\n";
+    let copy = format!("/PROG  -BCKEDT-\n/MN\n   1:J P[1] 5% FINE ;\n/POS\n{untaught}/END\n");
+    assert_eq!(found(&copy), []);
 }

@@ -168,8 +168,9 @@ fn other_instructions_of_the_table() {
     assert_eq!(operation("LOCK PREG"), Operation::Lock);
     assert_eq!(operation("--eg:a"), Operation::Remark("eg:a".into()));
     assert_eq!(operation("MONITOR WATCH"), Operation::Monitor("WATCH".into()));
-    let set = Operation::Assign(item(ItemKind::Timer, 1), Expression::Number(500.0));
-    assert_eq!(operation("TIMER[1]MS=500"), set);
+    // A timer counts seconds.
+    let seconds = binary(Operator::Divide, Expression::Number(500.0), Expression::Number(1000.0));
+    assert_eq!(operation("TIMER[1]MS=500"), Operation::Assign(item(ItemKind::Timer, 1), seconds));
     let name = "Op. Entry Menu".to_string();
     assert_eq!(
         operation("Op. Entry Menu(1)"),

@@ -5,7 +5,8 @@ mod motion;
 mod positions;
 mod values;
 
-use alloc::collections::BTreeMap;
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use crate::attribute::AttributeValue;
@@ -17,6 +18,15 @@ use crate::motion::Motion;
 use crate::operation::Operation;
 use crate::parts::{Parts, at, offset};
 use crate::position::Position;
+
+/// What is around a program, as far as it is known.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Surroundings {
+    /// The names of the programs that it may call, in capitals. None: any may be there.
+    pub programs: Option<BTreeSet<String>>,
+    /// The names of the controller's macros, in capitals.
+    pub macros: BTreeSet<String>,
+}
 
 /// A statement, and what it does.
 struct Line<'a> {
@@ -37,6 +47,7 @@ enum What {
 /// What is found, each with its byte.
 struct Found<'a> {
     text: &'a str,
+    around: &'a Surroundings,
     found: Vec<(usize, Problem)>,
 }
 
@@ -47,8 +58,8 @@ impl Found<'_> {
 }
 
 /// Every mistake in a text.
-pub(crate) fn find(text: &str, parts: &Parts) -> Vec<(usize, Problem)> {
-    let mut found = Found { text, found: Vec::new() };
+pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usize, Problem)> {
+    let mut found = Found { text, around, found: Vec::new() };
     let lines: Vec<Line<'_>> = { parts.statements(text) }
         .map(|statement| {
             let place = statement.body();
@@ -109,8 +120,20 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
     match grammar::operation(place) {
         Ok(operation) => {
             values::check(&operation, place, found);
-            if matches!(operation.action(), Operation::Macro { .. }) {
-                found.add(place, Mistake::Macro);
+            let is_known = |names: &BTreeSet<String>, name: &str| names.contains(&name.to_uppercase());
+            match operation.action() {
+                Operation::Macro { name, .. } if !is_known(&found.around.macros, name) => {
+                    found.add(place, Mistake::Macro);
+                }
+                Operation::Call { program, .. } | Operation::Run(program) | Operation::Monitor(program) => {
+                    // A register may have the name.
+                    let programs = found.around.programs.as_ref();
+                    let is_missing = programs.is_some_and(|programs| !is_known(programs, program));
+                    if is_missing && !program.contains(['[', '.']) {
+                        found.add(place, Mistake::MissingProgram);
+                    }
+                }
+                _ => {}
             }
             match operation {
                 Operation::Remark(_) | Operation::Disabled(_) => What::Nothing,

@@ -129,7 +129,15 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
             return arguments(rest, *function, depth);
         }
     }
-    item_at(input, depth).map(|(rest, item)| (rest, Expression::Item(item)))
+    let (rest, item) = item_at(input, depth)?;
+    // A timer counts seconds; `TIMER[1]MS` is the same in milliseconds.
+    if item.kind == ItemKind::Timer
+        && let Some(rest) = next(rest, keyword("MS"))
+    {
+        let sides = (Expression::Item(item), Expression::Number(1000.0));
+        return Ok((rest, Expression::Binary(Operator::Multiply, Box::new(sides))));
+    }
+    Ok((rest, Expression::Item(item)))
 }
 
 /// What a function is given: in brackets, in parentheses, or for those of strings behind a blank.

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use super::expression::{bracketed, condition, expression, item, name, system, value};
 use super::table::{Form, Place, ROWS};
 use super::{Parsed, Trouble, blank, end, fail, is_word, keyword, next, number, or_fail, other, sign};
-use crate::expression::{Expression, Index, Item, ItemKind};
+use crate::expression::{Expression, Index, Item, ItemKind, Operator};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::{Operation, TimerAction};
 
@@ -327,12 +327,9 @@ pub(super) fn message(input: &str) -> Parsed<'_, Operation> {
 
 /// What follows a register, an output, a timer.
 fn assign(input: &str, item: Item) -> Parsed<'_, Operation> {
-    let mut rest = input;
-    if item.kind == ItemKind::Timer {
-        // Its number in milliseconds: `TIMER[1]MS`.
-        rest = next(rest, keyword("MS")).unwrap_or(rest);
-    }
-    let (rest, ()) = or_fail(rest, Expected::Equals, sign("="))?;
+    // A timer counts seconds; `TIMER[1]MS` is set in milliseconds.
+    let milliseconds = next(input, keyword("MS")).filter(|_| item.kind == ItemKind::Timer);
+    let (rest, ()) = or_fail(milliseconds.unwrap_or(input), Expected::Equals, sign("="))?;
     if item.kind == ItemKind::Timer {
         let actions = [
             ("START", TimerAction::Start),
@@ -357,7 +354,10 @@ fn assign(input: &str, item: Item) -> Parsed<'_, Operation> {
         };
         return Ok((after, Operation::Pulse(item, Some(seconds))));
     }
-    let (rest, value) = expression(rest)?;
+    let (rest, mut value) = expression(rest)?;
+    if milliseconds.is_some() {
+        value = Expression::Binary(Operator::Divide, Box::new((value, Expression::Number(1000.0))));
+    }
     Ok((rest, Operation::Assign(item, value)))
 }
 

@@ -29,7 +29,9 @@ pub(crate) fn find(text: &str, parts: &Parts, byte: usize) -> Vec<Completion> {
     let Some((range, _)) = parts.statements.iter().find(within) else { return Vec::new() };
     let body = Statement::new(at(text, range), false).body();
     let start = offset(text, body);
-    let Some(before) = text.get(start..byte) else { return Vec::new() };
+    let Some(before) = text.get(start..byte).filter(|_| !body.starts_with(['!', '/'])) else {
+        return Vec::new();
+    };
     let word = before.len() - before.trim_end_matches(|c: char| c.is_alphanumeric() || c == '_').len();
     let (head, word) = before.split_at_checked(before.len() - word).unwrap_or(("", before));
     let place = byte - word.len()..byte;

@@ -222,7 +222,7 @@ fn an_editor_is_told_what_may_stand_at_a_place() {
     assert_eq!(complete(" IF R[1]=1,EN|"), ["EN>END"]);
     assert_eq!(complete("L P[3] 5mm/sec FINE Tool|"), ["Tool>Tool_Offset"]);
     assert_eq!(complete(" R[1]=SU|"), ["SU>SUBSTR"]);
-    assert_eq!(complete(" !text|"), Vec::<String>::new());
+    assert_eq!(complete(" !R|"), Vec::<String>::new());
 }
 
 #[test]

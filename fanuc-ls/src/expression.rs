@@ -243,11 +243,13 @@ pub enum ItemKind {
     WireOutput,
     /// Whether a timer has run over.
     TimerOverflow,
+    /// How fast the tool is, or will be: of the option that predicts it.
+    ToolSpeed,
 }
 
 impl ItemKind {
     /// How they are written, and the numbers that a controller can have of each. How many it has is a matter of its settings.
-    const ALL: [(Self, &'static str, RangeInclusive<u32>); 30] = [
+    const ALL: [(Self, &'static str, RangeInclusive<u32>); 31] = [
         (Self::Register, "R", 1..=32767),
         (Self::PositionRegister, "PR", 1..=32767),
         (Self::StringRegister, "SR", 1..=32767),
@@ -278,6 +280,7 @@ impl ItemKind {
         (Self::WireInput, "WSI", 1..=1024),
         (Self::WireOutput, "WSO", 1..=1024),
         (Self::TimerOverflow, "TIMER_OVERFLOW", 1..=1024),
+        (Self::ToolSpeed, "TCP_SPD", 1..=32767),
     ];
 
     /// How controllers set to German write some of them.
@@ -322,6 +325,7 @@ impl ItemKind {
                 | Self::WeldInput
                 | Self::WireInput
                 | Self::TimerOverflow
+                | Self::ToolSpeed
         )
     }
 

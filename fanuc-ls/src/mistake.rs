@@ -49,6 +49,9 @@ pub enum Mistake {
     /// A word behind a motion that is not known.
     #[error("the motion option is not known")]
     UnknownOption,
+    /// Letters and brackets that are no register, input or output that is known.
+    #[error("no register, input or output that is known is called so")]
+    UnknownItem,
     /// A name, which can be that of a macro.
     #[error("no instruction has this name: it must be a macro's")]
     Macro,
@@ -280,6 +283,7 @@ impl Mistake {
         match self {
             Self::Macro | Self::MissingProgram | Self::Untaught => Level::Hint,
             Self::Unknown
+            | Self::UnknownItem
             | Self::UnknownOption
             | Self::Unreachable
             | Self::Groups { .. }
@@ -297,7 +301,7 @@ impl Mistake {
             Self::MissingProgram => {
                 "check its spelling; it may be a KAREL program, or one that is not in this folder"
             }
-            Self::Unknown | Self::UnknownOption => {
+            Self::Unknown | Self::UnknownItem | Self::UnknownOption => {
                 "check its spelling; an option of the controller may have it"
             }
             Self::Untaught => "fill it in before the program runs",

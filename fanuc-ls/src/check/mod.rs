@@ -94,6 +94,11 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
         found.add(line.place, Mistake::NoGroup);
     }
     positions::check(text, parts, mask.as_deref(), &mut found);
+    // What is a template is one in many places.
+    let mut is_template = false;
+    found.found.retain(|(_, problem)| {
+        *problem != Problem::Mistake(Mistake::Untaught) || !core::mem::replace(&mut is_template, true)
+    });
     found.found
 }
 

@@ -129,7 +129,13 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
             return arguments(rest, *function, depth);
         }
     }
-    let (rest, item) = item_at(input, depth)?;
+    let text = blank(input);
+    let letters = text.find(|c| !is_word(c)).unwrap_or(text.len());
+    let is_other = letters > 0 && text.get(letters..).is_some_and(|rest| rest.starts_with('['));
+    let (rest, item) = match item_at(input, depth) {
+        Err(nom::Err::Error(_)) if is_other => return fail(input, Mistake::UnknownItem),
+        read => read?,
+    };
     // A timer counts seconds; `TIMER[1]MS` is the same in milliseconds.
     if item.kind == ItemKind::Timer
         && let Some(rest) = next(rest, keyword("MS"))

@@ -1,5 +1,5 @@
 //! Reads every LS file below a folder, and counts what comes of it: `corpus FOLDER`. The first folders below it are the
-//! repositories. A row is: files, repositories, what, the first example.
+//! repositories. A row is: files, repositories, what, the first example. With `corpus FOLDER every`, each finding is a line before it.
 #![allow(clippy::expect_used, clippy::indexing_slicing, reason = "a program for developers")]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,14 +8,15 @@ use std::path::{Path, PathBuf};
 use fanuc_ls::{Document, Instruction, Operation, Rules};
 
 fn main() {
-    let folder = PathBuf::from(std::env::args().nth(1).expect("usage: corpus FOLDER"));
+    let folder = PathBuf::from(std::env::args().nth(1).expect("usage: corpus FOLDER [every]"));
+    let every = std::env::args().nth(2).is_some_and(|word| word == "every");
     let mut files = Vec::new();
     walk(&folder, &mut files);
     let mut rows: BTreeMap<String, (usize, BTreeSet<PathBuf>, String)> = BTreeMap::new();
     for path in &files {
         let name = path.strip_prefix(&folder).expect("it is below the folder");
         let bytes = std::fs::read(path).expect("the file can be read");
-        for (what, example) in found(&bytes) {
+        for (what, example) in found(&bytes, every) {
             let example = || format!("{}: {example}", name.display());
             let (count, repositories, _) =
                 rows.entry(what).or_insert_with(|| (0, BTreeSet::new(), example()));
@@ -30,7 +31,7 @@ fn main() {
 }
 
 /// What a file is and has, each with an example.
-fn found(bytes: &[u8]) -> BTreeMap<String, String> {
+fn found(bytes: &[u8], every: bool) -> BTreeMap<String, String> {
     let mut found = BTreeMap::from([("  files".to_owned(), String::new())]);
     let document = match Document::decode_bytes(bytes) {
         Ok(document) => document,
@@ -53,7 +54,7 @@ fn found(bytes: &[u8]) -> BTreeMap<String, String> {
         let text = document.as_str();
         let start = text[..finding.offset].rfind('\n').map_or(0, |at| at + 1);
         let line = text[start..].lines().next().unwrap_or("").trim();
-        if std::env::var_os("EVERY").is_some() && level != "hint" {
+        if every {
             println!("@{what}\t{finding} | {line}\t{}", document.name());
         }
         found.entry(what).or_insert_with(|| format!("{finding} | {line}"));

@@ -122,6 +122,26 @@ pub enum Mistake {
     /// A second ELSE.
     #[error("the block has an ELSE already")]
     RepeatedElse,
+    /// FOR whose first value is beyond its last one.
+    #[error("the loop never runs: its first value is beyond its last one")]
+    EmptyLoop,
+    /// A word that controllers write in capitals.
+    #[error("controllers write `{word}`")]
+    Capitals {
+        /// The word.
+        word: &'static str,
+    },
+    /// A motion with Skip in a program that has no condition for it.
+    #[error("the program has no SKIP CONDITION before this motion")]
+    SkipCondition,
+    /// A joint that has turned further than any robot's can.
+    #[error("{} of P[{number}] is beyond 720 degrees", axis.name())]
+    Joint {
+        /// The position's number.
+        number: u32,
+        /// Which one.
+        axis: AxisName,
+    },
     /// Nothing leads here.
     #[error("no line leads here")]
     Unreachable,
@@ -222,6 +242,8 @@ pub enum Expected {
     OpenBracket,
     #[error("`]`")]
     Bracket,
+    #[error("`(`: IF … THEN has its condition in parentheses")]
+    OpenParenthesis,
     #[error("`)`")]
     Parenthesis,
     #[error("`'`")]
@@ -281,11 +303,17 @@ impl Mistake {
     /// How bad it is.
     pub fn level(self) -> Level {
         match self {
-            Self::Macro | Self::MissingProgram | Self::Untaught => Level::Hint,
+            Self::Macro
+            | Self::MissingProgram
+            | Self::Untaught
+            | Self::Capitals { .. }
+            | Self::SkipCondition => Level::Hint,
             Self::Unknown
             | Self::UnknownItem
             | Self::UnknownOption
             | Self::Unreachable
+            | Self::EmptyLoop
+            | Self::Joint { .. }
             | Self::Groups { .. }
             | Self::Frame { .. }
             | Self::Tool { .. }
@@ -304,6 +332,10 @@ impl Mistake {
             Self::Unknown | Self::UnknownItem | Self::UnknownOption => {
                 "check its spelling; an option of the controller may have it"
             }
+            Self::Capitals { .. } => "write it so: nobody knows which controllers take another spelling",
+            Self::SkipCondition => "add one, unless the program that calls this one has it",
+            Self::EmptyLoop => "change the values, or use DOWNTO or TO instead",
+            Self::Joint { .. } => "check the number",
             Self::Untaught => "fill it in before the program runs",
             Self::MixedLogic => {
                 "write it as mixed logic: one pair of parentheses around all of it, and one around each part"

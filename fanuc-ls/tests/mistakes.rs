@@ -153,7 +153,7 @@ const SOUND: &[&str] = &[
     "PAUSE",
     "L P[1] 100mm/sec CNT100 ACC50 Offset,PR[1:off] Tool_Offset,PR[2]",
     "L P[1:name] R[1]mm/sec CNT R[2] PTH COORD",
-    "L P[1] 100mm/sec FINE Skip,LBL[2],PR[1]=LPOS",
+    "SKIP CONDITION DI[1]=ON\nL P[1] 100mm/sec FINE Skip,LBL[2],PR[1]=LPOS",
     "L P[1] 100cm/min CNT50 TB .50sec,DO[1]=ON TA .10sec,CALL A(1)",
     "L P[1] 100mm/sec CNT100 DB 5.0mm,P-SPS RTCP",
     "L P[1] max_speed CNT100 Wjnt INC",

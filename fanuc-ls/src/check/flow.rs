@@ -38,7 +38,13 @@ pub(super) fn blocks(lines: &[Line<'_>], found: &mut Found<'_>) {
         };
         match operation {
             Operation::IfThen(_) => open.push(begin(Block::If)),
-            Operation::For { .. } => open.push(begin(Block::For)),
+            Operation::For { from, to, down, .. } => {
+                open.push(begin(Block::For));
+                let (first, last) = if *down { (to, from) } else { (from, to) };
+                if first.constant().zip(last.constant()).is_some_and(|(first, last)| first > last) {
+                    found.add(line.place, Mistake::EmptyLoop);
+                }
+            }
             Operation::Else => match open.last_mut() {
                 Some(Open { block: Block::If, has_else, .. }) => {
                     if *has_else {
@@ -162,6 +168,21 @@ pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
                 is_dead = false;
             }
             What::Unknown => is_dead = false,
+        }
+    }
+}
+
+/// The first motion with Skip, where no condition is before it.
+pub(super) fn skips(lines: &[Line<'_>], found: &mut Found<'_>) {
+    for line in lines {
+        match &line.what {
+            What::Operation(Operation::Command { name: "SKIP CONDITION", .. } | Operation::Call { .. }) => {
+                return;
+            }
+            What::Motion(motion) if motion.options.contains("Skip,") => {
+                return found.add(line.place, Mistake::SkipCondition);
+            }
+            _ => {}
         }
     }
 }

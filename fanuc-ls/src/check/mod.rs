@@ -86,6 +86,7 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
     flow::blocks(&lines, &mut found);
     flow::labels(&lines, &mut found);
     flow::unreachable(&lines, &mut found);
+    flow::skips(&lines, &mut found);
     flow::frames(&lines, &positions, &mut found);
     let moves = lines.iter().find(|line| matches!(line.what, What::Motion(_)));
     if let (Some(line), Some(mask)) = (moves, &mask)
@@ -125,6 +126,11 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
     match grammar::operation(place) {
         Ok(operation) => {
             values::check(&operation, place, found);
+            if !matches!(operation, Operation::Macro { .. })
+                && let Some(word) = grammar::in_capitals(place)
+            {
+                found.add(place, Mistake::Capitals { word });
+            }
             let is_known = |names: &BTreeSet<String>, name: &str| names.contains(&name.to_uppercase());
             match operation.action() {
                 Operation::Macro { name, .. } if !is_known(&found.around.macros, name) => {

@@ -37,6 +37,12 @@ fn wrong(number: u32, group: &Group) -> Option<Mistake> {
         if group.axes.iter().skip(index + 1).any(|other| other.name == name) {
             return Some(Mistake::ForeignAxis { number, axis: name });
         }
+        if matches!(name, AxisName::J(_))
+            && axis.unit == AxisUnit::Deg
+            && axis.value.is_some_and(|value| value.abs() > 720.0)
+        {
+            return Some(Mistake::Joint { number, axis: name });
+        }
         let is_foreign = match name {
             AxisName::J(_) => has(AxisName::X),
             AxisName::E(_) => false,

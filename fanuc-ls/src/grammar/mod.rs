@@ -13,7 +13,7 @@ use crate::mistake::{Expected, Mistake};
 use crate::text::decimal_prefix;
 
 pub(crate) use expression::item;
-pub(crate) use operation::operation;
+pub(crate) use operation::{in_capitals, operation};
 pub(crate) use options::options;
 pub(crate) use table::{OPTIONS, Place, ROWS};
 

@@ -143,7 +143,10 @@ pub(super) fn assign_to(input: &str, which: usize) -> Parsed<'_, Operation> {
 pub(super) fn decide(input: &str) -> Parsed<'_, Operation> {
     let (rest, found) = condition(input)?;
     if let Some(rest) = next(rest, keyword("THEN")).or_else(|| next(rest, keyword("DANN"))) {
-        return Ok((rest, Operation::IfThen(found)));
+        return match blank(input).starts_with('(') {
+            true => Ok((rest, Operation::IfThen(found))),
+            false => fail(input, Mistake::Expected { what: Expected::OpenParenthesis }),
+        };
     }
     // In mixed logic, the comma may be missing behind the parenthesis.
     let text = input.get(..input.len() - rest.len()).unwrap_or("");
@@ -405,4 +408,14 @@ pub(super) fn is_near(word: &str, known: &str) -> bool {
         _ => false,
     };
     swapped || tail(1, 1) && (word.len() > 3 || head > 0) || tail(1, 0) || tail(0, 1)
+}
+
+/// The word that a text begins with in other letters than the table's.
+pub(crate) fn in_capitals(text: &str) -> Option<&'static str> {
+    let length = text.find(|c| !is_word(c)).unwrap_or(text.len());
+    let word = text.get(..length)?;
+    let words = ROWS.iter().flat_map(|row| row.words).filter_map(|words| words.split(' ').next());
+    let mut words = words.filter(|known| known.eq_ignore_ascii_case(word)).peekable();
+    let first = *words.peek()?;
+    words.all(|known| known != word).then_some(first)
 }

@@ -226,6 +226,13 @@ fn an_editor_is_told_what_may_stand_at_a_place() {
 }
 
 #[test]
+fn a_template_is_one_hint() {
+    let text = "R[...]=...\nIF R[1]=Constant,...\nWAIT Constant(sec)\nWAIT ...(sec)\nCALL ...\nCALL A(Constant)\nJMP LBL[Constant]";
+    let (program, first) = program("mn", text);
+    assert_eq!(found(&program), [(first, "untaught".to_owned(), Level::Hint)]);
+}
+
+#[test]
 fn copies_and_templates_are_not_nagged_about() {
     let untaught = "P[1]{\n GP1:\n UF : 0, UT : 1,\n J1= ******** deg\n};\n";
     let copy = format!("/PROG  -BCKEDT-\n/MN\n   1:J P[1] 5% FINE ;\n/POS\n{untaught}/END\n");

@@ -263,7 +263,7 @@ fn closing(text: &str) -> Option<usize> {
 
 /// A number, an item that has it, or `...`.
 pub(super) fn index(input: &str, depth: u8) -> Parsed<'_, Index> {
-    if let Some(rest) = next(input, sign("...")) {
+    if let Some(rest) = next(input, sign("...")).or_else(|| next(input, keyword("Constant"))) {
         return Ok((rest, Index::Untaught));
     }
     let text = blank(input);

@@ -49,6 +49,11 @@ fn instruction(input: &str, place: Place) -> Parsed<'_, Operation> {
             return form(rest, row.words.first().copied().unwrap_or(""), &row.form);
         }
     }
+    if let Some(rest) = next(input, sign("...")) {
+        // An instruction that a template leaves open.
+        let operands = [Expression::Untaught].into();
+        return Ok((rest, Operation::Command { name: "...", operands, text: String::new() }));
+    }
     if blank(input).starts_with('$') {
         let (rest, variable) = system(input)?;
         let (rest, ()) = or_fail(rest, Expected::Equals, sign("="))?;
@@ -220,8 +225,9 @@ pub(super) fn wait(input: &str) -> Parsed<'_, Operation> {
             false => fail(rest, Mistake::Expected { what: Expected::Comparison }),
         };
     }
-    if let Some(rest) = next(input, sign("...")) {
-        let rest = next(rest, sign("(sec)")).unwrap_or(rest);
+    if let Ok((rest, Expression::Untaught)) = value(input)
+        && let Some(rest) = next(rest, sign("(sec)"))
+    {
         return Ok((rest, Operation::Wait(Expression::Untaught)));
     }
     if let Ok((rest, Expression::Item(found))) = value(input)

@@ -92,6 +92,7 @@ pub(crate) static ROWS: &[Row] = &[
     row(&["SOFTFLOAT"], Index(1, 10), Line),
     row(&["FOLLOW UP"], Text, Line),
     row(&["COL GUARD ADJUST"], Value(0.0, 200.0), Line),
+    row(&["COL GUARD"], Text, Line),
     row(&["COL DETECT"], State, Line),
     row(&["VISION RUN_FIND"], Text, Line),
     row(&["VISION GET_OFFSET"], Text, Line),

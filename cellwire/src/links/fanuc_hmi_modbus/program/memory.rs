@@ -347,3 +347,17 @@ fn combine(operator: Operator, left: Value, right: Value) -> Result<Value, Fault
         O::Remainder => Value::Number(a % b),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_count_in_degrees_and_have_a_value_or_say_so() {
+        assert!((computed(Function::Sine, &[30.0]).unwrap_or_default() - 0.5).abs() < 1e-12);
+        assert!((computed(Function::ArcTangent2, &[1.0, -1.0]).unwrap_or_default() - 135.0).abs() < 1e-9);
+        assert_eq!(computed(Function::Truncate, &[-2.7]), Ok(-2.0));
+        assert_eq!(computed(Function::SquareRoot, &[-1.0]), Err("SquareRoot of -1 has no value".into()));
+        assert_eq!(computed(Function::SubString, &[]), Err("functions of strings are not modelled".into()));
+    }
+}

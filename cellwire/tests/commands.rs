@@ -100,7 +100,15 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
         ("fanuc log", "<"),
         ("fanuc evaluate", "<"),
         ("ls check", "<"),
+        ("ls check /dev/null --format xml", "[possible values: text, short, json, sarif]"),
         ("ls make /no/such/file.csv --mode dynamic", "/no/such/file.csv"),
+        ("ls make x.csv --mode distance --mm 1e300", "--mm: give a number above 0, and 1000000 at most"),
+        ("ls make x.csv --mode time --step inf", "--step: give a number above 0, and 1000000 at most"),
+        ("ls make x.csv --mode dynamic --arm NaN,1,1,1,1", "--arm: give numbers between -100000 and 100000"),
+        (
+            "ls make x.csv --mode dynamic --tool 1e300,0,0,0,0,0",
+            "--tool: give numbers between -100000 and 100000",
+        ),
         ("alter", "--robot"),
         ("alter --robot /no/such/port --ball /no/such/port", "needs a terminal"),
     ] {

@@ -80,7 +80,7 @@ fn check_reports_an_error_with_its_line_and_column() {
          BAD.LS:3:21: error: expected CNT with 0 to 100, or with a register\n \
          3 |    1:J P[1] 100% CNT101    ;\n   |                     ^\n  help: correct it: a controller would not take it\n"
     );
-    let output = folder.run("ls check --json BAD.LS");
+    let output = folder.run("ls check --format json BAD.LS");
     let object: Value = serde_json::from_str(out(&output)).unwrap();
     assert_eq!((&object["ok"], &object["error"]["kind"]), (&Value::from(false), &Value::from("continuous")));
     // A missing file does not hide the errors of the next one.
@@ -118,7 +118,7 @@ fn check_reports_warnings_and_succeeds() {
     // A warning about a comment does not hide an error.
     let text = "/PROG  A\r\n/ATTR\r\nCOMMENT = \"seventeen letters\";\r\n/MN\r\n   1:J P[1] 0% FINE ;\r\n/POS\r\n/END\r\n";
     folder.write("B.LS", text.as_bytes());
-    let output = folder.run("ls check --json B.LS");
+    let output = folder.run("ls check --format json B.LS");
     assert_eq!(output.status.code(), Some(1), "{}", out(&output));
     let object: Value = serde_json::from_str(out(&output)).unwrap();
     assert_eq!((&object["error"]["kind"], &object["same_name"]), (&"speed_range".into(), &false.into()));
@@ -153,6 +153,64 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
     assert_eq!(output.status.code(), Some(1));
     assert!(out(&output).contains("backup/old/B.ls:4:1: error: expected `/END`\n"), "{}", out(&output));
     assert_eq!(folder.run("ls backup/notes.txt").status.code(), Some(1));
+}
+
+#[test]
+fn check_prints_findings_in_other_forms_and_fails_by_level() {
+    let folder = Folder::new("forms");
+    std::fs::create_dir_all(folder.0.join("cell/empty")).unwrap();
+    folder.write("cell/A.LS", b"/PROG  A\n/MN\n   1:  CALL B ;\n   2:  CALL MISSING ;\n   3:  GRIP OPEN ;\n   4:  END ;\n   5:  R[1]=1 ;\n/END\n");
+    folder.write("cell/B.LS", b"/PROG  B\n/MN\n   1:  CAL A ;\n/END\n");
+    let output = folder.run("ls check cell --format short");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(
+        out(&output),
+        "cell/A.LS:4:8: hint: there is no program of this name\n\
+         cell/A.LS:5:8: hint: no instruction has this name: it must be a macro's\n\
+         cell/A.LS:7:8: warning: no line leads here\n\
+         cell/B.LS:3:8: error: no instruction or option is spelled so: `CALL` is one\n"
+    );
+    let output = folder.run("ls check cell/B.LS cell/A.LS --format sarif");
+    let sarif: Value = serde_json::from_str(out(&output)).unwrap();
+    let results = sarif["runs"][0]["results"].as_array().unwrap();
+    let short = |result: &Value| {
+        let place = &result["locations"][0]["physicalLocation"];
+        let uri = place["artifactLocation"]["uri"].as_str().unwrap();
+        format!(
+            "{uri}:{}:{} {} {}",
+            place["region"]["startLine"], place["region"]["startColumn"], result["level"], result["ruleId"]
+        )
+    };
+    // Without a folder nothing is known of what may be called.
+    assert_eq!(
+        results.iter().map(short).collect::<Vec<_>>(),
+        [
+            "cell/B.LS:3:8 \"error\" \"misspelled\"",
+            "cell/A.LS:5:8 \"note\" \"macro\"",
+            "cell/A.LS:7:8 \"warning\" \"unreachable\""
+        ]
+    );
+    let output = folder.run("ls check --format json cell/B.LS");
+    let object: Value = serde_json::from_str(out(&output)).unwrap();
+    assert_eq!(
+        (&object["findings"][0]["level"], &object["findings"][0]["word"]),
+        (&"error".into(), &"CALL".into())
+    );
+    folder.write("macros.txt", b"Grip Open\n\nGrip Close\n");
+    let output = folder.run("ls check cell/A.LS --format short --macros macros.txt");
+    assert_eq!(
+        (output.status.code(), out(&output)),
+        (Some(0), "cell/A.LS:7:8: warning: no line leads here\n")
+    );
+    let output = folder.run("ls check cell/A.LS --fail-on warning");
+    assert_eq!(output.status.code(), Some(1));
+    let output = folder.run("ls check cell/empty cell/B.LS");
+    assert_eq!((output.status.code(), out(&output)), (Some(2), ""));
+    assert!(
+        err(&output).contains("nothing to check: there is no .ls file in or below cell/empty"),
+        "{}",
+        err(&output)
+    );
 }
 
 #[test]

@@ -4,6 +4,8 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::Attribute;
+use crate::check::Surroundings;
+use crate::complete::{self, Completion};
 use crate::entry::{self, Entry};
 use crate::error::DecodeError;
 use crate::finding::{self, Finding};
@@ -95,18 +97,39 @@ impl Document {
     /// What it says, as values.
     ///
     /// # Errors
-    /// The first of its findings that is an error.
+    /// The first of its findings that is [`Problem::Error`](crate::Problem::Error). Other mistakes are in values that can be read.
     pub fn program(&self) -> Result<Program, DecodeError> {
         Program::from_parts(&self.text, &self.parts)
     }
 
     /// What a controller would not take, and what it takes and the author probably did not mean; each once, in the order of
-    /// the text.
+    /// the text. [`Problem::level`](crate::Problem::level) says how bad each is.
     pub fn findings(&self, rules: &Rules) -> Vec<Finding> {
-        finding::find(&self.text, &self.parts, rules)
+        self.findings_among(rules, &Surroundings::default())
     }
 
-    /// What there is in it, each with its place and its findings, in the order of the text.
+    /// The same where other programs and macros are known: a call of one that is not there is a finding, the name of a macro is none.
+    pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
+        finding::find(&self.text, &self.parts, rules, around)
+    }
+
+    /// What may stand at a byte of the text, in an editor: instructions, registers, options, labels, positions.
+    ///
+    /// ```
+    /// use fanuc_ls::Document;
+    ///
+    /// let text = "/PROG A\n/MN\n1: LBL[7] ;\n2: JMP LBL[ ;\n/END\n";
+    /// let document = Document::decode(text)?;
+    /// let at = text.find("[ ;").unwrap() + 1;
+    /// assert_eq!(document.completions(at)[0].text, "7");
+    /// # Ok::<(), fanuc_ls::DecodeError>(())
+    /// ```
+    pub fn completions(&self, at: usize) -> Vec<Completion> {
+        complete::find(&self.text, &self.parts, at)
+    }
+
+    /// What there is in it, each with its place and the findings of its layout, in the order of the text: what every reader of the
+    /// format says, of which [`findings`](Self::findings) has more.
     ///
     /// ```
     /// use fanuc_ls::{Content, Document, Rules};
@@ -120,7 +143,7 @@ impl Document {
     /// # Ok::<(), fanuc_ls::DecodeError>(())
     /// ```
     pub fn entries(&self, rules: &Rules) -> Vec<Entry<'_>> {
-        entry::find(&self.text, &self.parts, self.findings(rules))
+        entry::find(&self.text, &self.parts, finding::layout(&self.text, &self.parts, rules))
     }
 
     /// The program's name.

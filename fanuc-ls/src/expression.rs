@@ -1,9 +1,8 @@
 use alloc::boxed::Box;
-use alloc::string::{String, ToString};
+use alloc::string::String;
+use alloc::vec::Vec;
 use core::fmt;
-
-use crate::error::Reason;
-use crate::text::{decimal, reference};
+use core::ops::RangeInclusive;
 
 /// A value or a condition in an instruction: `R[1:count]+1`, `(DI[3] AND !F[2]=ON)`.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +30,102 @@ pub enum Expression {
     Negative(Box<Expression>),
     /// `R[1]+1`.
     Binary(Operator, Box<(Expression, Expression)>),
+    /// `ABS[R[1]]`, `SUBSTR SR[1],1,2`.
+    Call(Function, Vec<Expression>),
+    /// `...` or `Constant`: what is not filled in yet.
+    Untaught,
+}
+
+impl Expression {
+    /// The number, if it is one.
+    pub(crate) fn constant(&self) -> Option<f64> {
+        match self {
+            Self::Number(number) => Some(*number),
+            Self::Negative(inner) => inner.constant().map(|number| -number),
+            _ => None,
+        }
+    }
+
+    /// Calls `visit` with everything that it is made of.
+    pub(crate) fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Self)) {
+        visit(self);
+        match self {
+            Self::Not(inner) | Self::Negative(inner) => inner.visit(visit),
+            Self::Binary(_, sides) => {
+                sides.0.visit(visit);
+                sides.1.visit(visit);
+            }
+            Self::Call(_, values) => values.iter().for_each(|value| value.visit(visit)),
+            _ => {}
+        }
+    }
+}
+
+impl From<Index> for Expression {
+    fn from(index: Index) -> Self {
+        match index {
+            Index::Number(number) => Self::Number(number.into()),
+            Index::Item(item) => Self::Item(*item),
+            Index::Untaught => Self::Untaught,
+        }
+    }
+}
+
+/// A function of numbers or of strings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[allow(missing_docs, reason = "they are what they say")]
+pub enum Function {
+    Abs,
+    SquareRoot,
+    Sine,
+    Cosine,
+    Tangent,
+    ArcSine,
+    ArcCosine,
+    ArcTangent,
+    /// Of a quotient, by the signs of its parts.
+    ArcTangent2,
+    Exponential,
+    Logarithm,
+    Round,
+    Truncate,
+    /// How long a string is.
+    StringLength,
+    /// Where a string is in another one.
+    FindString,
+    /// A part of a string: from where, and how long.
+    SubString,
+}
+
+impl Function {
+    pub(crate) const ALL: &[(Self, &'static str)] = &[
+        (Self::Abs, "ABS"),
+        (Self::SquareRoot, "SQRT"),
+        (Self::Sine, "SIN"),
+        (Self::Cosine, "COS"),
+        (Self::Tangent, "TAN"),
+        (Self::ArcSine, "ASIN"),
+        (Self::ArcCosine, "ACOS"),
+        (Self::ArcTangent2, "ATAN2"),
+        (Self::ArcTangent, "ATAN"),
+        (Self::Exponential, "EXP"),
+        (Self::Logarithm, "LN"),
+        (Self::Round, "ROUND"),
+        (Self::Truncate, "TRUNC"),
+        (Self::StringLength, "STRLEN"),
+        (Self::FindString, "FINDSTR"),
+        (Self::SubString, "SUBSTR"),
+    ];
+
+    /// How many values it takes.
+    pub(crate) fn arguments(self) -> usize {
+        match self {
+            Self::SubString => 3,
+            Self::FindString | Self::ArcTangent2 => 2,
+            _ => 1,
+        }
+    }
 }
 
 /// What is between the two sides of an [`Expression`].
@@ -58,9 +153,12 @@ pub enum Operator {
 
 impl Operator {
     /// As they are written, those that bind less first. A word has blanks around it.
-    const ALL: [(Self, &'static str, u8); 14] = [
+    pub(crate) const ALL: [(Self, &'static str, u8); 16] = [
         (Self::Or, "OR", 0),
+        // As controllers set to German write it, and the one below.
+        (Self::Or, "[+]", 0),
         (Self::And, "AND", 1),
+        (Self::And, "[&]", 1),
         (Self::Unequal, "<>", 2),
         (Self::LessOrEqual, "<=", 2),
         (Self::GreaterOrEqual, ">=", 2),
@@ -74,7 +172,7 @@ impl Operator {
         (Self::DivideWhole, "DIV", 4),
         (Self::Remainder, "MOD", 4),
     ];
-    const LEVELS: u8 = 5;
+    pub(crate) const LEVELS: u8 = 5;
 }
 
 /// A register, an input, an output …: `R[1:count]`, `PR[GP1:3,2]`, `DI[R[5]]`.
@@ -83,7 +181,7 @@ impl Operator {
 pub struct Item {
     /// What it is.
     pub kind: ItemKind,
-    /// The motion group, where one is named: 1 for `GP1`.
+    /// The motion group, where one is named: 1 for `GP1`, and the first of `GP1,2`.
     pub group: Option<u8>,
     /// Which one.
     pub index: Index,
@@ -101,6 +199,8 @@ pub enum Index {
     Number(u32),
     /// It is in another item, such as a register.
     Item(Box<Item>),
+    /// `...`: it is not filled in yet.
+    Untaught,
 }
 
 /// What an [`Item`] is.
@@ -133,174 +233,127 @@ pub enum ItemKind {
     UserFrame,
     UserTool,
     Label,
+    /// `VR`: what a vision process has found.
+    VisionRegister,
+    /// `PL`: where in a pallet the next part is.
+    PalletRegister,
+    WeldInput,
+    WeldOutput,
+    WireInput,
+    WireOutput,
+    /// Whether a timer has run over.
+    TimerOverflow,
+    /// How fast the tool is, or will be: of the option that predicts it.
+    ToolSpeed,
 }
 
 impl ItemKind {
-    const ALL: [(Self, &'static str); 23] = [
-        (Self::Register, "R"),
-        (Self::PositionRegister, "PR"),
-        (Self::StringRegister, "SR"),
-        (Self::Position, "P"),
-        (Self::Argument, "AR"),
-        (Self::Flag, "F"),
-        (Self::Marker, "M"),
-        (Self::DigitalInput, "DI"),
-        (Self::DigitalOutput, "DO"),
-        (Self::RobotInput, "RI"),
-        (Self::RobotOutput, "RO"),
-        (Self::GroupInput, "GI"),
-        (Self::GroupOutput, "GO"),
-        (Self::AnalogInput, "AI"),
-        (Self::AnalogOutput, "AO"),
-        (Self::OperatorInput, "SI"),
-        (Self::OperatorOutput, "SO"),
-        (Self::UserInput, "UI"),
-        (Self::UserOutput, "UO"),
-        (Self::Timer, "TIMER"),
-        (Self::UserFrame, "UFRAME"),
-        (Self::UserTool, "UTOOL"),
-        (Self::Label, "LBL"),
+    /// How they are written, and the numbers that a controller can have of each. How many it has is a matter of its settings.
+    const ALL: [(Self, &'static str, RangeInclusive<u32>); 31] = [
+        (Self::Register, "R", 1..=32767),
+        (Self::PositionRegister, "PR", 1..=32767),
+        (Self::StringRegister, "SR", 1..=32767),
+        (Self::Position, "P", 1..=32767),
+        (Self::Argument, "AR", 1..=10),
+        (Self::Flag, "F", 1..=32767),
+        (Self::Marker, "M", 1..=32767),
+        (Self::DigitalInput, "DI", 1..=65535),
+        (Self::DigitalOutput, "DO", 1..=65535),
+        (Self::RobotInput, "RI", 1..=1024),
+        (Self::RobotOutput, "RO", 1..=1024),
+        (Self::GroupInput, "GI", 1..=32767),
+        (Self::GroupOutput, "GO", 1..=32767),
+        (Self::AnalogInput, "AI", 1..=32767),
+        (Self::AnalogOutput, "AO", 1..=32767),
+        (Self::OperatorInput, "SI", 0..=64),
+        (Self::OperatorOutput, "SO", 0..=64),
+        (Self::UserInput, "UI", 1..=64),
+        (Self::UserOutput, "UO", 1..=64),
+        (Self::Timer, "TIMER", 1..=1024),
+        (Self::UserFrame, "UFRAME", 0..=61),
+        (Self::UserTool, "UTOOL", 0..=30),
+        (Self::Label, "LBL", 1..=32767),
+        (Self::VisionRegister, "VR", 1..=1024),
+        (Self::PalletRegister, "PL", 1..=1024),
+        (Self::WeldInput, "WI", 1..=1024),
+        (Self::WeldOutput, "WO", 1..=1024),
+        (Self::WireInput, "WSI", 1..=1024),
+        (Self::WireOutput, "WSO", 1..=1024),
+        (Self::TimerOverflow, "TIMER_OVERFLOW", 1..=1024),
+        (Self::ToolSpeed, "TCP_SPD", 1..=32767),
     ];
+
+    /// How controllers set to German write some of them.
+    const GERMAN: [(Self, &'static str); 6] = [
+        (Self::DigitalInput, "E"),
+        (Self::DigitalOutput, "A"),
+        (Self::GroupInput, "gE"),
+        (Self::GroupOutput, "gA"),
+        (Self::Register, "i"),
+        (Self::Label, "LABEL"),
+    ];
+
+    /// The one that is written so.
+    pub(crate) fn named(letters: &str) -> Option<Self> {
+        let all = Self::ALL
+            .iter()
+            .map(|(kind, text, _)| (kind, text))
+            .chain(Self::GERMAN.iter().map(|(kind, text)| (kind, text)));
+        { all }.find(|(_, text)| text.eq_ignore_ascii_case(letters)).map(|(kind, _)| *kind)
+    }
+
+    /// How all of them are written.
+    pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+        Self::ALL.iter().map(|(_, text, _)| *text)
+    }
+
+    /// The numbers that there can be.
+    pub(crate) fn range(self) -> RangeInclusive<u32> {
+        Self::ALL.into_iter().find(|(kind, ..)| *kind == self).map_or(0..=u32::MAX, |(_, _, range)| range)
+    }
+
+    /// Whether a program reads it only.
+    pub(crate) fn is_input(self) -> bool {
+        matches!(
+            self,
+            Self::DigitalInput
+                | Self::RobotInput
+                | Self::GroupInput
+                | Self::AnalogInput
+                | Self::OperatorInput
+                | Self::UserInput
+                | Self::WeldInput
+                | Self::WireInput
+                | Self::TimerOverflow
+                | Self::ToolSpeed
+        )
+    }
+
+    /// Whether it is ON or OFF.
+    pub(crate) fn is_state(self) -> bool {
+        matches!(
+            self,
+            Self::DigitalInput
+                | Self::DigitalOutput
+                | Self::RobotInput
+                | Self::RobotOutput
+                | Self::OperatorInput
+                | Self::OperatorOutput
+                | Self::UserInput
+                | Self::UserOutput
+                | Self::Flag
+                | Self::Marker
+                | Self::WeldInput
+                | Self::WeldOutput
+                | Self::WireInput
+                | Self::WireOutput
+                | Self::TimerOverflow
+        )
+    }
 }
 
 impl fmt::Display for ItemKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(Self::ALL.iter().find(|(kind, _)| kind == self).map_or("", |(_, text)| text))
-    }
-}
-
-/// How many values an instruction may have: more than fit its longest line, and few enough for any stack.
-const MOST_VALUES: u8 = 100;
-
-/// Reads an instruction from left to right. What does not fit is None: the instruction stays text.
-#[derive(Debug, Clone)]
-pub(crate) struct Reader<'a> {
-    pub(crate) rest: &'a str,
-    left: u8,
-}
-
-impl<'a> Reader<'a> {
-    pub(crate) fn new(text: &'a str) -> Self {
-        Self { rest: text, left: MOST_VALUES }
-    }
-
-    /// Passes over a text, if it is next.
-    pub(crate) fn take(&mut self, text: &str) -> bool {
-        let rest = self.rest.trim_start().strip_prefix(text);
-        // A word does not end within another one.
-        let word = text.ends_with(|c: char| c.is_alphanumeric() || c == '_');
-        let rest = rest.filter(|rest| !word || !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'));
-        self.rest = rest.unwrap_or(self.rest);
-        rest.is_some()
-    }
-
-    /// Some when nothing is left.
-    pub(crate) fn end(&self) -> Option<()> {
-        self.rest.trim().is_empty().then_some(())
-    }
-
-    pub(crate) fn expression(&mut self) -> Option<Expression> {
-        self.level(0)
-    }
-
-    /// One side of an operator that binds at least so much.
-    fn level(&mut self, level: u8) -> Option<Expression> {
-        if level == Operator::LEVELS {
-            return self.value();
-        }
-        let mut left = self.level(level + 1)?;
-        while let Some(operator) = self.operator(level) {
-            left = Expression::Binary(operator, Box::new((left, self.level(level + 1)?)));
-        }
-        Some(left)
-    }
-
-    fn operator(&mut self, level: u8) -> Option<Operator> {
-        Operator::ALL
-            .iter()
-            .find(|(_, text, of)| *of == level && self.take(text))
-            .map(|(operator, ..)| *operator)
-    }
-
-    pub(crate) fn value(&mut self) -> Option<Expression> {
-        self.left = self.left.checked_sub(1)?;
-        let words = [
-            ("ON", Expression::On),
-            ("OFF", Expression::Off),
-            ("LPOS", Expression::CartesianPosition),
-            ("JPOS", Expression::JointPosition),
-        ];
-        for (word, value) in words {
-            if self.take(word) {
-                return Some(value);
-            }
-        }
-        if self.take("(") {
-            let inner = self.expression()?;
-            return self.take(")").then_some(inner);
-        }
-        if self.take("!") {
-            return Some(Expression::Not(Box::new(self.value()?)));
-        }
-        if self.take("'") {
-            let (text, rest) = self.rest.split_once('\'')?;
-            self.rest = rest;
-            return Some(Expression::Text(text.to_string()));
-        }
-        self.rest = self.rest.trim_start();
-        if let Ok((rest, number)) = decimal(self.rest) {
-            self.rest = rest;
-            return Some(Expression::Number(number));
-        }
-        if self.take("-") {
-            return Some(Expression::Negative(Box::new(self.value()?)));
-        }
-        if self.rest.starts_with('$') {
-            return self.system().map(Expression::System);
-        }
-        self.item().map(Expression::Item)
-    }
-
-    /// A system variable: words that begin with `$`, with `.` between them and brackets behind them.
-    pub(crate) fn system(&mut self) -> Option<String> {
-        self.rest = self.rest.trim_start();
-        let part = |c: char| c.is_alphanumeric() || matches!(c, '$' | '_' | '.' | '[' | ']' | ',');
-        let length = self.rest.find(|c| !part(c)).unwrap_or(self.rest.len());
-        let (name, rest) = self.rest.split_at_checked(length)?;
-        self.rest = rest;
-        (name.starts_with('$') && name.len() > 1).then(|| name.to_string())
-    }
-
-    pub(crate) fn item(&mut self) -> Option<Item> {
-        let (rest, found) = reference(self.rest.trim_start(), Reason::Bracket).ok()?;
-        let (kind, _) = ItemKind::ALL.iter().find(|(_, text)| *text == found.letters)?;
-        let mut inside = Self { rest: found.inside, left: self.left };
-        let group = match inside.rest.trim_start().strip_prefix("GP").and_then(|rest| rest.split_once(':')) {
-            Some((number, rest)) => {
-                inside.rest = rest;
-                Some(number.trim().parse().ok()?)
-            }
-            None => None,
-        };
-        let index = inside.index()?;
-        let element = if inside.take(",") { Some(inside.index()?) } else { None };
-        let name = if inside.take(":") { Some(inside.rest.trim().to_string()) } else { None };
-        if name.is_none() {
-            inside.end()?;
-        }
-        self.rest = rest;
-        Some(Item { kind: *kind, group, index, element, name })
-    }
-
-    pub(crate) fn index(&mut self) -> Option<Index> {
-        self.left = self.left.checked_sub(1)?;
-        self.rest = self.rest.trim_start();
-        let digits = self.rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(self.rest.len());
-        if digits == 0 {
-            return self.item().map(|item| Index::Item(Box::new(item)));
-        }
-        let (number, rest) = self.rest.split_at_checked(digits)?;
-        self.rest = rest;
-        number.parse().ok().map(Index::Number)
+        f.write_str(Self::ALL.iter().find(|(kind, ..)| kind == self).map_or("", |(_, text, _)| text))
     }
 }

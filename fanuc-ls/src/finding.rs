@@ -3,8 +3,10 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::AttributeValue;
+use crate::check::{self, Surroundings};
 use crate::error::{Reason, Warning};
 use crate::instruction::Instruction;
+use crate::mistake::{Level, Mistake};
 use crate::motion::{Motion, Speed, Target};
 use crate::parts::{Parts, at, offset};
 use crate::program::{COMMENT_LENGTH, Rules, check_name};
@@ -38,12 +40,24 @@ pub enum Problem {
     /// A controller takes it.
     #[error(transparent)]
     Warning(Warning),
+    /// What is wrong with a statement, or with how statements and positions fit together; its level says how bad.
+    #[error(transparent)]
+    Mistake(Mistake),
 }
 
 impl Problem {
+    /// How bad it is.
+    pub fn level(self) -> Level {
+        match self {
+            Self::Error(_) | Self::Warning(Warning::SpeedUnit) => Level::Error,
+            Self::Warning(_) => Level::Warning,
+            Self::Mistake(mistake) => mistake.level(),
+        }
+    }
+
     /// Whether a controller would not take it.
     pub fn is_error(self) -> bool {
-        matches!(self, Self::Error(_))
+        self.level() == Level::Error
     }
 
     /// What to do about it.
@@ -51,6 +65,7 @@ impl Problem {
         match self {
             Self::Error(_) => "correct it: a controller would not take it",
             Self::Warning(warning) => warning.advice(),
+            Self::Mistake(mistake) => mistake.advice(),
         }
     }
 }
@@ -62,7 +77,28 @@ impl fmt::Display for Finding {
 }
 
 /// Everything there is to find in a text, in its order.
-pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
+pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
+    let is_template =
+        !parts.positions(text).any(|position| position.is_ok_and(|position| position.is_taught()));
+    let is_copy = at(text, &parts.name).starts_with('-') && at(text, &parts.name).ends_with('-');
+    let mut found = reading(text, parts, rules);
+    // The editor's copy of a program, and a template whose positions are for others to teach.
+    found.retain(|(_, problem)| match problem {
+        Problem::Warning(Warning::Name) => !is_copy,
+        Problem::Warning(Warning::UntaughtPosition { .. }) => !is_template,
+        _ => true,
+    });
+    found.extend(check::find(text, parts, around));
+    found.sort_by_key(|(offset, _)| *offset);
+    placed(text, &found)
+}
+
+/// What there is to find in how a text is laid out, and in its names and numbers.
+pub(crate) fn layout(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
+    placed(text, &reading(text, parts, rules))
+}
+
+fn reading(text: &str, parts: &Parts, rules: &Rules) -> Vec<(usize, Problem)> {
     let mut check = Check { text, parts, found: Vec::new() };
     check.name(rules);
     let line_count = check.attributes();
@@ -70,7 +106,7 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
     check.statements(&mut used, line_count);
     check.positions(&used);
     check.found.sort_by_key(|(offset, _)| *offset);
-    placed(text, &check.found)
+    check.found
 }
 
 struct Check<'a> {

@@ -37,6 +37,18 @@ impl Motion {
 
     /// Reads what stands between the line's `:` and `;`.
     pub(crate) fn decode(input: &str) -> Read<'_, Self> {
+        let (rest, mut motion) = Self::head(input)?;
+        motion.options = join_lines(rest);
+        Ok(("", motion))
+    }
+
+    /// The options in the text of a motion; nothing where it cannot be read.
+    pub(crate) fn options_place(input: &str) -> &str {
+        Self::head(input).map_or("", |(rest, _)| rest)
+    }
+
+    /// All but the options, which follow.
+    fn head(input: &str) -> Read<'_, Self> {
         let mut letters = input.chars();
         let Some(kind) = letters.next().and_then(MotionKind::from_letter) else {
             return fail(input, Reason::Target);
@@ -54,9 +66,8 @@ impl Motion {
         }
         let (rest, speed) = Speed::decode(joint(rest))?;
         let (rest, termination) = Termination::decode(joint(rest))?;
-        let options = join_lines(joint(rest));
-        let via_options = via_options.to_string();
-        Ok(("", Self { kind, via, via_options, target, speed, termination, options }))
+        let (options, via_options) = (String::new(), via_options.to_string());
+        Ok((joint(rest), Self { kind, via, via_options, target, speed, termination, options }))
     }
 
     /// Writes what [`decode`](Self::decode) reads, with the controller's spaces before the `;`.

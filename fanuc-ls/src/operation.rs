@@ -1,8 +1,9 @@
 use alloc::boxed::Box;
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use alloc::vec::Vec;
 
-use crate::expression::{Expression, Index, Item, ItemKind, Reader};
+use crate::expression::{Expression, Index, Item};
+use crate::grammar;
 use crate::instruction::Instruction;
 use crate::motion::Motion;
 
@@ -88,6 +89,32 @@ pub enum Operation {
     Pause,
     /// `//CALL A`: an instruction that is switched off, as it stands.
     Disabled(String),
+    /// `--eg:text`: a remark, as it stands.
+    Remark(String),
+    /// `LOCK PREG`: the position registers stay as they are.
+    Lock,
+    /// `UNLOCK PREG`.
+    Unlock,
+    /// `MONITOR NAME`: a program of conditions that are looked at from here on.
+    Monitor(String),
+    /// `WHEN DI[1]=ON,CALL A`: one of such a program's conditions.
+    When(Expression, Box<Operation>),
+    /// Another instruction of the table: `COL GUARD ADJUST 50`, `SOFTFLOAT[1]`, `VISION RUN_FIND 'A'`.
+    Command {
+        /// Its words in English.
+        name: &'static str,
+        /// Its values.
+        operands: Vec<Expression>,
+        /// What follows as it stands, where an option's own manual has the form of it.
+        text: String,
+    },
+    /// `OPEN HAND 1`: a macro, or an instruction that nobody here knows.
+    Macro {
+        /// Its name.
+        name: String,
+        /// What it is given.
+        arguments: Vec<Expression>,
+    },
 }
 
 /// What is done with a timer.
@@ -130,194 +157,25 @@ impl Motion {
             !self.options.get(..at).unwrap_or("").ends_with(|c: char| c == '_' || c.is_alphanumeric())
         };
         let (at, _) = words.find(|(at, _)| whole(*at))?;
-        Reader::new(self.options.get(at + option.len()..)?).item()
+        grammar::item(self.options.get(at + option.len()..)?).ok().map(|(_, item)| item)
     }
 }
 
 impl Operation {
     /// What an instruction's text does.
     pub fn decode(text: &str) -> Option<Self> {
-        if let Some(disabled) = text.strip_prefix("//") {
-            return Some(Self::Disabled(disabled.to_string()));
-        }
-        if let Some(message) = text.strip_prefix("MESSAGE[") {
-            return message.trim_end().strip_suffix(']').map(|message| Self::Message(message.to_string()));
-        }
-        let mut reader = Reader::new(text);
-        let operation = reader.operation()?;
-        reader.end()?;
-        Some(operation)
-    }
-}
-
-impl Reader<'_> {
-    fn operation(&mut self) -> Option<Operation> {
-        if self.take("IF") {
-            let condition = self.expression()?;
-            return match self.take("THEN") {
-                true => Some(Operation::IfThen(condition)),
-                false => Some(Operation::If(condition, self.action()?)),
-            };
-        }
-        if self.take("SELECT") {
-            let item = self.item()?;
-            let case = self.take("=").then(|| self.value())??;
-            return Some(Operation::Select(item, case, self.action()?));
-        }
-        if self.take("FOR") {
-            return self.count();
-        }
-        if self.take("WAIT") {
-            return self.wait();
-        }
-        if self.take("=") {
-            return Some(Operation::Case(self.value()?, self.action()?));
-        }
-        if self.take("ELSE") {
-            return Some(if self.end().is_some() {
-                Operation::Else
-            } else {
-                Operation::Otherwise(self.action()?)
-            });
-        }
-        self.simple()
+        grammar::operation(text).ok()
     }
 
-    /// What may follow a condition and a comma.
-    fn action(&mut self) -> Option<Box<Operation>> {
-        self.take(",").then(|| self.simple()).flatten().map(Box::new)
-    }
-
-    fn simple(&mut self) -> Option<Operation> {
-        let words = [
-            ("ENDIF", Operation::EndIf),
-            ("ENDFOR", Operation::EndFor),
-            ("END", Operation::End),
-            ("ABORT", Operation::Abort),
-            ("PAUSE", Operation::Pause),
-        ];
-        for (word, operation) in words {
-            if self.take(word) {
-                return Some(operation);
-            }
+    /// What is done if a condition holds; else the operation itself.
+    pub fn action(&self) -> &Self {
+        match self {
+            Self::If(_, inner)
+            | Self::When(_, inner)
+            | Self::Select(_, _, inner)
+            | Self::Case(_, inner)
+            | Self::Otherwise(inner) => inner.action(),
+            other => other,
         }
-        if self.take("CALL") {
-            return self.call();
-        }
-        if self.take("RUN") {
-            return self.name().map(Operation::Run);
-        }
-        if self.take("JMP") {
-            return self.item().filter(|item| item.kind == ItemKind::Label).map(Operation::Jump);
-        }
-        for (word, operation) in
-            [("UALM", Operation::UserAlarm as fn(Index) -> Operation), ("PAYLOAD", Operation::Payload)]
-        {
-            if self.take(word) {
-                let index = self.take("[").then(|| self.index())??;
-                if self.take(":") {
-                    self.rest = self.rest.get(self.rest.find(']')?..)?;
-                }
-                return self.take("]").then(|| operation(index));
-            }
-        }
-        for (word, operation) in [
-            ("UFRAME_NUM", Operation::UserFrame as fn(Expression) -> Operation),
-            ("UTOOL_NUM", Operation::UserTool),
-            ("OVERRIDE", Operation::Override),
-        ] {
-            if self.take(word) {
-                let value = self.take("=").then(|| self.expression())??;
-                self.take("%");
-                return Some(operation(value));
-            }
-        }
-        if self.rest.trim_start().starts_with('$') {
-            let variable = self.system()?;
-            let value = self.take("=").then(|| self.expression())??;
-            return Some(Operation::AssignSystem(variable, value));
-        }
-        let item = self.item()?;
-        if item.kind == ItemKind::Label {
-            return Some(Operation::Label(item));
-        }
-        if !self.take("=") {
-            return None;
-        }
-        if item.kind == ItemKind::Timer {
-            let actions =
-                [("START", TimerAction::Start), ("STOP", TimerAction::Stop), ("RESET", TimerAction::Reset)];
-            if let Some((_, action)) = actions.into_iter().find(|(word, _)| self.take(word)) {
-                return Some(Operation::Timer(item, action));
-            }
-        }
-        if self.take("PULSE") {
-            let time = if self.take(",") { Some(self.seconds()?) } else { None };
-            return Some(Operation::Pulse(item, time));
-        }
-        self.expression().map(|value| Operation::Assign(item, value))
-    }
-
-    fn call(&mut self) -> Option<Operation> {
-        let program = self.name()?;
-        let mut arguments = Vec::new();
-        if self.take("(") {
-            loop {
-                arguments.push(self.expression()?);
-                if !self.take(",") {
-                    break;
-                }
-            }
-            self.take(")").then_some(())?;
-        }
-        Some(Operation::Call { program, arguments })
-    }
-
-    /// A program's name, or the string register that has it.
-    fn name(&mut self) -> Option<String> {
-        let text = self.rest.trim_start();
-        if let Some(item) = self.clone().item() {
-            self.item()?;
-            let length = text.len() - self.rest.len();
-            return (item.kind == ItemKind::StringRegister)
-                .then(|| text.get(..length))
-                .flatten()
-                .map(ToString::to_string);
-        }
-        let length =
-            text.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '-'))).unwrap_or(text.len());
-        let (name, rest) = text.split_at_checked(length).filter(|(name, _)| !name.is_empty())?;
-        self.rest = rest;
-        Some(name.to_string())
-    }
-
-    fn wait(&mut self) -> Option<Operation> {
-        let condition = self.expression()?;
-        let is_time = match &condition {
-            Expression::Number(_) => true,
-            Expression::Item(item) => matches!(item.kind, ItemKind::Register | ItemKind::Argument),
-            _ => false,
-        };
-        if self.take("(sec)") || is_time {
-            return Some(Operation::Wait(condition));
-        }
-        let timeout = match self.take("TIMEOUT") {
-            true => Some(self.take(",").then(|| self.item())??),
-            false => None,
-        };
-        Some(Operation::WaitFor { condition, timeout })
-    }
-
-    fn count(&mut self) -> Option<Operation> {
-        let counter = self.item()?;
-        let from = self.take("=").then(|| self.value())??;
-        let down = self.take("DOWNTO");
-        (down || self.take("TO")).then_some(())?;
-        Some(Operation::For { counter, from, to: self.value()?, down })
-    }
-
-    fn seconds(&mut self) -> Option<f64> {
-        let Expression::Number(seconds) = self.value()? else { return None };
-        self.take("sec").then_some(seconds)
     }
 }

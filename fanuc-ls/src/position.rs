@@ -19,6 +19,11 @@ pub struct Position {
 }
 
 impl Position {
+    /// Whether one of its coordinates has a value.
+    pub(crate) fn is_taught(&self) -> bool {
+        self.groups.iter().flat_map(|group| &group.axes).any(|axis| axis.value.is_some())
+    }
+
     /// A position of the first motion group, without a name.
     pub fn new(number: u32, group: Group) -> Self {
         Self { number, name: None, groups: vec![group] }
@@ -348,6 +353,11 @@ impl AxisName {
         Ok(name)
     }
 
+    /// `X`, `J1`.
+    pub fn name(self) -> &'static str {
+        self.text().trim_end_matches([' ', '='])
+    }
+
     /// As it is before a value.
     fn text(self) -> &'static str {
         const J: [&str; 9] = ["J1=", "J2=", "J3=", "J4=", "J5=", "J6=", "J7=", "J8=", "J9="];
@@ -377,7 +387,7 @@ impl AxisName {
 #[cfg(feature = "serde")]
 impl serde::Serialize for AxisName {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.text().trim_end_matches([' ', '=']))
+        serializer.serialize_str(self.name())
     }
 }
 

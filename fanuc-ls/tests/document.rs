@@ -18,8 +18,10 @@ fn motion(document: &Document, index: usize) -> Motion {
 }
 
 fn found(text: &str) -> Vec<(usize, usize, Problem)> {
-    let findings = Document::decode(text).unwrap().findings(&Rules::default());
-    findings.into_iter().map(|Finding { line, column, problem, .. }| (line, column, problem)).collect()
+    let findings = Document::decode(text).unwrap().findings(&Rules::default()).into_iter();
+    // What is wrong with statements and positions that can be read is in `mistakes.rs`.
+    let findings = findings.filter(|finding| !matches!(finding.problem, Problem::Mistake(_)));
+    findings.map(|Finding { line, column, problem, .. }| (line, column, problem)).collect()
 }
 
 /// The lines that differ, before and after.
@@ -73,7 +75,7 @@ fn every_spelling_is_written_as_it_was_read() {
 fn what_is_understood_has_no_error_and_what_is_not_has_one() {
     for (index, main) in SPELLINGS.iter().enumerate() {
         let findings = document(main).findings(&Rules::default());
-        let errors = findings.iter().filter(|finding| finding.problem.is_error()).count();
+        let errors = findings.iter().filter(|finding| matches!(finding.problem, Problem::Error(_))).count();
         assert_eq!(errors, usize::from(index >= 17), "{main}: {findings:?}");
     }
 }

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_ls::{
-    Attribute, Document, Expression, Index, Instruction, Item, ItemKind, Operation, Operator, TimerAction,
+    Attribute, Document, Expression, Function, Index, Instruction, Item, ItemKind, Operation, Operator,
+    TimerAction,
 };
 
 fn operation(text: &str) -> Operation {
@@ -112,7 +113,9 @@ fn conditions_and_loops() {
             binary(Operator::LessOrEqual, register(3), register(4)),
         ),
     );
-    assert_eq!(operation("IF R[1]=2 OR\nR[2]=3 AND R[3]<=R[4],JMP LBL[1]"), Operation::If(either, jump()));
+    assert_eq!(operation("IF (R[1]=2 OR\nR[2]=3 AND R[3]<=R[4]),JMP LBL[1]"), Operation::If(either, jump()));
+    // Without parentheses, a controller does not take both.
+    assert_eq!(Operation::decode("IF R[1]=2 OR R[2]=3 AND R[3]<=R[4],JMP LBL[1]"), None);
     assert_eq!(operation("IF (R[1]=2) THEN"), Operation::IfThen(equal(register(1), 2.0)));
     assert_eq!([operation("ELSE"), operation("ENDIF")], [Operation::Else, Operation::EndIf]);
     let select = Operation::Select(item(ItemKind::Register, 1), Expression::Number(1.0), jump());
@@ -141,10 +144,50 @@ fn what_binds_more_is_done_first() {
 }
 
 #[test]
+fn functions() {
+    let call = |function, values| Expression::Call(function, values);
+    let Operation::Assign(_, value) = operation("R[9]=-ABS[R[1]]+ATAN2(R[1],R[2])") else { panic!() };
+    let negative = Expression::Negative(Box::new(call(Function::Abs, vec![register(1)])));
+    let angle = call(Function::ArcTangent2, vec![register(1), register(2)]);
+    assert_eq!(value, binary(Operator::Add, negative, angle));
+    let text = || Expression::Item(item(ItemKind::StringRegister, 1));
+    let Operation::Assign(_, value) = operation("SR[2]=SUBSTR SR[1],2,R[1]") else { panic!() };
+    assert_eq!(value, call(Function::SubString, vec![text(), Expression::Number(2.0), register(1)]));
+}
+
+#[test]
+fn other_instructions_of_the_table() {
+    let command = |name, operands: Vec<Expression>, text: &str| Operation::Command {
+        name,
+        operands,
+        text: text.into(),
+    };
+    assert_eq!(operation("COL GUARD ADJUST R[1]"), command("COL GUARD ADJUST", vec![register(1)], ""));
+    assert_eq!(operation("SOFTFLOAT[1]"), command("SOFTFLOAT", vec![Expression::Number(1.0)], ""));
+    assert_eq!(operation("VISION RUN_FIND 'A'"), command("VISION RUN_FIND", vec![], "'A'"));
+    assert_eq!(operation("LOCK PREG"), Operation::Lock);
+    assert_eq!(operation("--eg:a"), Operation::Remark("eg:a".into()));
+    assert_eq!(operation("MONITOR WATCH"), Operation::Monitor("WATCH".into()));
+    // A timer counts seconds.
+    let seconds = binary(Operator::Divide, Expression::Number(500.0), Expression::Number(1000.0));
+    assert_eq!(operation("TIMER[1]MS=500"), Operation::Assign(item(ItemKind::Timer, 1), seconds));
+    let name = "Op. Entry Menu".to_string();
+    assert_eq!(
+        operation("Op. Entry Menu(1)"),
+        Operation::Macro { name, arguments: vec![Expression::Number(1.0)] }
+    );
+    let jump = Box::new(Operation::Jump(Item { index: Index::Untaught, ..item(ItemKind::Label, 0) }));
+    assert_eq!(operation("IF (...),JMP LBL[...]"), Operation::If(Expression::Untaught, jump));
+    // As controllers set to German write them.
+    let condition = Expression::Not(Box::new(Expression::Item(item(ItemKind::DigitalInput, 1))));
+    assert_eq!(operation("WARTE (!E[1])"), Operation::WaitFor { condition, timeout: None });
+    assert_eq!(operation("A[2]=AUS"), Operation::Assign(item(ItemKind::DigitalOutput, 2), Expression::Off));
+}
+
+#[test]
 fn what_is_not_known_stays_text() {
     for text in [
         "",
-        "Arc Start[1]",
         "R[1]",
         "R[1]=",
         "R[1]=(1",
@@ -154,7 +197,7 @@ fn what_is_not_known_stays_text() {
         "IF R[1]=1",
         "WAIT",
         "XX[1]=2",
-        "R[1]=SIN[R[2]]",
+        "R[1]=SIN R",
         "DO[1]=ONE",
         "TIMER[1]=STARTED",
         "PR[1,]=2",

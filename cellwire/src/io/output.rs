@@ -73,14 +73,7 @@ pub fn show_remarks(screen: Option<Sender<String>>) {
 
 /// A remark on standard error, or on the screen that covers it, its control characters escaped. Where that is closed, nobody reads it.
 pub fn remark(text: &str) {
-    let mut line = String::with_capacity(text.len() + 1);
-    for c in text.chars() {
-        if c.is_control() && c != '\n' && c != '\t' {
-            line.extend(c.escape_unicode());
-        } else {
-            line.push(c);
-        }
-    }
+    let mut line = printable(text);
     if let Some(screen) = &*SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
         && screen.send(line.clone()).is_ok()
     {
@@ -92,6 +85,19 @@ pub fn remark(text: &str) {
         return;
     }
     let _ = io::stderr().lock().write_all(line.as_bytes());
+}
+
+/// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.
+pub fn printable(text: &str) -> String {
+    let mut line = String::with_capacity(text.len() + 1);
+    for c in text.chars() {
+        if c.is_control() && c != '\n' && c != '\t' {
+            line.extend(c.escape_unicode());
+        } else {
+            line.push(c);
+        }
+    }
+    line
 }
 
 #[cfg(test)]

@@ -148,6 +148,18 @@ impl Args {
         for (option, mode, given) in given {
             ensure!(!given || mode == self.mode, "{option} belongs to another --mode");
         }
+        let steps = [
+            ("--mm", self.mm),
+            ("--deg", self.deg),
+            ("--step", self.step),
+            ("--min", self.min),
+            ("--max", self.max),
+        ];
+        for (option, step) in steps {
+            // What is no step at all is refused with the others.
+            let is_too_long = step.is_some_and(|step| step > 1e6);
+            ensure!(!is_too_long, "{option}: give a number above 0, and 1000000 at most");
+        }
         Ok(match self.mode {
             Mode::Distance => match (self.mm, self.deg) {
                 (Some(mm), _) => Sampling::Distance(mm),

@@ -8,7 +8,7 @@ mod run;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Subcommand, ValueEnum};
 use fanuc_ls::{Program, Rules};
 
@@ -89,6 +89,12 @@ impl GeometryArgs {
     /// # Errors
     /// When a number is missing.
     pub fn arm(&self, described: Option<Dimensions>) -> Result<Arm> {
+        // No arm is longer than a hall: a number beyond it is a slip, and no path could be computed.
+        for (option, numbers) in [("--arm", &self.arm), ("--tool", &self.tool)] {
+            let is_real = |number: &f64| (-100_000.0..=100_000.0).contains(number);
+            let wrong = numbers.iter().flatten().find(|number| !is_real(number));
+            ensure!(wrong.is_none(), "{option}: give numbers between -100000 and 100000");
+        }
         let mut arm = described.map_or(Arm::LR_MATE_200ID, |arm| arm.arm(Pose::IDENTITY));
         if let Some(dimensions) = &self.arm {
             let &[shoulder, upper_arm, elbow, forearm, flange] = dimensions.as_slice() else {

@@ -114,14 +114,7 @@ impl Step {
     /// The program that it calls, if it names one.
     fn called(&self) -> Option<&str> {
         let Self::Operation(operation) = self else { return None };
-        let inner = match &**operation {
-            Operation::If(_, inner)
-            | Operation::Select(_, _, inner)
-            | Operation::Case(_, inner)
-            | Operation::Otherwise(inner) => inner,
-            other => other,
-        };
-        match inner {
+        match operation.action() {
             Operation::Call { program, .. } if !program.starts_with("SR[") => Some(program),
             _ => None,
         }
@@ -150,7 +143,12 @@ impl Survey {
                 Instruction::Motion(motion) => self.motion(name, line, motion),
                 Instruction::Nested(_) => self.add("instructions of TB and TA are passed over", name, line),
                 Instruction::Other(text) => match instruction.operation() {
-                    None => self.add(format!("`{text}` is not understood, it is passed over"), name, line),
+                    None | Some(Operation::Macro { .. }) => {
+                        self.add(format!("`{text}` is not understood, it is passed over"), name, line)
+                    }
+                    Some(Operation::Command { .. } | Operation::Monitor(_) | Operation::When(..)) => {
+                        self.add(format!("`{text}` is not modelled, it is passed over"), name, line)
+                    }
                     Some(Operation::Run(_)) => self.add("RUN is passed over: there is one task", name, line),
                     Some(Operation::Payload(_)) => {
                         self.add("PAYLOAD is passed over: nothing has a weight", name, line)

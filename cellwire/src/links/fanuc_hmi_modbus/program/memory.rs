@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fanuc_hmi_modbus::Signal;
-use fanuc_ls::{Expression, Index, Item, ItemKind, Operator};
+use fanuc_ls::{Expression, Function, Index, Item, ItemKind, Operator};
 
 use super::position::Place;
 use crate::links::fanuc_hmi_modbus::tables::Tables;
@@ -84,6 +84,11 @@ impl Memory {
                 let (left, right) = (self.value(left, tables, around)?, self.value(right, tables, around)?);
                 combine(*operator, left, right)?
             }
+            Expression::Call(function, values) => {
+                let values = values.iter().map(|value| self.number(value, tables, around));
+                Value::Number(computed(*function, &values.collect::<Result<Vec<_>, _>>()?)?)
+            }
+            Expression::Untaught => return Err("a value is not filled in".into()),
         })
     }
 
@@ -123,6 +128,7 @@ impl Memory {
                 Value::Number(number) if (1.0..=65_535.0).contains(&number) => Ok(number.round() as u32),
                 other => Err(format!("{other:?} is no index")),
             },
+            Index::Untaught => Err("an index is not filled in".into()),
         }
     }
 
@@ -268,6 +274,30 @@ fn is_word(kind: ItemKind) -> bool {
     )
 }
 
+/// A function of numbers; angles are in degrees.
+fn computed(function: Function, values: &[f64]) -> Result<f64, Fault> {
+    let (first, second) = (values.first().copied().unwrap_or_default(), values.get(1).copied());
+    let value = match function {
+        Function::Abs => first.abs(),
+        Function::SquareRoot => first.sqrt(),
+        Function::Sine => first.to_radians().sin(),
+        Function::Cosine => first.to_radians().cos(),
+        Function::Tangent => first.to_radians().tan(),
+        Function::ArcSine => first.asin().to_degrees(),
+        Function::ArcCosine => first.acos().to_degrees(),
+        Function::ArcTangent => first.atan().to_degrees(),
+        Function::ArcTangent2 => first.atan2(second.unwrap_or_default()).to_degrees(),
+        Function::Exponential => first.exp(),
+        Function::Logarithm => first.ln(),
+        Function::Round => first.round(),
+        Function::Truncate => first.trunc(),
+        Function::StringLength | Function::FindString | Function::SubString => {
+            return Err("functions of strings are not modelled".into());
+        }
+    };
+    if value.is_finite() { Ok(value) } else { Err(format!("{function:?} of {first} has no value")) }
+}
+
 fn combine(operator: Operator, left: Value, right: Value) -> Result<Value, Fault> {
     use Operator as O;
     let text = |ordering: fn(&str, &str) -> bool, a: &str, b: &str| Ok(Value::Bit(ordering(a, b)));
@@ -316,4 +346,18 @@ fn combine(operator: Operator, left: Value, right: Value) -> Result<Value, Fault
         O::DivideWhole => Value::Number((a / b).trunc()),
         O::Remainder => Value::Number(a % b),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn functions_count_in_degrees_and_have_a_value_or_say_so() {
+        assert!((computed(Function::Sine, &[30.0]).unwrap_or_default() - 0.5).abs() < 1e-12);
+        assert!((computed(Function::ArcTangent2, &[1.0, -1.0]).unwrap_or_default() - 135.0).abs() < 1e-9);
+        assert_eq!(computed(Function::Truncate, &[-2.7]), Ok(-2.0));
+        assert_eq!(computed(Function::SquareRoot, &[-1.0]), Err("SquareRoot of -1 has no value".into()));
+        assert_eq!(computed(Function::SubString, &[]), Err("functions of strings are not modelled".into()));
+    }
 }

@@ -1,0 +1,187 @@
+//! `cellwire ls check`, and the summary of `cellwire ls FOLDER`.
+
+mod file;
+mod sarif;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::ValueEnum;
+use fanuc_ls::{Level, Rules, Surroundings};
+
+use super::rules;
+use crate::io::output::{log, printable, remark};
+use file::{File, kind, motions};
+
+/// Reads LS files and reports what is wrong with them: each finding once, with its line and column and what to do.
+///
+/// An error is what a controller refuses to load or to run; a warning is what is probably not meant; a hint may be worth a look. In a
+/// folder, a call of a program that has no file in it is a hint. The exit status is 1 if there is an error, or what --fail-on says.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The files; of a folder, every .ls file in and below it
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// How findings are printed
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// The least level at which the exit status is 1
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Least::Error)]
+    fail_on: Least,
+    /// The names of the controller's macros, one a line: they are no hints
+    #[arg(long, value_name = "FILE")]
+    macros: Option<PathBuf>,
+    /// The longest name that the controller takes; old ones take 8
+    #[arg(long, value_name = "N", default_value_t = 36)]
+    name_limit: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// What each file has, and its findings with their lines and what to do
+    Text,
+    /// A line a finding
+    Short,
+    /// A JSON object a file
+    Json,
+    /// One SARIF 2.1.0 document, for what shows the findings of checkers
+    Sarif,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Least {
+    Error,
+    Warning,
+    Hint,
+}
+
+impl Least {
+    fn level(self) -> Level {
+        match self {
+            Self::Error => Level::Error,
+            Self::Warning => Level::Warning,
+            Self::Hint => Level::Hint,
+        }
+    }
+}
+
+/// False when there was a finding of the level that counts.
+pub(super) fn check(args: &Args) -> Result<bool> {
+    let rules = rules(args.name_limit);
+    let paths = files(&args.files)?;
+    let around = around(args, &paths)?;
+    let (mut out, mut good, mut unread, mut results) = (io::stdout().lock(), true, 0, Vec::new());
+    for path in &paths {
+        match std::fs::read(path).with_context(|| format!("cannot read {}", path.display())) {
+            Ok(bytes) => {
+                let file = File::new(path, &bytes, &rules, &around);
+                good &= file.worst().is_none_or(|worst| worst < args.fail_on.level());
+                match args.format {
+                    Format::Text => out.write_all(file.text(&bytes).as_bytes())?,
+                    Format::Short => out.write_all(file.lines().as_bytes())?,
+                    // It locks standard output itself, which this thread may.
+                    Format::Json => log(&file.object())?,
+                    Format::Sarif => results.extend(sarif::results(&file)),
+                }
+            }
+            Err(error) => {
+                remark(&format!("error: {error:#}"));
+                unread += 1;
+            }
+        }
+    }
+    if args.format == Format::Sarif {
+        log(&sarif::document(results))?;
+    }
+    ensure!(unread == 0, "{unread} of {} files cannot be read", paths.len());
+    Ok(good)
+}
+
+/// The programs that may be called, where a folder was given, and the macros.
+fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
+    let mut around = Surroundings::default();
+    if args.files.iter().any(|path| path.is_dir()) {
+        let names = paths.iter().filter_map(|path| path.file_stem());
+        around.programs = Some(names.map(|name| name.to_string_lossy().to_uppercase()).collect());
+    }
+    if let Some(path) = &args.macros {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let names = text.lines().map(str::trim).filter(|line| !line.is_empty());
+        around.macros = names.map(str::to_uppercase).collect::<BTreeSet<_>>();
+    }
+    Ok(around)
+}
+
+/// Prints what the LS files in and below a folder are and have. False when there was an error.
+pub(super) fn summarize(folder: &Path) -> Result<bool> {
+    let (mut sums, mut errors) = ([0; 5], 0);
+    let mut kinds: BTreeMap<(core::cmp::Reverse<Level>, String), (usize, usize)> = BTreeMap::new();
+    let (rules, mut out) = (Rules::default(), io::stdout().lock());
+    for path in files(&[folder.to_path_buf()])? {
+        let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let file = File::new(&path, &bytes, &rules, &Surroundings::default());
+        errors += usize::from(file.worst() == Some(Level::Error));
+        let mut in_file: BTreeMap<_, usize> = BTreeMap::new();
+        for (problem, _) in file.problems() {
+            *in_file.entry((core::cmp::Reverse(problem.level()), kind(&problem))).or_default() += 1;
+        }
+        for (kind, count) in in_file {
+            let (findings, files) = kinds.entry(kind).or_default();
+            (*findings, *files) = (*findings + count, *files + 1);
+        }
+        let found = match &file.document {
+            Ok(document) => {
+                [1, 1, document.statements().count(), motions(document).count(), document.positions().count()]
+            }
+            Err(_) => [1, 0, 0, 0, 0],
+        };
+        sums.iter_mut().zip(found).for_each(|(sum, found)| *sum += found);
+    }
+    let [files, programs, lines, motions, positions] = sums;
+    let folder = printable(&folder.display().to_string());
+    writeln!(
+        out,
+        "{folder}: {files} files, {programs} programs: {lines} lines, {motions} motions, {positions} positions",
+    )?;
+    for ((core::cmp::Reverse(level), kind), (findings, files)) in kinds {
+        writeln!(out, "  {:7} {kind}: {findings} in {files} files", level.text())?;
+    }
+    if errors > 0 {
+        writeln!(out, "{errors} files have errors: `cellwire ls check {folder}` shows where")?;
+    }
+    Ok(errors == 0)
+}
+
+/// The files, and in place of a folder the .ls files in and below it, in order.
+fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in paths {
+        let before = files.len();
+        below(path, &mut files)?;
+        if files.len() == before {
+            bail!("nothing to check: there is no .ls file in or below {}", path.display());
+        }
+    }
+    Ok(files)
+}
+
+fn below(path: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    let mut rest = vec![(path.to_path_buf(), true)];
+    while let Some((path, named)) = rest.pop() {
+        // A link may lead back: only those that were named are followed.
+        if path.is_dir() && (named || !path.is_symlink()) {
+            let entries =
+                std::fs::read_dir(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            let mut entries =
+                entries.map(|entry| Ok((entry?.path(), false))).collect::<io::Result<Vec<_>>>()?;
+            entries.sort_by(|a, b| b.cmp(a));
+            rest.append(&mut entries);
+        } else if named || path.extension().is_some_and(|end| end.eq_ignore_ascii_case("ls")) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}

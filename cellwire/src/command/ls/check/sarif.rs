@@ -1,0 +1,55 @@
+//! Findings as SARIF 2.1.0 (OASIS): what editors and code hosts show the findings of checkers by.
+
+use std::path::Path;
+
+use fanuc_ls::Level;
+use serde_json::{Value, json};
+
+use super::file::{File, kind};
+
+pub(super) fn document(results: Vec<Value>) -> Value {
+    json!({
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{
+            "tool": {"driver": {"name": "cellwire ls check", "version": env!("CARGO_PKG_VERSION")}},
+            "columnKind": "unicodeCodePoints",
+            "results": results,
+        }],
+    })
+}
+
+pub(super) fn results(file: &File<'_>) -> impl Iterator<Item = Value> {
+    let uri = uri(file.path);
+    file.problems().map(move |(problem, (line, column))| {
+        let level = match problem.level() {
+            Level::Error => "error",
+            Level::Warning => "warning",
+            Level::Hint => "note",
+        };
+        json!({
+            "ruleId": kind(&problem).replace(' ', "-"),
+            "level": level,
+            "message": {"text": format!("{problem}: {}", problem.advice())},
+            "locations": [{"physicalLocation": {
+                "artifactLocation": {"uri": uri},
+                "region": {"startLine": line, "startColumn": column},
+            }}],
+        })
+    })
+}
+
+/// A path as a URI, relative where the path is.
+fn uri(path: &Path) -> String {
+    let mut uri = String::from(if path.is_absolute() { "file://" } else { "" });
+    for byte in path.to_string_lossy().bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+                uri.push(byte.into())
+            }
+            b'\\' => uri.push('/'),
+            byte => uri += &format!("%{byte:02X}"),
+        }
+    }
+    uri
+}

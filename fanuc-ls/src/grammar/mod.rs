@@ -1,0 +1,133 @@
+//! The grammar of statements: what is between a line's number and its `;`, as far as an instruction is no motion, and the words
+//! behind a motion. Whatever does not fit is a [`Mistake`] at its place.
+
+mod expression;
+mod operation;
+mod options;
+mod table;
+
+use nom::error::{ErrorKind, ParseError};
+use nom::{IResult, Parser};
+
+use crate::mistake::{Expected, Mistake};
+use crate::text::decimal_prefix;
+
+pub(crate) use expression::item;
+pub(crate) use operation::{in_capitals, operation};
+pub(crate) use options::options;
+pub(crate) use table::{OPTIONS, Place, ROWS};
+
+/// What is still to be read, and what was read.
+pub(crate) type Parsed<'a, T> = IResult<&'a str, T, Trouble<'a>>;
+
+/// What is wrong, and where.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Trouble<'a> {
+    pub(crate) at: &'a str,
+    pub(crate) mistake: Mistake,
+}
+
+impl<'a> Trouble<'a> {
+    pub(crate) fn of(error: nom::Err<Self>) -> Self {
+        match error {
+            nom::Err::Error(trouble) | nom::Err::Failure(trouble) => trouble,
+            // The parsers are the complete ones: this is never made.
+            nom::Err::Incomplete(_) => Trouble { at: "", mistake: Mistake::Unknown },
+        }
+    }
+}
+
+impl<'a> ParseError<&'a str> for Trouble<'a> {
+    // The combinators' own kinds are replaced by `or_fail`, or try the next alternative.
+    fn from_error_kind(at: &'a str, _: ErrorKind) -> Self {
+        Self { at, mistake: Mistake::Unknown }
+    }
+
+    fn append(_: &'a str, _: ErrorKind, other: Self) -> Self {
+        other
+    }
+}
+
+/// It is something else: another alternative may fit.
+fn other<T>(at: &str) -> Parsed<'_, T> {
+    Err(nom::Err::Error(Trouble { at, mistake: Mistake::Unknown }))
+}
+
+/// No alternative fits: this is wrong here.
+pub(crate) fn fail<T>(at: &str, mistake: Mistake) -> Parsed<'_, T> {
+    Err(nom::Err::Failure(Trouble { at: blank(at), mistake }))
+}
+
+/// What `parser` reads, or the failure at this place.
+pub(crate) fn or_fail<'a, T>(
+    input: &'a str,
+    expected: Expected,
+    mut parser: impl Parser<&'a str, Output = T, Error = Trouble<'a>>,
+) -> Parsed<'a, T> {
+    match parser.parse(input) {
+        Err(nom::Err::Error(_)) => fail(input, Mistake::Expected { what: expected }),
+        read => read,
+    }
+}
+
+/// What follows blanks, and line ends with the `:` that continues an instruction.
+pub(crate) fn blank(input: &str) -> &str {
+    let mut rest = input.trim_start_matches([' ', '\t']);
+    while rest.starts_with(['\r', '\n']) {
+        rest = rest.trim_start();
+        rest = rest.strip_prefix(':').unwrap_or(rest).trim_start_matches([' ', '\t']);
+    }
+    rest
+}
+
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// A sign behind blanks.
+pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
+    move |input: &'a str| match blank(input).strip_prefix(sign) {
+        Some(rest) => Ok((rest, ())),
+        None => other(input),
+    }
+}
+
+/// Words behind blanks, in capitals or not, with any blanks between them. The last one ends where it ends in the text.
+pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
+    move |input: &'a str| {
+        let mut rest = input;
+        for word in words.split(' ') {
+            rest = blank(rest);
+            match rest.split_at_checked(word.len()) {
+                Some((found, after)) if found.eq_ignore_ascii_case(word) => rest = after,
+                _ => return other(input),
+            }
+        }
+        if words.ends_with(is_word) && rest.starts_with(is_word) { other(input) } else { Ok((rest, ())) }
+    }
+}
+
+/// Whether this is next, and what follows it.
+pub(crate) fn next<'a>(
+    input: &'a str,
+    mut parser: impl Parser<&'a str, Output = (), Error = Trouble<'a>>,
+) -> Option<&'a str> {
+    parser.parse(input).ok().map(|(rest, ())| rest)
+}
+
+/// A number behind blanks.
+fn number(input: &str) -> Parsed<'_, f64> {
+    let text = blank(input);
+    let found =
+        decimal_prefix(text.as_bytes()).and_then(|(value, length)| Some((text.get(length..)?, value)));
+    found.map_or_else(|| other(input), Ok)
+}
+
+/// Nothing but blanks.
+fn end(input: &str) -> Parsed<'_, ()> {
+    if blank(input).is_empty() {
+        Ok(("", ()))
+    } else {
+        fail(input, Mistake::Expected { what: Expected::End })
+    }
+}

@@ -1,0 +1,128 @@
+//! The words behind a motion.
+
+use super::expression::{index, item};
+use super::operation::{is_near, label_of, simple};
+use super::table::OPTIONS;
+use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fail, sign};
+use crate::expression::ItemKind;
+use crate::mistake::{Expected, Mistake};
+
+/// Reads the options of a motion; what is wrong with the first that does not fit.
+pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
+    let mut rest = input;
+    'options: while !blank(rest).is_empty() {
+        // A comma between two of them is a person's.
+        rest = next(rest, sign(",")).unwrap_or(rest);
+        for choice in OPTIONS {
+            for words in choice.words {
+                if let Some(after) = begins(rest, words) {
+                    let (after, ()) = (choice.form)(after).map_err(Trouble::of)?;
+                    rest = after;
+                    continue 'options;
+                }
+            }
+        }
+        let text = blank(rest);
+        let length = text.find(|c: char| !is_word(c)).unwrap_or(text.len());
+        let word = text.get(..length).unwrap_or("");
+        let known = OPTIONS.iter().flat_map(|choice| choice.words);
+        let mistake = match { known }.find(|known| is_near(word, known)) {
+            Some(word) => Mistake::Misspelled { word },
+            None => Mistake::UnknownOption,
+        };
+        return Err(Trouble { at: text, mistake });
+    }
+    Ok(())
+}
+
+/// The words of an option; a number may follow them without a blank: `ACC100`.
+fn begins<'a>(input: &'a str, words: &'static str) -> Option<&'a str> {
+    let mut rest = input;
+    for word in words.split(' ') {
+        rest = blank(rest);
+        let (found, after) = rest.split_at_checked(word.len())?;
+        if !found.eq_ignore_ascii_case(word) {
+            return None;
+        }
+        rest = after;
+    }
+    (!rest.starts_with(|c: char| c.is_alphabetic() || c == '_')).then_some(rest)
+}
+
+/// A number within a range, or a register; a percent sign may follow.
+pub(super) fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
+    let rest = match number(input) {
+        Ok((rest, value)) if (low..=high).contains(&value) => rest,
+        Ok(_) => return fail(input, Mistake::range(low, high)),
+        Err(_) => or_fail(input, Expected::Number, item)?.0,
+    };
+    Ok((next(rest, sign("%")).unwrap_or(rest), ()))
+}
+
+/// `Skip,LBL[1]`, and what it keeps: `,PR[1]=LPOS`.
+pub(super) fn skip(input: &str) -> Parsed<'_, ()> {
+    let (rest, ()) = or_fail(input, Expected::Comma, sign(","))?;
+    let (rest, _) = label_of(rest)?;
+    let Some(after) = next(rest, sign(",")).filter(|after| blank(after).starts_with("PR")) else {
+        return Ok((rest, ()));
+    };
+    simple(after).map(|(rest, _)| (rest, ()))
+}
+
+/// `Offset`, `Offset,PR[1]`.
+pub(super) fn optional_register(input: &str) -> Parsed<'_, ()> {
+    let Some(after) = next(input, sign(",")) else { return Ok((input, ())) };
+    let (rest, register) = match after.trim_start().get(..2) {
+        // A post-processor's comma before the next option.
+        Some(letters) if !letters.eq_ignore_ascii_case("PR") && !letters.eq_ignore_ascii_case("VR") => {
+            return fail(after, Mistake::Expected { what: Expected::PositionRegister });
+        }
+        _ => or_fail(after, Expected::PositionRegister, item)?,
+    };
+    match register.kind {
+        ItemKind::PositionRegister | ItemKind::VisionRegister => Ok((rest, ())),
+        _ => fail(after, Mistake::Expected { what: Expected::PositionRegister }),
+    }
+}
+
+/// `COORD`, `COORD[1]`, `COORD[R[1]]`.
+pub(super) fn coordinated(input: &str) -> Parsed<'_, ()> {
+    let Some(rest) = next(input, sign("[")) else { return Ok((input, ())) };
+    let (rest, _) = index(rest, 4)?;
+    or_fail(rest, Expected::Bracket, sign("]"))
+}
+
+/// `TB .50sec,CALL A`: a time or a way, and what is done there.
+pub(super) fn action(input: &str) -> Parsed<'_, ()> {
+    let (mut rest, ()) = amount(input, -100_000.0, 100_000.0)?;
+    let units = ["sec", "sek", "mm"];
+    match units.iter().find_map(|unit| next(rest, keyword(unit))) {
+        Some(after) => rest = after,
+        None => return fail(rest, Mistake::Expected { what: Expected::Unit }),
+    }
+    let (rest, ()) = or_fail(rest, Expected::Comma, sign(","))?;
+    if let Some(after) = next(rest, keyword("P-SPS")).or_else(|| next(rest, keyword("POINT_LOGIC"))) {
+        return Ok((after, ()));
+    }
+    let (rest, _) = or_fail(rest, Expected::Action, simple)?;
+    Ok((rest, ()))
+}
+
+/// `Arc Start[1]`: what an application has in brackets.
+pub(super) fn bracketed(input: &str) -> Parsed<'_, ()> {
+    let (rest, ()) = or_fail(input, Expected::Bracket, sign("["))?;
+    match rest.split_once(']') {
+        // The brackets of a register may be inside.
+        Some((inside, after)) if inside.contains('[') => after.split_once(']').map_or_else(
+            || fail(after, Mistake::Expected { what: Expected::Bracket }),
+            |(_, after)| Ok((after, ())),
+        ),
+        Some((_, after)) => Ok((after, ())),
+        None => fail(rest, Mistake::Expected { what: Expected::Bracket }),
+    }
+}
+
+/// What an application has up to the end.
+pub(super) fn to_end(_: &str) -> Parsed<'_, ()> {
+    Ok(("", ()))
+}

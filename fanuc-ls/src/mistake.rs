@@ -1,0 +1,359 @@
+//! What is wrong with a program that is read: its statements, blocks, labels, frames and positions.
+
+use crate::expression::ItemKind;
+use crate::position::AxisName;
+
+/// How bad something is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum Level {
+    /// It may be worth a look.
+    Hint,
+    /// A controller takes it, and its author probably did not mean it.
+    Warning,
+    /// A controller refuses to load or to run it.
+    Error,
+}
+
+impl Level {
+    /// Its name.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Hint => "hint",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+}
+
+/// What is wrong with a statement, or with how statements and positions fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Mistake {
+    /// Something else belongs there.
+    #[error("expected {what}")]
+    Expected {
+        /// What belongs there.
+        what: Expected,
+    },
+    /// A word that differs by one letter from an instruction or an option.
+    #[error("no instruction or option is spelled so: `{word}` is one")]
+    Misspelled {
+        /// The word that is one.
+        word: &'static str,
+    },
+    /// No instruction that is known, and no macro's name.
+    #[error("the instruction is not known")]
+    Unknown,
+    /// A word behind a motion that is not known.
+    #[error("the motion option is not known")]
+    UnknownOption,
+    /// Letters and brackets that are no register, input or output that is known.
+    #[error("no register, input or output that is known is called so")]
+    UnknownItem,
+    /// A name, which can be that of a macro.
+    #[error("no instruction has this name: it must be a macro's")]
+    Macro,
+    /// A call of a program that is not among those that are known.
+    #[error("there is no program of this name")]
+    MissingProgram,
+    /// A number outside its range.
+    #[error("expected a number from {low} to {high}")]
+    Range {
+        /// The lowest.
+        low: i32,
+        /// The greatest.
+        high: i32,
+    },
+    /// Brackets that are deeper, or a text that is longer, than any instruction's.
+    #[error("the instruction is too long, or its brackets are too deep")]
+    TooDeep,
+    /// A function that is given too few or too many values.
+    #[error("the function takes {expected} values, not {found}")]
+    Arguments {
+        /// How many it takes.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// AND and OR in one condition without parentheses.
+    #[error("AND and OR stand in one condition without parentheses")]
+    MixedLogic,
+    /// `...` or `Constant`: a template that has to be filled in.
+    #[error("an operand is not filled in")]
+    Untaught,
+    /// An assignment to what a program cannot set.
+    #[error("{item} cannot be set")]
+    ReadOnly {
+        /// What it is.
+        item: ItemKind,
+    },
+    /// A jump to a label that is not there.
+    #[error("there is no LBL[{number}]")]
+    UndefinedLabel {
+        /// Its number.
+        number: u32,
+    },
+    /// Two labels with one number.
+    #[error("LBL[{number}] is there already")]
+    RepeatedLabel {
+        /// Its number.
+        number: u32,
+    },
+    /// A block without its end.
+    #[error("{} has no {}", block.begin(), block.end())]
+    Open {
+        /// Which one.
+        block: Block,
+    },
+    /// The end, or another part, of a block that is not open here.
+    #[error("no {} is open here", block.begin())]
+    NotOpen {
+        /// Which one.
+        block: Block,
+    },
+    /// The end of a block while one within it is open.
+    #[error("{} within it is open", block.begin())]
+    Crossed {
+        /// The inner one.
+        block: Block,
+    },
+    /// A second ELSE.
+    #[error("the block has an ELSE already")]
+    RepeatedElse,
+    /// FOR whose first value is beyond its last one.
+    #[error("the loop never runs: its first value is beyond its last one")]
+    EmptyLoop,
+    /// A word that controllers write in capitals.
+    #[error("controllers write `{word}`")]
+    Capitals {
+        /// The word.
+        word: &'static str,
+    },
+    /// A motion with Skip in a program that has no condition for it.
+    #[error("the program has no SKIP CONDITION before this motion")]
+    SkipCondition,
+    /// A joint that has turned further than any robot's can.
+    #[error("{} of P[{number}] is beyond 720 degrees", axis.name())]
+    Joint {
+        /// The position's number.
+        number: u32,
+        /// Which one.
+        axis: AxisName,
+    },
+    /// Nothing leads here.
+    #[error("no line leads here")]
+    Unreachable,
+    /// A motion in a program without a motion group.
+    #[error("DEFAULT_GROUP has no motion group: the program cannot move")]
+    NoGroup,
+    /// A position lacks a group of the program, or has one that the program does not move.
+    #[error("P[{number}] has not the motion groups of DEFAULT_GROUP")]
+    Groups {
+        /// The position's number.
+        number: u32,
+    },
+    /// A position that lacks a coordinate.
+    #[error("P[{number}] has no {}", axis.name())]
+    MissingAxis {
+        /// The position's number.
+        number: u32,
+        /// What it lacks.
+        axis: AxisName,
+    },
+    /// A coordinate that is there twice, or does not belong to the others.
+    #[error("{} of P[{number}] is there twice, or does not belong there", axis.name())]
+    ForeignAxis {
+        /// The position's number.
+        number: u32,
+        /// Which one.
+        axis: AxisName,
+    },
+    /// A coordinate in a unit that it has not.
+    #[error("{} of P[{number}] has the wrong unit", axis.name())]
+    AxisUnit {
+        /// The position's number.
+        number: u32,
+        /// Which one.
+        axis: AxisName,
+    },
+    /// A CONFIG that is none.
+    #[error("CONFIG of P[{number}] is not N or F, U or D, T or B, and turns from -8 to 7")]
+    Configuration {
+        /// The position's number.
+        number: u32,
+    },
+    /// A motion to a position of another frame than the program has chosen.
+    #[error("P[{number}] is of UF {found}, the program has chosen UFRAME_NUM={chosen}")]
+    Frame {
+        /// The position's number.
+        number: u32,
+        /// Its frame.
+        found: u16,
+        /// The program's.
+        chosen: u16,
+    },
+    /// A motion to a position of another tool than the program has chosen.
+    #[error("P[{number}] is of UT {found}, the program has chosen UTOOL_NUM={chosen}")]
+    Tool {
+        /// The position's number.
+        number: u32,
+        /// Its tool.
+        found: u16,
+        /// The program's.
+        chosen: u16,
+    },
+    /// A motion without FINE or CNT.
+    #[error("the motion has no FINE or CNT")]
+    Termination,
+    /// An attribute whose value a controller does not take.
+    #[error("the attribute has a value that a controller does not take")]
+    Attribute,
+}
+
+/// What belongs in the place of something else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[allow(missing_docs, reason = "they are what they say")]
+#[non_exhaustive]
+pub enum Expected {
+    #[error("a value such as `R[1]`, `5` or `ON`")]
+    Value,
+    #[error("a number")]
+    Number,
+    #[error("a register such as `R[1]`")]
+    Register,
+    #[error("a position register such as `PR[1]`")]
+    PositionRegister,
+    #[error("a position such as `PR[1]`, `P[1]` or `LPOS`")]
+    Position,
+    #[error("a text such as `'a'` or `SR[1]`")]
+    Text,
+    #[error("ON, OFF or a condition")]
+    State,
+    #[error("a label such as `LBL[1]`")]
+    Label,
+    #[error("a program's name")]
+    Program,
+    #[error("a comparison such as `=ON` or `>5`")]
+    Comparison,
+    #[error("`[` and a number")]
+    OpenBracket,
+    #[error("`]`")]
+    Bracket,
+    #[error("`(`: IF … THEN has its condition in parentheses")]
+    OpenParenthesis,
+    #[error("`)`")]
+    Parenthesis,
+    #[error("`'`")]
+    Quote,
+    #[error("`,`")]
+    Comma,
+    #[error("`=`")]
+    Equals,
+    #[error("`,` and an instruction, or `THEN`")]
+    Then,
+    #[error("an instruction that may stand here, such as `JMP LBL[1]` or `CALL A`")]
+    Action,
+    #[error("`TO` or `DOWNTO`")]
+    To,
+    #[error("`sec` or `mm`")]
+    Unit,
+    #[error("`(sec)`")]
+    Seconds,
+    #[error("the end of the instruction")]
+    End,
+}
+
+/// What has a beginning and an end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[allow(missing_docs, reason = "they are what they say")]
+pub enum Block {
+    If,
+    For,
+    Select,
+}
+
+impl Block {
+    fn begin(self) -> &'static str {
+        match self {
+            Self::If => "IF … THEN",
+            Self::For => "FOR",
+            Self::Select => "SELECT",
+        }
+    }
+
+    fn end(self) -> &'static str {
+        match self {
+            Self::If => "ENDIF",
+            Self::For => "ENDFOR",
+            Self::Select => "end",
+        }
+    }
+}
+
+impl Mistake {
+    #[expect(clippy::cast_possible_truncation, reason = "the limits are those of the table")]
+    pub(crate) fn range(low: f64, high: f64) -> Self {
+        Self::Range { low: low as i32, high: high as i32 }
+    }
+
+    /// How bad it is.
+    pub fn level(self) -> Level {
+        match self {
+            Self::Macro
+            | Self::MissingProgram
+            | Self::Untaught
+            | Self::Capitals { .. }
+            | Self::SkipCondition => Level::Hint,
+            Self::Unknown
+            | Self::UnknownItem
+            | Self::UnknownOption
+            | Self::Unreachable
+            | Self::EmptyLoop
+            | Self::Joint { .. }
+            | Self::Groups { .. }
+            | Self::Frame { .. }
+            | Self::Tool { .. }
+            | Self::Termination => Level::Warning,
+            _ => Level::Error,
+        }
+    }
+
+    /// What to do about it.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::Macro => "check its spelling; name the controller's macros in a file",
+            Self::MissingProgram => {
+                "check its spelling; it may be a KAREL program, or one that is not in this folder"
+            }
+            Self::Unknown | Self::UnknownItem | Self::UnknownOption => {
+                "check its spelling; an option of the controller may have it"
+            }
+            Self::Capitals { .. } => "write it so: nobody knows which controllers take another spelling",
+            Self::SkipCondition => "add one, unless the program that calls this one has it",
+            Self::EmptyLoop => "change the values, or use DOWNTO or TO instead",
+            Self::Joint { .. } => "check the number",
+            Self::Untaught => "fill it in before the program runs",
+            Self::MixedLogic => {
+                "write it as mixed logic: one pair of parentheses around all of it, and one around each part"
+            }
+            Self::UndefinedLabel { .. } => "add the label, or correct the number",
+            Self::RepeatedLabel { .. } => "give one of them another number, and its jumps as well",
+            Self::Open { .. } => "close it, or delete it",
+            Self::NotOpen { .. } | Self::Crossed { .. } | Self::RepeatedElse => {
+                "check which block it belongs to"
+            }
+            Self::Unreachable => "delete it, or put a label before it",
+            Self::NoGroup => "give the program a group, or take the motions out",
+            Self::Groups { .. } => "teach the position with the program's groups",
+            Self::Frame { .. } | Self::Tool { .. } => {
+                "choose the position's frame before the motion, or teach it in the one that is chosen"
+            }
+            Self::Termination => "add FINE or CNT100",
+            _ => "correct it: a controller would not take it",
+        }
+    }
+}

@@ -63,10 +63,10 @@ impl Wrong {
     }
 
     fn error(self) -> anyhow::Error {
-        match self.count {
-            0 => anyhow!("no G-code"),
-            ..=20 => anyhow!(self.text),
-            more => anyhow!("{}\nand {} more", self.text, more - 20),
+        match self.count.checked_sub(21) {
+            None if self.count == 0 => anyhow!("no G-code"),
+            None => anyhow!(self.text),
+            Some(more) => anyhow!("{}\nand {} more", self.text, more + 1),
         }
     }
 }

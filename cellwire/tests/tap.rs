@@ -473,6 +473,17 @@ fn wireshark_lists_a_tap_and_reads_from_it() {
 }
 
 #[test]
+fn what_ends_a_tap_of_wireshark_is_said() {
+    let pipe = tempfile::NamedTempFile::new().unwrap();
+    let (status, _, error) = run(cellwire(&format!(
+        "extcap --extcap-interface cellwire --capture --fifo {} --udp --listen 127.0.0.1:0 --connect nobody",
+        pipe.path().display()
+    )));
+    assert_eq!(status, Some(2), "{error}");
+    assert!(error.contains("cannot send to nobody"), "{error}");
+}
+
+#[test]
 fn what_is_missing_on_the_command_line_is_said() {
     for (arguments, expected) in [
         ("tap laser-eb90", "give --listen and --connect for a network, or --a and --b for serial ports"),

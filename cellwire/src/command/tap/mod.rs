@@ -7,7 +7,7 @@ mod split;
 mod way;
 
 use std::path::PathBuf;
-use std::thread;
+use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
@@ -96,11 +96,30 @@ pub fn run(args: &Args) -> Result<bool> {
                 output::finish();
                 std::process::exit(0);
             }
-            return passing.join().unwrap_or_else(|_| bail!("a thread has panicked"));
+            return join(passing);
         }
         // Until the ports are gone.
         lines::print(decoding, &seen);
-        passing.join().unwrap_or_else(|_| bail!("a thread has panicked"))
+        join(passing)
     })?;
     Ok(true)
+}
+
+/// How a thread has ended.
+pub(super) fn join(thread: ScopedJoinHandle<'_, Result<()>>) -> Result<()> {
+    thread.join().unwrap_or_else(|_| bail!("a thread has panicked"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_panics_is_an_error() {
+        thread::scope(|scope| {
+            assert!(join(scope.spawn(|| Ok(()))).is_ok());
+            let error = join(scope.spawn(|| panic!("as it is tested"))).unwrap_err();
+            assert_eq!(error.to_string(), "a thread has panicked");
+        });
+    }
 }

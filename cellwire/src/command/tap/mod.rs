@@ -88,9 +88,11 @@ pub fn run(args: &Args) -> Result<bool> {
         if !args.screen {
             way.announce()?;
         }
+        // A server that is not there is said at once.
+        let remarks = args.screen.then(screen::remarks);
         let passing = scope.spawn(move || way.run(&args.way, &watch));
-        if args.screen {
-            screen::show(args.of.link.name, decoding, &seen)?;
+        if let Some(remarks) = remarks {
+            screen::show(args.of.link.name, decoding, &seen, &remarks)?;
             if !passing.is_finished() {
                 // The threads that pass bytes on wait for them.
                 output::finish();

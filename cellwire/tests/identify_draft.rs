@@ -7,6 +7,8 @@ mod operated;
 
 use core::fmt::Write as _;
 use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
 use std::path::Path;
 
 use operated::Tool;
@@ -61,6 +63,21 @@ fn corrected(draft: &str, plant: &str) -> String {
     text.replace("# max_number = 9999", limit)
 }
 
+/// The tap of a link before a server; and where it listens.
+fn tap(link: &str, server: &str, capture: &str) -> (Tool, String) {
+    let tap =
+        Tool::start(&["tap", link, "--listen", "127.0.0.1:0", "--connect", server, "--capture", capture]);
+    let address = tap.line()["listen"].as_str().unwrap().to_owned();
+    (tap, address)
+}
+
+/// The capture is whole then.
+fn end(tap: Tool) {
+    let pid = rustix::process::Pid::from_child(&tap.process);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    tap.end();
+}
+
 /// A client works through an order with a robot; what passed is in a capture.
 fn work(folder: &Path, name: &str, client: &str, robot: &str) {
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
@@ -80,17 +97,7 @@ fn work(folder: &Path, name: &str, client: &str, robot: &str) {
     ]);
     let listens = run.line()["listen"].as_str().unwrap().to_owned();
     let capture = path(&format!("{name}.pcapng"));
-    let tap = Tool::start(&[
-        "tap",
-        "kawasaki-msg",
-        "--listen",
-        "127.0.0.1:0",
-        "--connect",
-        &listens,
-        "--capture",
-        &capture,
-    ]);
-    let taps = tap.line()["listen"].as_str().unwrap().to_owned();
+    let (tap, taps) = tap("kawasaki-msg", &listens, &capture);
     let set = ["--set", "job_time=20ms", "--set", "queue=8"];
     let robot = Tool::start(
         &[&["simulate", "kawasaki-robot", "--settings", robot, "--connect", &taps][..], &set].concat(),
@@ -99,10 +106,7 @@ fn work(folder: &Path, name: &str, client: &str, robot: &str) {
     assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &JOBS.into()), "{ended}");
     assert_eq!(run.end().0, Some(0));
     drop(robot);
-    let pid = rustix::process::Pid::from_child(&tap.process);
-    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
-    // The capture is whole then.
-    tap.end();
+    end(tap);
 }
 
 #[test]
@@ -126,4 +130,85 @@ fn a_draft_that_is_corrected_where_it_says_so_works() {
         fs::write(path("corrected.toml"), corrected(&draft, &plant)).unwrap();
         work(folder.path(), "second", &path("corrected.toml"), &path("plant.toml"));
     }
+}
+
+const WORDS: &str = "[words]
+commands = [
+  { first = 4097, last = 4098, class = \"interpreted\" },
+  { first = 513, last = 515, class = \"immediate\" },
+  { first = 769, last = 769, class = \"query\" },
+]
+[words.errors]
+bad_checksum = 991
+bad_frame = 992
+unknown_command = 993
+bad_batch = 994
+bad_parameters = 995
+queue_full = 996
+";
+
+/// A program of other words than the tool's own: what is cut, and after every third instruction what lets the robot go on.
+fn program() -> String {
+    let line = |n: u16| {
+        let then = if n.is_multiple_of(3) { "514\n" } else { "" };
+        format!("{},{n},{},0,0,0,{n}\n{then}", 4097 + n % 2, n % 7)
+    };
+    String::from("word,x,y,z,a,b,length\n") + &(0..12).map(line).collect::<String>()
+}
+
+fn set(settings: &str) -> impl Iterator<Item = &str> {
+    settings.split(' ').flat_map(|it| ["--set", it])
+}
+
+#[test]
+fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("plant.toml"), WORDS).unwrap();
+    fs::write(path("part.csv"), program()).unwrap();
+    let robot = ["simulate", "laser", "--listen", "127.0.0.1:0", "--settings", &path("plant.toml")];
+    let robot = robot.into_iter().chain(set("baud=115200 execution=50ms queue=4 batch=3"));
+    let robot = Tool::start(&robot.collect::<Vec<_>>());
+    let listens = robot.line()["listen"].as_str().unwrap().to_owned();
+    let work = |name: &str, words: &str| {
+        let (tap, taps) = tap("laser-eb90", &listens, &path(&format!("{name}.pcapng")));
+        // What is queued and held: no program asks it.
+        let mut client = TcpStream::connect(&taps).unwrap();
+        for _ in 0..3 {
+            client.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x01, 0x01, 0x03, 0x90, 0x82, 0xF6]).unwrap();
+            while tap.line()["from"] != "controller" {}
+            assert!(client.read(&mut [0; 64]).unwrap() > 11, "an answer with values");
+        }
+        drop(client);
+        tap.event("closed");
+        tap.event("closed");
+        let journal = path(&format!("{name}.journal"));
+        let run =
+            ["laser", "run", &path("part.csv"), "--journal", &journal, "--port", &taps, "--settings", words];
+        let run = run.into_iter().chain(set("baud=115200 longest_frame=1 max_pause=0 batch=3"));
+        let run = Tool::start(&run.collect::<Vec<_>>());
+        let ended = run.event("ended");
+        assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &16.into()), "{ended}");
+        assert_eq!(run.end().0, Some(0));
+        end(tap);
+    };
+    work("first", &path("plant.toml"));
+    let identify =
+        ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+    assert_eq!(Tool::start(&identify).end().0, Some(0));
+    let draft = fs::read_to_string(path("draft.toml")).unwrap();
+    let line = |text: &str| {
+        draft.lines().find(|line| line.contains(text)).unwrap_or_else(|| panic!("{text}: {draft}"))
+    };
+    for (word, class) in [(4097, "interpreted"), (4098, "interpreted"), (769, "query")] {
+        let line = line(&format!("first = {word}"));
+        assert!(line.contains(&format!("class = \"{class}\"")) && !line.contains('?'), "{line}");
+    }
+    assert!(line("queue_full = 996").contains('?'));
+    // It is executed at once, as instructions are queued: somebody who knows the machine says what it is.
+    let asked = line("first = 514");
+    assert!(asked.contains("interpreted") && asked.contains("# ? 4 times"), "{asked}");
+    fs::write(path("corrected.toml"), draft.replace(asked, &asked.replace("interpreted", "immediate")))
+        .unwrap();
+    work("second", &path("corrected.toml"));
 }

@@ -175,15 +175,22 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
 
         // Another one has forgotten the order. Nobody answers: nothing is sent.
         let mut run = cell.run(&[]);
-        let _robot = cell.robot(&["job_time=1ms", "queue=50"]);
+        let robot = cell.robot(&["job_time=1ms", "queue=50"]);
         drop(run.stdin.take());
         let unknown = run.event("question");
         let ended = run.event("ended");
         assert_eq!((&ended["why"], &ended["unknown"]), (&"stopped".into(), &unknown["count"]));
         assert_eq!(run.end().0, Some(1));
         assert_eq!(cell.executed().len(), executed);
+        drop(robot);
         // The operator sees how far it came.
         let mut run = cell.run(&[]);
+        // An answer before its question is none.
+        run.say("done");
+        run.say("1");
+        let _robot = cell.robot(&["job_time=1ms", "queue=50"]);
+        assert_eq!(run.event("no_question")["typed"], "done");
+        assert_eq!(run.event("no_question")["typed"], "1");
         let question = run.event("question");
         let (first, count) = (question["first"].as_u64().unwrap(), question["count"].as_u64().unwrap());
         assert_eq!((&question["first"], &question["count"]), (&unknown["first"], &unknown["count"]));

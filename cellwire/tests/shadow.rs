@@ -114,6 +114,48 @@ fn a_server_of_modbus_and_its_client_are_not_complained_about() {
 }
 
 #[test]
+fn a_central_controller_and_both_its_devices_are_not_complained_about() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let [high, low] = [8, 0].map(|shift| std::process::id() >> shift & 0xFF);
+    // By its port a tap knows the platform.
+    let addresses = [("robot", "127.0.0.1:0".to_owned()), ("platform", format!("127.{high}.{low}.1:2002"))];
+    let mut taps = addresses.map(|(name, address)| {
+        let device = format!("simulate mma-{name} --listen {address} --set speed=100");
+        let device = Running::start(cellwire(&device));
+        let capture = path(name);
+        (tap("mmacell-proto", &device.address(), &capture), capture, device, name)
+    });
+    let part = |n| {
+        let at = [20, -20].map(|y| format!("[{n}.0, {y}.0, 30.0, 0.0]"));
+        format!("[[part]]\nplatform = [0.01, 0.0]\npick = {}\nplace = {}\n", at[0], at[1])
+    };
+    let task = "vacuum = \"5ms\"\n[task]\nrobot_home = [0.0, 0.0, 100.0, 0.0]\n";
+    std::fs::write(path("task.toml"), task.to_owned() + &(0..5).map(part).collect::<String>()).unwrap();
+    let (robot, platform) = (taps[0].0.address(), taps[1].0.address());
+    let (status, lines, error) = run(cellwire(&format!(
+        "mma run --task {} --robot {robot} --platform {platform}",
+        path("task.toml").display()
+    )));
+    assert_eq!(status, Some(0), "{error}");
+    assert!(lines.lines().last().unwrap().contains("\"placed\":5"), "{lines}");
+    for (tap, capture, _, name) in &mut taps {
+        let mut replies = 0;
+        loop {
+            let line = tap.line("\"from\"");
+            assert!(!line.contains("\"shadow\"") && !line.contains("\"error\":{"), "{name}: {line}");
+            replies += u32::from(line.contains(&format!("\"from\":\"{name}\"")));
+            if line.contains("\"event\":\"closed\"") {
+                break;
+            }
+        }
+        assert!(replies > 10, "{name}: {replies}");
+        let (status, lines) = said("mmacell-proto", capture);
+        assert_eq!((status, lines.len()), (Some(0), 0), "{name}: {lines:?}");
+    }
+}
+
+#[test]
 fn shadows_need_both_ends() {
     let (status, _, error) = run(cellwire("decode laser-eb90 --shadow"));
     assert_eq!(status, Some(2));

@@ -281,6 +281,63 @@ fn datagrams_pass_whole_and_answers_find_back() {
     kept_when(&capture, &[700, 700, 1401, 1401]);
 }
 
+#[test]
+fn the_polls_in_a_capture_are_no_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("it.pcapng");
+    let ball = Running::start(cellwire("simulate ball --listen 127.0.0.1:0"));
+    let arguments = format!(
+        "tap isra-ball --listen 127.0.0.1:0 --connect {} --capture {}",
+        ball.address(),
+        capture.display()
+    );
+    let mut tap = Running::start(cellwire(&arguments));
+    let mut client = tap.connect();
+    for _ in 0..5 {
+        client.write_all(&[0x05]).unwrap();
+        tap.line("\"message\"");
+    }
+    drop(client);
+    tap.line("\"closed\"");
+    let begin = Instant::now();
+    loop {
+        let (status, lines, error) =
+            run(cellwire(&format!("decode isra-ball --format pcap {}", capture.display())));
+        if lines.lines().count() >= 5 && error.contains("5 bytes are of the end that sends no messages") {
+            assert_eq!(status, Some(0), "{lines}{error}");
+            break;
+        }
+        assert!(begin.elapsed() < DEADLINE, "{lines}{error}");
+    }
+}
+
+#[test]
+fn a_message_ends_with_its_datagram() {
+    let (server, folder) = (UdpSocket::bind("127.0.0.1:0").unwrap(), tempfile::tempdir().unwrap());
+    let (capture, address) = (folder.path().join("it.pcapng"), server.local_addr().unwrap());
+    let arguments = format!("tap kawasaki-msg --udp --listen 127.0.0.1:0 --connect {address} --capture");
+    let mut tap = Running::start(cellwire(&format!("{arguments} {}", capture.display())));
+    let client = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for datagram in ["<Huuhaa$0##><Huu", "haa$0##>", "<Huuhaa$0##>"] {
+        client.send_to(datagram.as_bytes(), tap.address()).unwrap();
+    }
+    let wanted = [
+        "\"offset\":0,\"length\":12,\"message\":{\"name\":\"Huuhaa\"",
+        "\"offset\":12,\"length\":4,\"error\":{\"kind\":\"incomplete\"",
+        "\"offset\":16,\"length\":8,\"error\":{\"kind\":\"garbage\"",
+        "\"offset\":24,\"length\":12,\"message\":{\"name\":\"Huuhaa\"",
+    ];
+    for wanted in wanted {
+        let line = tap.line("\"offset\"");
+        assert!(line.contains(wanted), "{line}");
+    }
+    kept_when(&capture, &[36]);
+    let (status, lines, _) =
+        run(cellwire(&format!("decode kawasaki-msg --format pcap {}", capture.display())));
+    assert_eq!((status, lines.lines().count()), (Some(1), 4), "{lines}");
+    assert!(lines.lines().zip(wanted).all(|(line, wanted)| line.contains(wanted)), "{lines}");
+}
+
 /// A pseudo-terminal: the test's end, and the path that the tap opens.
 fn line() -> (Box<dyn SerialPort>, String) {
     let (mut end, name) = serial::pair().unwrap();
@@ -295,6 +352,26 @@ fn without_ends(arguments: &str) -> Command {
     command.args(["-c", &format!("{close}; exec \"$0\" {arguments}"), env!("CARGO_BIN_EXE_cellwire")]);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
+}
+
+#[test]
+fn flow_control_is_no_part_of_the_message_that_it_comes_within() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("it.pcapng");
+    let ((mut host, a), (_workstation, b)) = (line(), line());
+    let arguments = format!("tap val2-viewer --a {a} --b {b} --listen-only --capture {}", capture.display());
+    let mut tap = Running::start(without_ends(&arguments));
+    let packet = "\u{11}$POSE,7,16384\u{13},0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
+    host.write_all(packet.as_bytes()).unwrap();
+    let wanted = "\"from\":\"host\",\"offset\":2,\"length\":59,\"message\":{\"count\":7,";
+    let line = tap.line("\"offset\"");
+    assert!(line.contains(wanted), "{line}");
+    tap.line("13\"}");
+    kept_when(&capture, &[0, 61]);
+    let (status, lines, error) =
+        run(cellwire(&format!("decode val2-viewer --format pcap {}", capture.display())));
+    assert_eq!((status, lines.lines().count()), (Some(0), 1), "{lines}{error}");
+    assert!(lines.contains(wanted), "{lines}");
 }
 
 #[test]
@@ -393,6 +470,17 @@ fn wireshark_lists_a_tap_and_reads_from_it() {
     tap.kill().unwrap();
     tap.wait().unwrap();
     reader.join().unwrap();
+}
+
+#[test]
+fn what_ends_a_tap_of_wireshark_is_said() {
+    let pipe = tempfile::NamedTempFile::new().unwrap();
+    let (status, _, error) = run(cellwire(&format!(
+        "extcap --extcap-interface cellwire --capture --fifo {} --udp --listen 127.0.0.1:0 --connect nobody",
+        pipe.path().display()
+    )));
+    assert_eq!(status, Some(2), "{error}");
+    assert!(error.contains("cannot send to nobody"), "{error}");
 }
 
 #[test]

@@ -256,10 +256,12 @@ pub fn items(codec: Box<dyn Codec>, parts: &[Vec<&[u8]>]) -> Result<Vec<Found>> 
 #[allow(missing_debug_implementations, reason = "not every codec implements it")]
 pub struct Stream {
     codec: Box<dyn Codec>,
-    /// The offset at which it begins.
+    /// The offset at which it begins, and how many bytes were taken out since.
     begin: u64,
     taken: u64,
     json: Vec<u8>,
+    /// What is taken out.
+    flow_control: &'static [u8],
 }
 
 impl Stream {
@@ -270,7 +272,13 @@ impl Stream {
 
     /// A stream that goes on at another's offset, with a decoder that knows nothing of what was before.
     pub fn starting_at(codec: Box<dyn Codec>, begin: u64) -> Self {
-        Self { codec, begin, taken: 0, json: Vec::new() }
+        Self { codec, begin, taken: 0, json: Vec::new(), flow_control: &[] }
+    }
+
+    /// Takes these bytes out wherever they are: they are in no item. One within an item counts in its offset as before it.
+    #[must_use]
+    pub fn without(self, flow_control: &'static [u8]) -> Self {
+        Self { flow_control, ..self }
     }
 
     /// The offset of the next byte.
@@ -282,13 +290,22 @@ impl Stream {
     ///
     /// # Errors
     /// Whatever `emit` returns.
-    pub fn push(&mut self, mut bytes: &[u8], mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
+    pub fn push(&mut self, bytes: &[u8], mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
+        let flow_control = self.flow_control;
+        for (before, piece) in bytes.split(|byte| flow_control.contains(byte)).enumerate() {
+            self.begin += u64::from(before > 0);
+            self.push_piece(piece, &mut emit)?;
+        }
+        Ok(())
+    }
+
+    fn push_piece(&mut self, mut bytes: &[u8], emit: &mut impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         while !bytes.is_empty() {
             let taken = self.codec.push(bytes);
             self.taken += taken as u64;
             bytes = bytes.get(taken..).unwrap_or_default();
             let before = self.codec.position();
-            self.drain(&mut emit)?;
+            self.drain(emit)?;
             anyhow::ensure!(
                 taken > 0 || self.codec.position() > before,
                 "the decoder makes no progress at byte {before}: please report these bytes as a bug"

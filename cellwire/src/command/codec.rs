@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
 use crate::links::link_parser;
-use cellwire_links::codec::Codec;
+use cellwire_links::codec::{Codec, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{Setup, Watcher};
 
@@ -62,6 +62,14 @@ impl LinkArgs {
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
         (self.link.codec)(side, &self.set.read()?).map_err(|error| self.set.located(error))
+    }
+
+    /// What a side sends, from this offset on: without flow control.
+    ///
+    /// # Errors
+    /// When the link has no such setting.
+    pub(super) fn stream_of(&self, side: &'static str, begin: u64) -> Result<Stream> {
+        Ok(Stream::starting_at(self.codec_of(side)?, begin).without(self.link.flow_control))
     }
 
     /// Who looks at a conversation of both ends: over a serial line or not, at this rate if it is known.

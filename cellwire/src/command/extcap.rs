@@ -5,7 +5,7 @@ use std::thread;
 
 use anyhow::{Context as _, Result};
 
-use super::tap::{Way, WayArgs};
+use super::tap::{Way, WayArgs, join};
 use crate::io::capture::write::Writer;
 use crate::io::interrupt;
 use crate::io::tap::Watch;
@@ -99,6 +99,6 @@ fn capture(args: &WayArgs, pipe: &std::path::Path) -> Result<()> {
         let passing = scope.spawn(move || way.run(args, &watch));
         // Until Wireshark stops, or a port is gone; what passes is passed until this process is ended.
         writer.record(&seen);
-        passing.join().unwrap_or(Ok(()))
+        join(passing)
     })
 }

@@ -9,11 +9,12 @@ use crate::now;
 
 /// So many bytes come for one that is lost.
 const EVERY: u32 = 5003;
-/// When the motion task stands still, and until when: less than the watchdog allows.
-const STANDS_FROM: Duration = Duration::from_secs(1);
-const STANDS_UNTIL: Duration = Duration::from_secs(2);
+/// When so many bytes have come the motion task stands still for so long: less than the watchdog allows.
+const STANDS_FROM: u32 = 100;
+const STANDS_FOR: Duration = Duration::from_secs(1);
 
 static RECEIVED: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
+static HAS_STOOD: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
 
 /// Whether the byte that has come is lost.
 pub(crate) fn loses_byte() -> bool {
@@ -24,10 +25,14 @@ pub(crate) fn loses_byte() -> bool {
     })
 }
 
-/// Stands still in its time.
+/// Stands still once.
 pub(crate) fn stand_still() {
-    if (STANDS_FROM..STANDS_UNTIL).contains(&now()) {
+    let is_time = critical_section::with(|cs| {
+        RECEIVED.borrow(cs).get() >= STANDS_FROM && !HAS_STOOD.borrow(cs).replace(true)
+    });
+    if is_time {
         defmt::warn!("the motion stands still");
-        while now() < STANDS_UNTIL {}
+        let until = now() + STANDS_FOR;
+        while now() < until {}
     }
 }

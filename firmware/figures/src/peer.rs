@@ -26,20 +26,20 @@ pub(crate) trait Peer: Send {
 }
 
 /// A session, and what its caller does in each turn: it returns when it has something to do again.
-pub(crate) struct Caller<S, F> {
+pub(crate) struct Caller<S> {
     session: S,
-    asks: F,
+    asks: fn(&mut S, Duration) -> Option<Duration>,
     at: Option<Duration>,
 }
 
-impl<S: Session, F: FnMut(&mut S, Duration) -> Option<Duration>> Caller<S, F> {
-    pub(crate) fn new(mut session: S, asks: F) -> Self {
+impl<S: Session> Caller<S> {
+    pub(crate) fn new(mut session: S, asks: fn(&mut S, Duration) -> Option<Duration>) -> Self {
         session.handle_connected(Duration::ZERO);
         Self { session, asks, at: Some(Duration::ZERO) }
     }
 }
 
-impl<S: Session + Send, F: FnMut(&mut S, Duration) -> Option<Duration> + Send> Peer for Caller<S, F> {
+impl<S: Session + Send> Peer for Caller<S> {
     fn deadline(&self) -> Option<Duration> {
         self.session.poll_timeout().into_iter().chain(self.at).min()
     }

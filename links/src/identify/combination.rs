@@ -139,6 +139,16 @@ impl Stream {
     }
 }
 
+/// JSON has no number for NaN.
+fn has_null(value: &Value) -> bool {
+    match value {
+        Value::Null => true,
+        Value::Array(values) => values.iter().any(has_null),
+        Value::Object(fields) => fields.values().any(has_null),
+        _ => false,
+    }
+}
+
 impl Combination {
     pub(super) fn new(link: &'static Link, settings: Map<String, Value>) -> Result<Self> {
         let codecs = link.sides.iter().map(|side| Ok((*side, (link.codec)(side, &settings)?)));
@@ -276,9 +286,13 @@ impl Combination {
             let Ok(json) = item.content else { continue };
             let (begin, end) = (usize::try_from(item.offset)?, usize::try_from(item.offset + item.length)?);
             let bytes = all.get(begin..end).unwrap_or_default().to_vec();
-            let written =
-                exactly && self.encode(side, serde_json::from_str(&json)?).as_deref() != Some(&*bytes);
-            let level = if written { Level::Read } else { Level::Written };
+            let is_written = !exactly || {
+                let message: Value = serde_json::from_str(&json)?;
+                let is_number = !has_null(&message);
+                // What is no number cannot be written, and says nothing: it may be corrupt. That it makes no sense counts.
+                self.encode(side, message).map_or(!is_number, |written| written == bytes)
+            };
+            let level = if is_written { Level::Written } else { Level::Read };
             pieces.push(Piece { stream: number, begin: item.offset, bytes, side, level, json, sense: 0.0 });
         }
         Ok(pieces)

@@ -222,6 +222,28 @@ fn a_counter_decides_the_order_of_words() {
     }
 }
 
+/// A corrupt byte made a number of one block none: no reading of the other order is the better for it.
+#[test]
+fn a_number_that_is_none_does_not_decide_the_order_of_words() {
+    let given = json!({"view": "telemetry", "framing": "tcp", "word_order": "low_first"});
+    let block = |at: u16| {
+        let some =
+            |count: u16| (0..count).map(|n| 123.456 + f64::from(n * 20 + at) / 7.0).collect::<Vec<_>>();
+        json!({"transaction": at, "unit": 1, "function": 3, "telemetry": {"life_counter": 70_000 + u32::from(at),
+            "override": 100, "position": some(3), "wpr": some(3), "quaternion": some(4), "velocity": some(3),
+            "quaternion_rate": some(4)}})
+    };
+    let blocks: Vec<Value> = (0..7).map(block).collect();
+    let mut bytes = sent("fanuc-hmi-modbus", "server", &given, &blocks);
+    // Of the first block's second float, the high word.
+    let [high @ .., _, _] = (123.456_f32 + 20.0 / 7.0).to_be_bytes();
+    let at = bytes.windows(2).position(|it| it == high).unwrap();
+    bytes[at..at + 2].copy_from_slice(&[0x7F, 0xC1]);
+    let finding = found("fanuc-hmi-modbus", &[&bytes]);
+    let found = option(&finding, "word_order");
+    assert_eq!((&found.value, &found.decided), (&json!("low_first"), &Decided::ByValues), "{finding:?}");
+}
+
 #[test]
 fn where_the_block_is_read_is_said() {
     let requests: Vec<Value> =

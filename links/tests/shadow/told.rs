@@ -120,7 +120,7 @@ impl Story {
         let (configs, is_serial) = (configs.as_object().unwrap(), self.config.get("framing").is_some());
         let setup = Setup { settings: &settings, configs, baud: None, is_serial };
         let mut watcher = Watcher::new((link.shadow)(&setup).unwrap());
-        let make = |side| Stream::new((link.codec)(side, &settings).unwrap());
+        let make = |side| Stream::new((link.codec)(side, &settings).unwrap()).without(link.flow_control);
         let mut streams: BTreeMap<&str, Stream> = BTreeMap::new();
         let mut said = Vec::new();
         for (place, told) in told.iter().enumerate() {

@@ -16,6 +16,7 @@ use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::write::SERIAL;
 use crate::io::capture::{Fault, Flow, Line, Reading};
+use crate::io::output::remark;
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 
@@ -65,6 +66,10 @@ struct Decoded {
     label: String,
     /// Whose conversation it is, where that is looked at, and which end sends.
     watched: Option<(Ends, &'static str)>,
+    /// How many of its bytes are no message, where it may be an end that sends none, and polls.
+    polls: Option<u64>,
+    /// It sends datagrams, each of which is whole.
+    is_datagrams: bool,
 }
 
 impl<'a> Decoding<'a> {
@@ -157,11 +162,15 @@ impl Directions for Decoding<'_> {
     }
 
     fn end(&mut self, decoded: Box<Decoded>) -> Result<()> {
-        let Decoded { mut stream, label, watched, .. } = *decoded;
+        let Decoded { mut stream, label, watched, mut polls, .. } = *decoded;
         if let Some((ends, _)) = watched {
             self.watchers.remove(&ends);
         }
-        stream.finish(|item| self.out.write(&label, item))
+        stream.finish(|item| write(&label, &mut polls, self.out, item))?;
+        if let Some(bytes @ 1..) = polls {
+            remark(&format!("{bytes} bytes are of the end that sends no messages"));
+        }
+        Ok(())
     }
 
     /// A line of the capture itself: `{"packet":…,"error":{…}}`.
@@ -204,12 +213,13 @@ fn begin(
     number: u64,
 ) -> Result<Option<(Box<Decoded>, Option<&'static str>)>> {
     let wanted = args.codec.from.as_deref();
-    let mut sender = None;
+    let (mut sender, mut polls) = (None, None);
     let (side, mut label) = match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
             let server = if is_client { to.port() } else { from.port() };
             sender = (args.codec.of.link.sender)(is_client, server);
-            // Which of the two polls is not sure enough to leave its bytes out.
+            // Which of the two polls is not sure enough to leave its messages out.
+            polls = sender.is_none().then_some(0);
             let side = sender.map_or_else(|| args.codec.of.link.side(None), Ok)?;
             if wanted.is_some_and(|wanted| wanted != side) {
                 return Ok(None);
@@ -228,8 +238,18 @@ fn begin(
     if number > 1 {
         label.push_str(&format!("\"connection\":{number},"));
     }
-    let stream = Stream::new(args.codec.of.codec_of(side)?);
-    Ok(Some((Box::new(Decoded { stream, side, label, watched: None }), sender)))
+    let is_datagrams = matches!(flow, Flow::Udp(..));
+    let stream = args.codec.of.stream_of(side, 0)?;
+    Ok(Some((Box::new(Decoded { stream, side, label, watched: None, polls, is_datagrams }), sender)))
+}
+
+/// Writes an item; of an end that may be one that polls, only what is a message or missing.
+fn write(label: &str, polls: &mut Option<u64>, out: &mut Lines, item: Item<'_>) -> Result<()> {
+    match polls {
+        Some(bytes) if item.kind == Kind::Error && item.length > 0 => *bytes += item.length,
+        _ => out.write(label, item)?,
+    }
+    Ok(())
 }
 
 /// What the capture lacks of a flow.
@@ -253,14 +273,21 @@ impl Decoded {
     /// `said` gets what there is to be looked at.
     fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines, said: &mut Vec<Said>) -> Result<()> {
         let is_watched = self.watched.is_some();
+        let polls = &mut self.polls;
         let mut write = |label: &str, item: Item<'_>| {
             if is_watched {
                 said.push((item.kind, item.length, item.json.to_vec()));
             }
-            out.write(label, item)
+            write(label, polls, out, item)
         };
         let lack = match piece {
-            Piece::Bytes(bytes) => return self.stream.push(bytes, |item| write(&self.label, item)),
+            Piece::Bytes(bytes) => {
+                self.stream.push(bytes, |item| write(&self.label, item))?;
+                if self.is_datagrams {
+                    self.stream.finish(|item| write(&self.label, item))?;
+                }
+                return Ok(());
+            }
             Piece::Gap(missing) => Lack::Gap { missing },
             Piece::Cut(missing) => Lack::CutOff { missing },
             Piece::Late(bytes) => Lack::Late { bytes },
@@ -269,7 +296,7 @@ impl Decoded {
         let offset = self.stream.offset();
         if let Lack::Gap { .. } | Lack::CutOff { .. } = lack {
             // What is before the gap and what is after it are no frame together.
-            let next = Stream::starting_at(args.codec.of.codec_of(self.side)?, offset);
+            let next = args.codec.of.stream_of(self.side, offset)?;
             core::mem::replace(&mut self.stream, next).finish(|item| write(&self.label, item))?;
         }
         let mut json = Vec::new();

@@ -14,7 +14,7 @@ use self::hex::HexReader;
 pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
-use cellwire_links::codec::{Item, Kind, Stream};
+use cellwire_links::codec::{Item, Kind};
 
 /// So much is read and written at once.
 const CHUNK: usize = 64 * 1024;
@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let mut stream = Stream::new(args.codec.codec()?);
+    let mut stream = args.codec.of.stream_of(args.codec.side()?, 0)?;
     let mut hex = HexReader::default();
     let mut buffer = vec![0; CHUNK];
     loop {

@@ -93,7 +93,7 @@ struct Direction {
 impl Direction {
     fn new(args: &Args, side: Option<&'static str>) -> Result<Self> {
         let stream = match side {
-            Some(side) => Some((side, Stream::new(args.codec.of.codec_of(side)?))),
+            Some(side) => Some((side, args.codec.of.stream_of(side, 0)?)),
             None => None,
         };
         Ok(Self { stream, label: String::new(), skipped: 0 })

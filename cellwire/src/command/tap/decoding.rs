@@ -76,12 +76,14 @@ struct Direction {
     end: &'static str,
     /// `None` where it sends no messages, and polls.
     decoded: Option<Decoded>,
+    /// It sends datagrams, each of which is whole.
+    is_datagrams: bool,
 }
 
 /// A side that sends messages.
 struct Decoded {
     side: &'static str,
-    stream: Stream,
+    stream: Box<Stream>,
     /// The bytes that are in no item yet.
     held: VecDeque<u8>,
 }
@@ -248,7 +250,9 @@ impl Connection {
             Place::Ports(_) => 0,
             Place::Line(_) => return Ok(Self::Line(Split::new(args)?)),
         };
-        let [a, b] = [true, false].map(|is_client| Direction::new(args, (args.link.sender)(is_client, port)));
+        let is_datagrams = matches!(place, Place::Udp(..));
+        let [a, b] = [true, false]
+            .map(|is_client| Direction::new(args, (args.link.sender)(is_client, port), is_datagrams));
         Ok(Self::Ends([a?, b?]))
     }
 }
@@ -256,20 +260,27 @@ impl Connection {
 type Tell<'a> = &'a mut dyn FnMut(Told) -> Result<()>;
 
 impl Direction {
-    fn new(args: &LinkArgs, side: Option<&'static str>) -> Result<Self> {
+    fn new(args: &LinkArgs, side: Option<&'static str>, is_datagrams: bool) -> Result<Self> {
         let Some(side) = side else {
             let end = args.link.ends.iter().find(|end| !args.link.sides.contains(&end.name));
-            return Ok(Self { end: end.map_or(UNKNOWN, |end| end.name), decoded: None });
+            return Ok(Self { end: end.map_or(UNKNOWN, |end| end.name), decoded: None, is_datagrams });
         };
-        Ok(Self { end: side, decoded: Some(Decoded::new(args, side, 0)?) })
+        Ok(Self { end: side, decoded: Some(Decoded::new(args, side, 0)?), is_datagrams })
     }
 
     fn push(&mut self, link: &Link, bytes: &[u8], tell: Tell<'_>) -> Result<()> {
         let Some(Decoded { stream, held, .. }) = &mut self.decoded else {
             return tell(Told::Bytes(bytes.into()));
         };
-        held.extend(bytes);
-        stream.push(bytes, |item| tell(told(link, item, held)?))
+        // Flow control is in no item.
+        let (flow, data): (Vec<u8>, Vec<u8>) =
+            bytes.iter().partition(|byte| link.flow_control.contains(byte));
+        held.extend(data);
+        stream.push(bytes, |item| tell(told(link, item, held)?))?;
+        if self.is_datagrams {
+            stream.finish(|item| tell(told(link, item, held)?))?;
+        }
+        if flow.is_empty() { Ok(()) } else { tell(Told::Bytes(flow)) }
     }
 
     /// What is before missing bytes and what is after them are no frame together.
@@ -289,7 +300,7 @@ impl Direction {
 
 impl Decoded {
     fn new(args: &LinkArgs, side: &'static str, begin: u64) -> Result<Self> {
-        Ok(Self { side, stream: Stream::starting_at(args.codec_of(side)?, begin), held: VecDeque::new() })
+        Ok(Self { side, stream: Box::new(args.stream_of(side, begin)?), held: VecDeque::new() })
     }
 }
 

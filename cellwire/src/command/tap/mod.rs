@@ -7,7 +7,7 @@ mod split;
 mod way;
 
 use std::path::PathBuf;
-use std::thread;
+use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
@@ -88,19 +88,40 @@ pub fn run(args: &Args) -> Result<bool> {
         if !args.screen {
             way.announce()?;
         }
+        // A server that is not there is said at once.
+        let remarks = args.screen.then(screen::remarks);
         let passing = scope.spawn(move || way.run(&args.way, &watch));
-        if args.screen {
-            screen::show(args.of.link.name, decoding, &seen)?;
+        if let Some(remarks) = remarks {
+            screen::show(args.of.link.name, decoding, &seen, &remarks)?;
             if !passing.is_finished() {
                 // The threads that pass bytes on wait for them.
                 output::finish();
                 std::process::exit(0);
             }
-            return passing.join().unwrap_or_else(|_| bail!("a thread has panicked"));
+            return join(passing);
         }
         // Until the ports are gone.
         lines::print(decoding, &seen);
-        passing.join().unwrap_or_else(|_| bail!("a thread has panicked"))
+        join(passing)
     })?;
     Ok(true)
+}
+
+/// How a thread has ended.
+pub(super) fn join(thread: ScopedJoinHandle<'_, Result<()>>) -> Result<()> {
+    thread.join().unwrap_or_else(|_| bail!("a thread has panicked"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_panics_is_an_error() {
+        thread::scope(|scope| {
+            assert!(join(scope.spawn(|| Ok(()))).is_ok());
+            let error = join(scope.spawn(|| panic!("as it is tested"))).unwrap_err();
+            assert_eq!(error.to_string(), "a thread has panicked");
+        });
+    }
 }

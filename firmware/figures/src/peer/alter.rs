@@ -1,13 +1,11 @@
 //! The controller of the arm, in ALTER from the beginning.
 
-use core::time::Duration;
-
 use static_cell::StaticCell;
 use val2_alter::{Controller, ControllerConfig};
 
 use super::{Caller, Peer};
 
-type Alter = Caller<Controller, fn(&mut Controller, Duration) -> Option<Duration>>;
+type Alter = Caller<Controller>;
 static PEER: StaticCell<Alter> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {

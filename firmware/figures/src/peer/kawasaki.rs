@@ -1,14 +1,12 @@
 //! The PC, with one long drawing.
 
-use core::time::Duration;
-
 use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point, Supply};
 use static_cell::StaticCell;
 
 use super::{Caller, Peer};
 
 type Session = Pc<'static, fn(u32) -> Supply<Line>>;
-static PEER: StaticCell<Caller<Session, fn(&mut Session, Duration) -> Option<Duration>>> = StaticCell::new();
+static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 fn line(index: u32) -> Supply<Line> {
     let at = (index % 9_000) as i32 - 3_000;

@@ -1,7 +1,5 @@
 //! The program that cuts: instructions as many as a frame takes, and a question now and then.
 
-use core::time::Duration;
-
 use laser_eb90::{Host, HostConfig};
 use static_cell::StaticCell;
 
@@ -10,7 +8,7 @@ use super::{Caller, Peer};
 const MOVE: u16 = 0x0101;
 const STATUS: u16 = 0x0301;
 
-static PEER: StaticCell<Caller<Host, fn(&mut Host, Duration) -> Option<Duration>>> = StaticCell::new();
+static PEER: StaticCell<Caller<Host>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {
     let Ok(host) = Host::new(HostConfig::at_baud(115_200)) else { panic!("it works") };

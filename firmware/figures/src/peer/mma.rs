@@ -1,14 +1,12 @@
 //! The central controller: motions, and a status between two of its other commands.
 
-use core::time::Duration;
-
 use mmacell_proto::{Central, CentralConfig, Command, Mode, RobotPose};
 use static_cell::StaticCell;
 
 use super::{Caller, Peer};
 
 type Session = Central<RobotPose>;
-static PEER: StaticCell<Caller<Session, fn(&mut Session, Duration) -> Option<Duration>>> = StaticCell::new();
+static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {
     let Ok(central) = Session::new(CentralConfig::DEFAULT) else { panic!("it works") };

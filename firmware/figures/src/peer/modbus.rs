@@ -1,14 +1,12 @@
 //! A client that writes and reads registers, one request after the other.
 
-use core::time::Duration;
-
 use fanuc_hmi_modbus::{Client, ClientConfig, Request, Rtu, Words};
 use static_cell::StaticCell;
 
 use super::{Caller, Peer};
 
 type Session = Client<1, Rtu>;
-static PEER: StaticCell<Caller<Session, fn(&mut Session, Duration) -> Option<Duration>>> = StaticCell::new();
+static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {
     let Ok(client) = Session::new(ClientConfig::rtu(9_600)) else { panic!("it works") };

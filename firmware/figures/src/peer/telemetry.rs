@@ -1,7 +1,5 @@
 //! The FANUC controller, whose numbers change.
 
-use core::time::Duration;
-
 use fanuc_hmi_modbus::{
     Exception, Registers, Rtu, Server, ServerConfig, TelemetryBlock, WordOrder, WordsMut,
 };
@@ -23,7 +21,7 @@ impl Registers for Robot {
 }
 
 type Session = Server<Robot, 1, Rtu>;
-static PEER: StaticCell<Caller<Session, fn(&mut Session, Duration) -> Option<Duration>>> = StaticCell::new();
+static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {
     let Ok(server) = Session::new(ServerConfig::rtu(1, 9_600), Robot { life: 0 }) else { panic!("it works") };

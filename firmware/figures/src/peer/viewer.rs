@@ -7,8 +7,7 @@ use val2_viewer::{Workstation, WorkstationConfig};
 
 use super::{Caller, Peer};
 
-static PEER: StaticCell<Caller<Workstation, fn(&mut Workstation, Duration) -> Option<Duration>>> =
-    StaticCell::new();
+static PEER: StaticCell<Caller<Workstation>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {
     let Ok(workstation) = Workstation::new(WorkstationConfig::default()) else { panic!("it works") };

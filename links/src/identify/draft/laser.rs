@@ -69,7 +69,8 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
         )?;
     }
     text.push_str("]\n\n[words.errors]\n");
-    let names = ["bad_checksum", "bad_frame", "unknown_command", "bad_batch", "bad_parameters", "queue_full"];
+    // A machine that works answers a full queue most often.
+    let names = ["queue_full", "bad_checksum", "bad_frame", "unknown_command", "bad_batch", "bad_parameters"];
     codes.sort_by_key(|(_, times)| core::cmp::Reverse(*times));
     for (code, times) in codes.iter().skip(names.len()) {
         writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
@@ -100,7 +101,8 @@ fn class(word: &Word) -> (&'static str, String, &'static str) {
         }
         Some(_) if word.values * SHARE > answers.len() => ("query", format!("{after}, with values"), ""),
         Some(_) if late => ("immediate", after, ""),
-        Some(Duration::ZERO) | None => ("interpreted", "its answers have no times".into(), "? "),
+        None => ("interpreted", "never answered by itself".into(), "? "),
+        Some(Duration::ZERO) => ("interpreted", "its answers have no times".into(), "? "),
         Some(_) => ("interpreted", after, "? "),
     }
 }

@@ -290,8 +290,7 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
                 FromPc::Job { .. } if !room => "Message(Job, no room)",
                 _ => robot_session::Input::name(input),
             },
-            // It only puts off the next packet.
-            On::ReadEnd { whole: false } => "",
+            On::ReadEnd { whole: false } => "ReadEnd(partial)",
             // Nothing is sent before it is due, and nothing reported that did not happen.
             On::Sent(_) if machine.transmit(now, &Self::config()).is_none() => "",
             On::Reported if machine.report().is_none() => "",

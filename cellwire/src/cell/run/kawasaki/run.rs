@@ -182,9 +182,17 @@ impl<'a> Runner<'a> {
                     self.paused = false;
                     "continued"
                 }
-                (Some(Word::Done | Word::Repeat), None) => "no_question",
                 (Some(Word::Pause | Word::Continue), Some(_)) => {
                     self.hint("answer done, repeat or stop")?;
+                    continue;
+                }
+                // Whoever answers early may not mean what is asked then.
+                (Some(Word::Done | Word::Repeat), None) => {
+                    self.unasked(&text)?;
+                    continue;
+                }
+                (None, None) if text.trim().parse::<usize>().is_ok() => {
+                    self.unasked(&text)?;
                     continue;
                 }
                 (None, None) => {
@@ -194,6 +202,11 @@ impl<'a> Runner<'a> {
             };
             (self.operator.notify)(json!({"event": event}))?;
         }
+    }
+
+    fn unasked(&mut self, typed: &str) -> Result<()> {
+        let hint = "nothing is asked: an answer counts when it is typed after its question";
+        (self.operator.notify)(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}))
     }
 
     fn hint(&mut self, hint: &str) -> Result<()> {

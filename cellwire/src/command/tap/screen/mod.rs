@@ -31,20 +31,32 @@ pub(super) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Shows what is seen until the user ends it with q, or there is nothing more to see.
+/// What there is to say from now on, for the screen.
+pub(super) fn remarks() -> Receiver<String> {
+    let (sender, remarks) = channel();
+    output::show_remarks(Some(sender));
+    remarks
+}
+
+/// Shows what is seen, and these remarks, until the user ends it with q, or there is nothing more to see.
 ///
 /// # Errors
 /// When the terminal cannot be used.
-pub(super) fn show(title: &str, mut decoding: Decoding<'_>, seen: &Receiver<Seen>) -> Result<()> {
+pub(super) fn show(
+    title: &str,
+    mut decoding: Decoding<'_>,
+    seen: &Receiver<Seen>,
+    remarks: &Receiver<String>,
+) -> Result<()> {
     let mut board = Board::new(title, SystemTime::now());
-    let mut screen = Screen::enter()?;
-    let (sender, remarks) = channel();
-    output::show_remarks(Some(sender));
-    let outcome = run(&mut screen, &mut board, &mut decoding, (seen, &remarks));
+    let outcome = Screen::enter().and_then(|mut screen| {
+        let outcome = run(&mut screen, &mut board, &mut decoding, (seen, remarks));
+        drop(screen);
+        terminal::leave();
+        outcome
+    });
     output::show_remarks(None);
     remarks.try_iter().for_each(|text| board.remark(text));
-    drop(screen);
-    terminal::leave();
     // They were on the screen, which is gone.
     board.remarks.iter().for_each(|text| output::remark(text));
     outcome

@@ -10,6 +10,7 @@ use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
+use std::process::Command;
 
 use operated::Tool;
 
@@ -211,4 +212,13 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
     fs::write(path("corrected.toml"), draft.replace(asked, &asked.replace("interpreted", "immediate")))
         .unwrap();
     work("second", &path("corrected.toml"));
+    // Who looks on with the corrected words misses none of them.
+    let unknown = |settings: &[&str]| {
+        let mut decode = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        decode.args(["decode", "laser-eb90", "--format", "pcap", "--shadow", &path("second.pcapng")]);
+        let output = decode.args(settings).output().unwrap();
+        String::from_utf8(output.stdout).unwrap().matches("is no command word").count()
+    };
+    assert!(unknown(&[]) > 0);
+    assert_eq!(unknown(&["--settings", &path("corrected.toml")]), 0);
 }

@@ -1,19 +1,35 @@
 use anyhow::{Context, Result};
 use laser_eb90::robot_session::Encode as _;
-use laser_eb90::{Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
+use laser_eb90::{Decoder, Frame, MAX_PAYLOAD, Payload, Profile, Words};
 use serde::de::DeserializeSeed;
 use serde_json::{Map, Value};
 
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message};
-use crate::settings;
+use crate::settings::{self, Configure, Fields};
 
 /// Both directions have the same frames.
 ///
 /// # Errors
 /// When a setting is no field of `Profile`.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let profile = settings::read("laser-eb90", Profile::default(), settings)?;
+    let Options { profile, .. } = settings::read("laser-eb90", Options::default(), settings)?;
     Ok(codec(Decoder::new(&profile), Eb90 { profile }))
+}
+
+/// What is set of a conversation: how its frames look, and what its words mean to who looks on.
+#[derive(Default)]
+pub(super) struct Options {
+    profile: Profile,
+    pub(super) words: Words,
+}
+
+impl Configure for Options {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { profile, words } = self;
+        profile.configure(fields);
+        let shape = "{commands: [{first, last, class}], errors: {bad_checksum, …}}";
+        fields.parsed("words", shape, "for shadow ends: command words by class, and error codes", words);
+    }
 }
 
 struct Eb90 {

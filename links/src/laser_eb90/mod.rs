@@ -31,7 +31,7 @@ pub const LINK: Link = Link {
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "ControllerConfig", fields: |given| fields(ControllerConfig::default(), given) },
     ],
-    settings: || settings::list(Profile::default()),
+    settings: || settings::list(codec::Options::default()),
     codec: |_, settings| codec::either(settings),
     // Either tail; no items; a value that is no number has no JSON.
     tolerates: |it| match it.written {

@@ -10,6 +10,8 @@ use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
 use serde_json::Value;
 
 use self::frame::{first_word, items, judge, line};
+use super::codec::Options;
+use crate::settings;
 use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
 
 const HOST: &str = "host";
@@ -21,11 +23,13 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
     let baud = setup.baud().unwrap_or(laser_eb90::timing::BAUD);
     let mut host = setup.config(HOST, HostConfig::at_baud(baud), &[])?;
     let mut controller = setup.config(CONTROLLER, ControllerConfig::default(), &["queue"])?;
-    // Both ends have the same words: those of the one whose configuration has them.
-    match setup.has(HOST, "words") {
-        true => controller.words = host.words,
-        false => host.words = controller.words,
+    // Both ends have the same words: those of the one whose configuration has them, or those that are set for both.
+    if setup.has(HOST, "words") {
+        controller.words = host.words;
+    } else if !setup.has(CONTROLLER, "words") {
+        controller.words = settings::read("laser-eb90", Options::default(), setup.settings)?.words;
     }
+    host.words = controller.words;
     let (opened, asked, is_busy, open) = (None, None, false, Stretch::default());
     Ok(Box::new(Laser { host, controller, opened, asked, is_busy, open }))
 }

@@ -155,6 +155,13 @@ fn the_vectors_agree() {
     let (code, out, said) = run(cellwire(&format!("vectors check {folder}")));
     assert_eq!(code, Some(0), "{said}");
     assert!(LINKS.iter().chain(&["fanuc-ls"]).all(|link| out.contains(link)), "{out}");
+    // Elsewhere, those of the program.
+    let mut elsewhere = cellwire("vectors check");
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere.current_dir(folder.path());
+    let built_in = run(elsewhere);
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<std::collections::BTreeSet<_>>();
+    assert_eq!((built_in.0, lines(&built_in.1)), (Some(0), lines(&out)), "{}", built_in.2);
 }
 
 #[test]

@@ -62,12 +62,19 @@ pub enum Outcome {
 /// # Errors
 /// When it cannot be read, or is no file of vectors.
 pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
+    vectors_in(&fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?)
+}
+
+/// The vectors of a file's text.
+///
+/// # Errors
+/// When it is no file of vectors.
+pub fn vectors_in(text: &str) -> Result<Vec<Vector>> {
     #[derive(Deserialize)]
     struct File {
         vectors: Vec<Vector>,
     }
-    let text = fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?;
-    Ok(serde_json::from_str::<File>(&text)?.vectors)
+    Ok(serde_json::from_str::<File>(text)?.vectors)
 }
 
 impl Vector {

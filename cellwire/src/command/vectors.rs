@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use cellwire_links::link::Link;
 use cellwire_links::reference::field::Field;
-use cellwire_links::vectors::vectors;
+use cellwire_links::vectors::vectors_in;
 use clap::Subcommand;
+use include_dir::{Dir, include_dir};
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
@@ -23,15 +24,26 @@ enum Command {
     /// Decodes and encodes every vector; prints one line per link, and every vector that does not agree. Of `reference/field`: every
     /// vector, stream and story of each file
     Check {
-        /// The folder of the vectors
-        #[arg(default_value = "reference/vectors")]
-        dir: PathBuf,
+        /// The folder of the vectors; by default `reference/vectors`, or where that is not, those that this program was built with
+        dir: Option<PathBuf>,
     },
 }
+
+/// The reference's vectors.
+static BUILT_IN: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../reference/vectors");
 
 /// Returns true when every vector agrees.
 pub fn run(args: &Args) -> Result<bool> {
     let Command::Check { dir } = &args.command;
+    let here = Path::new("reference/vectors");
+    let Some(dir) = dir.as_deref().or_else(|| here.is_dir().then_some(here)) else {
+        let mut all = true;
+        for file in BUILT_IN.files() {
+            let text = file.contents_utf8().context("the vectors are no text")?;
+            all &= check_text(name_of(file.path()), text)?;
+        }
+        return Ok(all);
+    };
     let mut files: Vec<PathBuf> = std::fs::read_dir(dir)
         .with_context(|| format!("cannot read {}; give the folder of the vectors", dir.display()))?
         .map(|entry| Ok(entry?.path()))
@@ -47,12 +59,22 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 fn check_file(path: &Path) -> Result<bool> {
-    let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
-    if name == "fanuc-ls" {
-        return programs::check_file(name, &std::fs::read_to_string(path)?);
+    let name = name_of(path);
+    if name != "fanuc-ls" && Link::by_name(name).is_err() {
+        return check_field(path, name);
     }
-    let Ok(link) = Link::by_name(name) else { return check_field(path, name) };
-    let vectors = vectors(path)?;
+    check_text(name, &std::fs::read_to_string(path)?)
+}
+
+fn name_of(path: &Path) -> &str {
+    path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
+}
+
+fn check_text(name: &str, text: &str) -> Result<bool> {
+    if name == "fanuc-ls" {
+        return programs::check_file(name, text);
+    }
+    let (link, vectors) = (Link::by_name(name)?, vectors_in(text)?);
     report(name, vectors.iter().map(|v| (v.id, v.comment.as_str(), v.check(link, &[&v.bytes]))))
 }
 

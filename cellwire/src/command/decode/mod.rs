@@ -14,6 +14,7 @@ use self::hex::HexReader;
 pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
+use crate::io::output::remark;
 use cellwire_links::codec::{Item, Kind};
 
 /// So much is read and written at once.
@@ -56,7 +57,8 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
-    let mut stream = args.codec.of.stream_of(args.codec.side()?, 0)?;
+    let side = args.codec.side()?;
+    let mut stream = args.codec.of.stream_of(side, 0)?;
     let mut hex = HexReader::default();
     let mut buffer = vec![0; CHUNK];
     loop {
@@ -71,7 +73,15 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) 
         }
     }
     hex.finish()?;
-    stream.finish(|item| out.write("", item))
+    stream.finish(|item| out.write("", item))?;
+    let others: Vec<_> = args.codec.of.link.sides.iter().filter(|other| **other != side).copied().collect();
+    if !out.clean && args.codec.from.is_none() && !others.is_empty() {
+        remark(&format!(
+            "read as what the {side} sends; --from {} reads the other side",
+            others.join(" or --from ")
+        ));
+    }
+    Ok(())
 }
 
 type Output = Arc<Mutex<BufWriter<io::Stdout>>>;

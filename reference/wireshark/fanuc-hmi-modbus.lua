@@ -14,11 +14,12 @@ local f = modbus.fields
 local function number(name, label, kind) f[name] = kind("fanuc_hmi_modbus." .. name, label, base.DEC) end
 number("transaction", "Transaction", ProtoField.uint16)
 number("unit", "Unit", ProtoField.uint8)
-f.function_code = ProtoField.uint8("fanuc_hmi_modbus.function", "Function", base.DEC, {
+local FUNCTIONS = {
     [1] = "read coils", [2] = "read discrete inputs", [3] = "read holding registers", [4] = "read input registers",
     [5] = "write coil", [6] = "write register", [15] = "write coils", [16] = "write registers",
     [22] = "mask write register", [23] = "read/write registers",
-})
+}
+f.function_code = ProtoField.uint8("fanuc_hmi_modbus.function", "Function", base.DEC, FUNCTIONS)
 number("address", "Address", ProtoField.uint16)
 number("quantity", "Quantity", ProtoField.uint16)
 number("write_address", "Write address", ProtoField.uint16)
@@ -277,6 +278,16 @@ local function match(pinfo, tree, at, transaction, unit, asked, is_request)
     return request
 end
 
+--- A line for the list of packets: "Request: read holding registers 0 to 36".
+local function summary(asked, is_request, request)
+    local kind = is_request and "Request" or asked.exception and "Exception " .. asked.exception or "Reply"
+    local what = FUNCTIONS[asked.code] or "function " .. asked.code
+    local first = asked.address or request and request.asked.address
+    local many = asked.quantity or request and request.asked.quantity or 1
+    local range = not first and "" or many > 1 and string.format(" %d to %d", first, first + many - 1) or " " .. first
+    return kind .. ": " .. what .. range
+end
+
 local function show_frame(tvb, pdu, transaction, unit, pinfo, tree, at, is_request)
     local frame = tree:add(modbus, tvb)
     local good, asked = pcall(read_pdu, pdu, is_request, function() end)
@@ -299,7 +310,7 @@ local function show_frame(tvb, pdu, transaction, unit, pinfo, tree, at, is_reque
     local request = match(pinfo, frame, at, transaction, unit:uint(), asked, is_request)
     local is_block = request and request.asked.code == 3 and request.asked.address == 0 and asked.bytes == 74
     if is_block then show_telemetry(pdu(2, 74), frame) end
-    return string.format("%s %d", is_request and "Request" or asked.exception and "Exception" or "Reply", asked.code)
+    return summary(asked, is_request, request)
 end
 
 local function show_error(range, kind, tree)

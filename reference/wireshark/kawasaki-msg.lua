@@ -168,9 +168,13 @@ local function follow_pc(stream, role, values, now, length, seen, first_of_frame
     if stream.bytes > LONGEST_PACKET and stream.bytes - length <= LONGEST_PACKET then table.insert(seen, e.long) end
     if role == "order_start" or role == "order_end" or role == "order_interrupt" then
         stream[role == "order_start" and "start" or "finish"] = { number = seen.frame, time = now, order = values.order }
-        if role == "order_start" then stream.job, stream.executed = nil, nil end
+        if role == "order_start" then stream.job, stream.last_sent, stream.executed = nil, nil, nil end
     elseif role == "job" then
-        local is_next = stream.job and stream.job.order == values.order and ahead(values.number, stream.job.number) == 1
+        local function is_after(job)
+            return job and job.order == values.order and ahead(values.number, job.number) == 1
+        end
+        -- Of jobs that are sent again the next is the one after the last that was.
+        local is_next = is_after(stream.job) or is_after(stream.last_sent)
         local is_asked = stream.asked and stream.asked.order == values.order and stream.asked.job == values.number
         if not stream.asked then
             table.insert(seen, e.not_requested)
@@ -181,6 +185,7 @@ local function follow_pc(stream, role, values, now, length, seen, first_of_frame
         local is_again = stream.job and stream.job.order == values.order
             and ahead(stream.job.number, values.number) < kawasaki.prefs.max_number / 2
         if not is_again then stream.job = values end
+        stream.last_sent = values
         stream.sent_in[values.number] = { number = seen.frame, time = now }
     end
 end

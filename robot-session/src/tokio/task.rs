@@ -61,7 +61,7 @@ pub struct Task<S: Service, C> {
 }
 
 /// How long a [`Task`] waits before it connects again: twice as long after each attempt, and half of it by chance, so that many that have
-/// lost the same peer do not come back together. A connection that has lasted for `longest` begins anew.
+/// lost the same peer do not come back together. After a connection that has lasted for longer than the last pause it begins anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
     /// After the first. 100 ms.
@@ -112,7 +112,7 @@ impl<S: Service, C: Connector> Task<S, C> {
                 Ok(transport) => {
                     let begun = Instant::now();
                     let over = self.serve(transport).await;
-                    if begun.elapsed() >= longest {
+                    if begun.elapsed() >= pause {
                         pause = first;
                     }
                     match over {

@@ -79,6 +79,12 @@ pub struct Display {
     cycle: Option<Duration>,
 }
 
+impl Display {
+    fn pause(&mut self, is_paused: bool, now: Duration) {
+        self.cycle = if is_paused { None } else { self.cycle.or(Some(now)) };
+    }
+}
+
 impl Service for Display {
     type Session = Workstation;
     type Call = Paused;
@@ -89,7 +95,7 @@ impl Service for Display {
     }
 
     fn call(&mut self, _session: &mut Workstation, now: Duration, Paused(is_paused): Paused) {
-        self.cycle = if is_paused { None } else { self.cycle.or(Some(now)) };
+        self.pause(is_paused, now);
     }
 
     fn event(
@@ -118,7 +124,7 @@ impl Service for Display {
         }
     }
 
-    fn refuse(&mut self, call: Paused, _why: &Arc<io::Error>) {
-        self.cycle = if call.0 { None } else { self.cycle.or(Some(now())) };
+    fn refuse(&mut self, Paused(is_paused): Paused, _why: &Arc<io::Error>) {
+        self.pause(is_paused, now());
     }
 }

@@ -37,7 +37,8 @@ impl<W> fmt::Debug for Source<W> {
 #[derive(Debug)]
 pub struct Orders<W, K> {
     keep: K,
-    kept: Kept,
+    /// The order that was kept, and how many of its jobs were sent then.
+    kept: (u16, u32),
     active: Option<Active>,
     commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
     jobs: core::marker::PhantomData<fn() -> W>,
@@ -79,13 +80,7 @@ type Session<W> = LargePc<'static, Source<W>>;
 
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {
-        Self {
-            keep,
-            kept: Kept::default(),
-            active: None,
-            commands: VecDeque::new(),
-            jobs: core::marker::PhantomData,
-        }
+        Self { keep, kept: (0, 0), active: None, commands: VecDeque::new(), jobs: core::marker::PhantomData }
     }
 
     /// The order has an outcome. Without somebody who waits for it, its event says it.
@@ -165,11 +160,11 @@ impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Service for Orders<W, K> {
 
     /// What is executed the robot says itself: it is kept with what is sent.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
-        if self.kept.order == session.order().unwrap_or(0) && self.kept.sent == session.sent() {
+        let now = (session.order().unwrap_or(0), session.sent());
+        if self.kept == now {
             return Ok(());
         }
-        let now = Kept::of(session);
-        self.keep.keep(&now).await?;
+        self.keep.keep(&Kept::of(session)).await?;
         self.kept = now;
         Ok(())
     }

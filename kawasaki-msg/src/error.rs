@@ -299,6 +299,10 @@ pub enum ConfigError {
     #[error("the queue numbers jobs up to {queue}, the configuration up to {config}")]
     #[allow(missing_docs, reason = "the sentence says it")]
     QueueNumbers { queue: u16, config: u16 },
+    /// A queue holds 1 to 9999 jobs, and has more numbers than jobs.
+    #[error("a queue cannot hold {capacity} jobs that are numbered up to {max}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Queue { capacity: usize, max: u16 },
     /// Job numbers are from 1 to 9999.
     #[error("the highest job number cannot be {found}: it is from 2 to 9999")]
     #[allow(missing_docs, reason = "the sentence says it")]

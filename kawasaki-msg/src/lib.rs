@@ -14,6 +14,7 @@ mod frame;
 mod job;
 mod lacks;
 mod message;
+pub mod motion;
 mod number;
 mod numbering;
 mod packet;

@@ -6,6 +6,7 @@ use core::cell::Cell;
 use core::time::Duration;
 use std::alloc::System;
 
+use kawasaki_msg::motion::boxed;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Bounds, Charset, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig,
@@ -53,7 +54,7 @@ fn the_count_counts() {
 
 #[test]
 fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
-    let (writer, _reader) = robot_work_queue::boxed(128, 9999).unwrap();
+    let (writer, _reader) = boxed(128, 9999).unwrap();
     let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
     let (mut buffer, mut queued) = ([0; 4096], 0);
     let count = allocations(|| {
@@ -80,8 +81,8 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
 
 #[test]
 fn a_whole_order_between_both_ends_allocates_nothing() {
-    let (writer, mut reader) = robot_work_queue::boxed(16, 9999).unwrap();
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
+    let (jobs, mut motion) = boxed(16, 9999).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).unwrap();
     let source = |index| if index < 500 { Supply::Job(line(index)) } else { Supply::End };
     let mut pc = Pc::new(PcConfig::TCP).unwrap();
     let mut executed = 0;
@@ -93,8 +94,7 @@ fn a_whole_order_between_both_ends_allocates_nothing() {
         pc.handle_connected(now);
         while pc.order().is_some() && now < Duration::from_secs(100) {
             now += Duration::from_millis(16);
-            while let Some(job) = reader.take() {
-                robot.job_done(now, job.number).unwrap();
+            while let Some(job) = motion.take() {
                 executed += 1;
                 job.complete();
             }

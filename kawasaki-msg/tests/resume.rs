@@ -3,12 +3,12 @@
 
 use core::time::Duration;
 
+use kawasaki_msg::motion::{Motion, boxed};
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    FromRobot, Job, JobKind, Line, Pc, PcConfig, PcEvent, Phase, Point, Robot, RobotConfig, RobotEvent,
+    FromRobot, JobKind, Line, Pc, PcConfig, PcEvent, Phase, Point, Robot, RobotConfig, RobotEvent,
     SessionError, Status, pc,
 };
-use robot_work_queue::Reader;
 
 const CYCLE: Duration = Duration::from_millis(100);
 
@@ -23,15 +23,15 @@ fn picture(jobs: i32) -> Vec<Line> {
 struct Cell {
     now: Duration,
     robot: Robot<'static, Line>,
-    queue: Reader<'static, Job<Line>>,
+    motion: Motion<'static, Line>,
     drawn: Vec<i32>,
 }
 
 impl Cell {
     fn new() -> Self {
-        let (writer, queue) = robot_work_queue::boxed(8, 9999).unwrap();
-        let robot = Robot::new(RobotConfig::TCP, writer).unwrap();
-        Self { now: Duration::ZERO, robot, queue, drawn: Vec::new() }
+        let (jobs, motion) = boxed(8, 9999).unwrap();
+        let robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
+        Self { now: Duration::ZERO, robot, motion, drawn: Vec::new() }
     }
 
     fn connect(&mut self, pc: &mut PcEnd<'_>) {
@@ -69,10 +69,8 @@ impl Cell {
 
     fn work(&mut self, jobs: usize) {
         for _ in 0..jobs {
-            let Some(job) = self.queue.take() else { return };
-            self.drawn.push(job.work.start.x);
-            self.robot.job_done(self.now, job.number).unwrap();
-            job.complete();
+            let Some(job) = self.motion.take() else { return };
+            self.drawn.push(job.complete().work.start.x);
         }
     }
 

@@ -4,8 +4,9 @@
 use core::time::Duration;
 use std::collections::VecDeque;
 
+use kawasaki_msg::motion::boxed;
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Job, JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
+use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
 
 const JOBS: u16 = 500;
 /// At 115200 baud.
@@ -39,8 +40,8 @@ impl Wire {
 
 /// An order over a line on which a byte takes so long, to a robot that reads so many at once: the most bytes that were on their way to it.
 fn run(byte: Duration, piece: usize, config: RobotConfig<'static>) -> usize {
-    let (writer, mut motion) = robot_work_queue::boxed::<Job<Line>>(64, 9999).unwrap();
-    let mut robot = Robot::new(config, writer).unwrap();
+    let (jobs, mut motion) = boxed::<Line>(64, 9999).unwrap();
+    let mut robot = Robot::new(config, jobs).unwrap();
     let mut pc = Pc::new(PcConfig { silence: Duration::MAX, ..PcConfig::TCP }).unwrap();
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 100, 0) };
     let drawing: Vec<Line> = (0..JOBS.into()).map(line).collect();
@@ -62,9 +63,7 @@ fn run(byte: Duration, piece: usize, config: RobotConfig<'static>) -> usize {
             && let Some(job) = motion.take()
         {
             moves_until = now + MOTION;
-            executed.push(job.number);
-            robot.job_done(now, job.number).unwrap();
-            job.complete();
+            executed.push(job.complete().number);
         }
         let bytes = to_robot.receive(now, piece);
         if !bytes.is_empty() {
@@ -104,7 +103,7 @@ fn a_packet_that_comes_in_pieces_is_one_answer() {
 /// A peer that never falls silent keeps nobody from speaking.
 #[test]
 fn an_answer_without_an_end_is_waited_for_as_long_as_for_none() {
-    let (writer, _motion) = robot_work_queue::boxed::<Job<Line>>(64, 9999).unwrap();
+    let (writer, _motion) = boxed::<Line>(64, 9999).unwrap();
     let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
     let mut buffer = [0; 4096];
     robot.handle_timeout(Duration::ZERO);

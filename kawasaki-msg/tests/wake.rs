@@ -12,11 +12,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
+use kawasaki_msg::motion::{self, boxed_with};
 use kawasaki_msg::robot_session::{Driver, Session as _, now};
-use kawasaki_msg::{
-    Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, timing,
-};
-use robot_work_queue::boxed_with;
+use kawasaki_msg::{JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, timing};
 
 const HOUR: Duration = Duration::from_secs(3600);
 /// What does not come for so long does not come.
@@ -56,17 +54,15 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     let mut driver = Driver::new(stream);
     let waker = driver.waker().unwrap();
 
-    let (report, reports) = channel();
     let (execute, order_to_execute) = channel::<()>();
     let (begins, has_begun) = channel();
-    let (motion, reader) = channel();
+    let (motion, end) = channel();
     let motion_task = thread::spawn(move || {
-        let mut queue: robot_work_queue::Reader<'_, Job<Line>, _> = reader.recv().unwrap();
+        let mut queue: motion::Motion<'_, Line, _> = end.recv().unwrap();
         loop {
             while let Some(job) = queue.take() {
                 begins.send(()).unwrap();
                 order_to_execute.recv().unwrap();
-                report.send(job.number).unwrap();
                 job.complete();
             }
             if queue.is_abandoned() {
@@ -76,7 +72,7 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
         }
     });
     let motion_thread = motion_task.thread().clone();
-    let (writer, queue) =
+    let (jobs, queue) =
         boxed_with(4, RobotConfig::TCP.max_number, move || motion_thread.unpark(), move || waker.wake())
             .unwrap();
     motion.send(queue).unwrap();
@@ -92,15 +88,12 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     });
 
     let config = RobotConfig { reply_timeout: HOUR, patience: HOUR, ..RobotConfig::TCP };
-    let mut robot = Robot::new(config, writer).unwrap();
+    let mut robot = Robot::new(config, jobs).unwrap();
     robot.handle_timeout(now());
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
     robot.handle_connected(now());
     let mut ended = None;
     let mut turn = |robot: &mut Robot<'_, Line, 256, 16, _>| {
-        for number in reports.try_iter() {
-            robot.job_done(now(), number).unwrap();
-        }
         let turn = driver.turn(robot, None, |_, event| {
             if let RobotEvent::OrderOver { executed, .. } = event {
                 ended = Some(executed);

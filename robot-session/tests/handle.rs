@@ -109,6 +109,22 @@ async fn a_later_peer_takes_the_place_of_an_earlier_one() {
     assert_eq!(ask(&handle, "two").await, Ok("two".into()));
 }
 
+/// Whoever is connected to does not wait before it takes the next peer: the pause is for who dials.
+#[tokio::test]
+async fn a_peer_that_is_back_at_once_is_taken_at_once() {
+    let listen = Listen::bind(any()).await.unwrap();
+    let address = listen.address().unwrap();
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), listen);
+    tokio::spawn(task.reconnect(Reconnect { first: LONG, longest: LONG }).run());
+    for _ in 0..20 {
+        let stream = TcpStream::connect(address).await.unwrap();
+        timeout(LONG / 2, handle.connected()).await.unwrap().unwrap();
+        drop(stream);
+        let mut link = handle.link();
+        link.wait_for(|link| matches!(link, Link::Failed(_))).await.unwrap();
+    }
+}
+
 #[tokio::test]
 async fn datagrams_go_to_a_peer_that_comes_later() {
     let socket = UdpSocket::bind(any()).await.unwrap();

@@ -14,7 +14,7 @@ use std::io::{self, ErrorKind};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 
 use kawasaki_msg::robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, drive, now};
-use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work};
+use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work, motion};
 
 /// `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
 pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> Result<(), Box<dyn Error>> {
@@ -67,8 +67,8 @@ pub(crate) fn robot<W: Work + Send + 'static>(
     config: RobotConfig<'_>,
     connect: impl Fn() -> io::Result<Box<dyn Transport>>,
 ) -> Result<Vec<Job<W>>, Box<dyn Error>> {
-    let (writer, mut queue) = robot_work_queue::boxed::<Job<W>>(64, config.max_number)?;
-    let (mut robot, mut executed) = (Robot::new(config, writer)?, Vec::new());
+    let (jobs, mut motion) = motion::boxed(64, config.max_number)?;
+    let (mut robot, mut executed) = (Robot::new(config, jobs)?, Vec::new());
     loop {
         // The session says when: at once, and some time after a connection was lost.
         while robot.poll_event() != Some(RobotEvent::Connect) {
@@ -82,12 +82,10 @@ pub(crate) fn robot<W: Work + Send + 'static>(
         robot.handle_connected(now());
         let mut driver = Driver::new(&mut *transport);
         loop {
-            // The motion task: it moves, reports, and only then completes. On a controller it is a task of its own, and wakes the driver.
+            // The motion task. On a controller it is a task of its own, and wakes the driver.
             let mut wait = None;
-            while let Some(job) = queue.take() {
-                executed.push(*job);
-                robot.job_done(now(), job.number)?;
-                job.complete();
+            while let Some(job) = motion.take() {
+                executed.push(job.complete());
                 wait = Some(Duration::ZERO);
             }
             let turn = driver.turn(&mut robot, wait, |_, event| match event {

@@ -69,9 +69,9 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
         let events = &mut self.core.events;
         let room = match (message, received.role) {
             (FromPc::Unusable, _) => false,
-            (FromPc::Job { .. }, _) => self.writer.free() > 0,
+            (FromPc::Job { .. }, _) => self.jobs.writer.free() > 0,
             // An order is begun only with room for all that it can report, and a motion task.
-            (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.writer.is_abandoned(),
+            (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.jobs.writer.is_abandoned(),
             (FromPc::Status { order }, _) => {
                 let (sent, executed) =
                     (received.params.number(Field::Queued), received.params.number(Field::Executed));

@@ -1,7 +1,7 @@
 use core::time::Duration;
 
 use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
-use robot_work_queue::{NoWake, Wake, Writer};
+use robot_work_queue::{NoWake, Wake};
 
 use super::config::RobotConfig;
 use super::event::RobotEvent;
@@ -10,8 +10,9 @@ use super::state::{Action, Input, Machine, RecoveryStep, Report};
 use crate::decoder::Decoder;
 use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, SessionError};
-use crate::job::{self, Job, Work};
+use crate::job::{self, Work};
 use crate::message::Message;
+use crate::motion::Jobs;
 use crate::numbering::ALL_NUMBERS;
 use crate::packet::{Limits, Packet};
 use crate::phase::Phase;
@@ -20,20 +21,17 @@ use crate::statistics::RobotStatistics;
 
 /// The session of a robot: it opens the connection, speaks first in every cycle, and queues the jobs that the PC sends.
 ///
-/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write, and before every
-/// [`handle_timeout`](robot_session::Session::handle_timeout) hand over every report of the motion task with
-/// [`job_done`](Self::job_done). The queue's [`Wake`] says when: after jobs were completed or discarded, and when the motion task is
-/// gone. A loop that hands over the reports and makes a turn of a driver whose waker is that hook needs no other turn. On
-/// [`RobotEvent::Connect`] open a connection and call [`handle_connected`](robot_session::Session::handle_connected), or
+/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write. The [`Wake`] of its queue says when it has to look
+/// at it: a loop that makes a turn of a driver whose waker is that hook needs no other turn. On [`RobotEvent::Connect`] open a connection
+/// and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///
 /// One cycle is: send at least one message, filler if there is none; wait for the answer, but not longer than
 /// [`RobotConfig::reply_timeout`]; start again.
 ///
-/// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*
-/// ([`Job::number`]: the queue's own goes on when it is cleared), and only then completes it. Reported before it is completed, a
-/// job that was executed when an order is interrupted or the queue is cleared is never asked for again. It takes again whenever it is
-/// woken by the queue: that is when a cleared one is swept.
+/// **The motion task** has the other end of the queue, [`Motion`](crate::motion::Motion): it takes a job, executes it, and completes it,
+/// and with that the session knows of it. A motion task that says so by another way reports every number
+/// ([`Job::number`](crate::Job)) to [`job_done`](Self::job_done) before it completes the job.
 ///
 /// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
 /// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that
@@ -53,7 +51,7 @@ pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 1
     pub(super) dialect: Dialect<'a>,
     limits: Limits,
     pub(super) ranges: W::Ranges,
-    pub(super) writer: Writer<'a, Job<W>, R>,
+    pub(super) jobs: Jobs<'a, W, R>,
     low_water: usize,
 }
 
@@ -61,13 +59,13 @@ pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 1
 pub type LargeRobot<'a, W, R = NoWake> = Robot<'a, W, { Message::MAX_LEN }, ALL_NUMBERS, R>;
 
 impl<'a, W: Work, R: Wake> Robot<'a, W, 256, 16, R> {
-    /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
-    /// both ends have agreed on. The ranges of a job's fields are the default ones.
+    /// A session that wants to connect at once. `jobs` is its end of a queue, whose highest job number is the one that both ends have
+    /// agreed on. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: RobotConfig<'a>, writer: Writer<'a, Job<W>, R>) -> Result<Self, ConfigError> {
-        Self::sized(config, writer)
+    pub fn new(config: RobotConfig<'a>, jobs: impl Into<Jobs<'a, W, R>>) -> Result<Self, ConfigError> {
+        Self::sized(config, jobs)
     }
 }
 
@@ -76,11 +74,12 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     ///
     /// # Errors
     /// When the configuration cannot work, or needs more.
-    pub fn sized(config: RobotConfig<'a>, writer: Writer<'a, Job<W>, R>) -> Result<Self, ConfigError> {
-        let ranges = W::Ranges::default();
+    pub fn sized(config: RobotConfig<'a>, jobs: impl Into<Jobs<'a, W, R>>) -> Result<Self, ConfigError> {
+        let (jobs, ranges) = (jobs.into(), W::Ranges::default());
         config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
-        if writer.max_number() != config.max_number {
-            return Err(ConfigError::QueueNumbers { queue: writer.max_number(), config: config.max_number });
+        let queue = jobs.writer.max_number();
+        if queue != config.max_number {
+            return Err(ConfigError::QueueNumbers { queue, config: config.max_number });
         }
         Ok(Self {
             core: Core::new(
@@ -91,8 +90,8 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
             dialect: config.dialect,
             limits: config.limits,
             ranges,
-            low_water: config.low_water.unwrap_or(writer.capacity() / 2),
-            writer,
+            low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
+            jobs,
         })
     }
 
@@ -105,17 +104,13 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
         Ok(Self { ranges, ..self })
     }
 
-    /// The motion task has executed a job. Hand over every report before the next
-    /// [`handle_timeout`](robot_session::Session::handle_timeout).
+    /// The motion task has executed a job, where that is not said by [`Motion`](crate::motion::Motion). Hand over every report before
+    /// the next [`handle_timeout`](robot_session::Session::handle_timeout).
     ///
     /// # Errors
     /// When no job of this number is in the queue, or it was reported before.
     pub fn job_done(&mut self, now: Duration, number: u16) -> Result<(), SessionError> {
-        self.ask(now, Input::Executed { number }).map_err(|_| SessionError::NotQueued { number })?;
-        self.core.statistics.executed += 1;
-        self.core.statistics.work_cycle.end(now);
-        self.core.statistics.work_cycle.begin(now);
-        Ok(())
+        self.executed_one(now, number).map_err(|_| SessionError::NotQueued { number })
     }
 
     /// The first reset: clears the queue of all jobs but the one that is being executed; those not executed come again. Leads out
@@ -171,7 +166,24 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
 
     /// Whether the motion task has dropped its end of the queue.
     pub fn is_abandoned(&self) -> bool {
-        self.writer.is_abandoned()
+        self.jobs.writer.is_abandoned()
+    }
+
+    /// The jobs that the motion task has executed. Only one that has overtaken others where none may is not expected.
+    fn take_reports(&mut self, now: Duration) {
+        while let Some(number) = self.jobs.next_executed() {
+            if let Err(unexpected) = self.executed_one(now, number) {
+                self.refuse(unexpected);
+            }
+        }
+    }
+
+    fn executed_one(&mut self, now: Duration, number: u16) -> Result<(), Unexpected> {
+        self.ask(now, Input::Executed { number })?;
+        self.core.statistics.executed += 1;
+        self.core.statistics.work_cycle.end(now);
+        self.core.statistics.work_cycle.begin(now);
+        Ok(())
     }
 
     /// A request of the caller.
@@ -220,10 +232,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     }
 
     fn look(&mut self, now: Duration) {
-        if self.writer.is_settled() || self.writer.is_abandoned() {
+        // Seen before the reports are taken: what was executed until then is known first.
+        let is_settled = self.jobs.writer.is_settled() || self.jobs.writer.is_abandoned();
+        let is_drained = self.jobs.writer.drained(self.low_water);
+        self.take_reports(now);
+        if is_settled {
             self.advance(now, Input::Settled, None);
         }
-        if self.writer.drained(self.low_water) {
+        if is_drained {
             self.advance(now, Input::Drained, None);
         }
     }
@@ -256,8 +272,10 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             Action::Answered => self.core.statistics.exchange.end(now),
             Action::Queue | Action::QueuedBefore => {
                 self.core.statistics.queued += 1;
+                self.take_reports(now);
                 if action == Action::Queue
-                    && let (Ok(claim), Some(job)) = (self.writer.claim(), received.and_then(Received::job))
+                    && let (Ok(claim), Some(job)) =
+                        (self.jobs.writer.claim(), received.and_then(Received::job))
                 {
                     claim.push(job);
                 }
@@ -276,9 +294,9 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 self.core.statistics.unanswered += 1;
                 self.core.events.push_notice(RobotEvent::NoReply);
             }
-            Action::Clear => self.writer.clear(),
+            Action::Clear => self.jobs.writer.clear(),
             Action::Interrupt => {
-                self.writer.clear();
+                self.jobs.writer.clear();
                 self.push_outcome(RobotEvent::OrderInterrupted { order });
             }
             Action::Started => {
@@ -287,7 +305,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             }
             Action::Ending => self.push_outcome(RobotEvent::OrderEnding { order }),
             Action::Over => {
-                self.writer.reset();
+                self.jobs.writer.reset();
                 let order = self.core.machine.ended.map_or(0, |ended| ended.order);
                 self.push_outcome(RobotEvent::OrderOver { order, executed: self.core.machine.executed });
             }
@@ -296,7 +314,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             Action::Step(RecoveryStep::Alarm) => self.push_outcome(RobotEvent::Alarm { order, next }),
             Action::Step(step) => {
                 if step == RecoveryStep::Clear {
-                    self.writer.clear();
+                    self.jobs.writer.clear();
                 }
                 self.core.events.push_notice(RobotEvent::Recovery { step, next });
             }

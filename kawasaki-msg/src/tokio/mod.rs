@@ -1,4 +1,5 @@
-//! The PC in a task of its own, which keeps how far an order is, and connects again by itself: orders by `.await`.
+//! Both ends in a task of their own that connects again by itself: a [`Pc`] gives orders by `.await` and keeps how far they are, a
+//! [`Robot`] has its jobs executed by a [`Motion`].
 //!
 //! ```no_run
 //! use kawasaki_msg::robot_session::tokio::Listen;
@@ -23,6 +24,7 @@
 //! ```
 
 mod journal;
+mod robot;
 mod service;
 
 use core::future::Future;
@@ -36,6 +38,7 @@ use std::vec::Vec;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, watch};
 
 pub use journal::{Journal, Keep, Kept};
+pub use robot::{Job, Motion, Queueing, Robot, RobotError, SpawnedRobot, robot};
 use service::{Begun, Call};
 pub use service::{Orders, Source};
 
@@ -47,7 +50,7 @@ use crate::pc::{CommandOutcome, LargePc, PcConfig, Supply};
 ///
 /// All events of the session are those of the [`handle`](Self::handle).
 #[derive(Debug)]
-pub struct Pc<W: Work<Ranges: Send> + Send + 'static, K: Keep> {
+pub struct Pc<W: Job, K: Keep> {
     handle: Handle<Orders<W, K>>,
 }
 
@@ -57,7 +60,7 @@ pub struct Pc<W: Work<Ranges: Send> + Send + 'static, K: Keep> {
 /// As [`LargePc::sized`].
 pub fn pc<W, K, C>(config: PcConfig<'static>, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
 where
-    W: Work<Ranges: Send> + Send + 'static,
+    W: Job,
     K: Keep,
     C: Connector,
 {
@@ -126,7 +129,7 @@ pub enum Error {
     Closed(#[from] Closed),
 }
 
-impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Pc<W, K> {
+impl<W: Job, K: Keep> Pc<W, K> {
     /// Begins an order. What speaks against it is its outcome.
     ///
     /// # Errors
@@ -207,7 +210,7 @@ impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Pc<W, K> {
     }
 }
 
-impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Clone for Pc<W, K> {
+impl<W: Job, K: Keep> Clone for Pc<W, K> {
     fn clone(&self) -> Self {
         Self { handle: self.handle.clone() }
     }

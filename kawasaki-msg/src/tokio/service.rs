@@ -11,7 +11,7 @@ use std::vec::Vec;
 use robot_session::tokio::{Reply, Reports, Service, watch};
 
 use super::journal::{Keep, Kept};
-use super::{Error, Over, Progress};
+use super::{Error, Job, Over, Progress};
 use crate::error::FieldError;
 use crate::job::Work;
 use crate::pc::{CommandOutcome, JobSource, LargePc, PcEvent, Supply};
@@ -91,7 +91,7 @@ impl<W, K> Orders<W, K> {
     }
 }
 
-impl<W: Work<Ranges: Send> + Send + 'static, K: Keep> Service for Orders<W, K> {
+impl<W: Job, K: Keep> Service for Orders<W, K> {
     type Session = Session<W>;
     type Call = Call<W>;
     type Event = PcEvent;

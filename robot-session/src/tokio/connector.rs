@@ -18,6 +18,9 @@ pub trait Connector: Send {
     /// What carries the bytes.
     type Transport: AsyncRead + AsyncWrite + Unpin + Send;
 
+    /// A lost connection is followed by a pause. Who is connected to does not keep a peer waiting that is back already.
+    const DIALS: bool = true;
+
     /// Makes a connection, or waits for one. A dropped future has made none.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Transport>> + Send;
 
@@ -103,6 +106,8 @@ impl Listen {
 
 impl Connector for Listen {
     type Transport = TcpStream;
+
+    const DIALS: bool = false;
 
     async fn connect(&mut self) -> io::Result<TcpStream> {
         let stream = match self.next.take() {

@@ -41,6 +41,11 @@ impl Waker {
     pub fn wake(&self) {
         self.0.notify_one();
     }
+
+    /// Waits until it is woken, or was since the last wait: what a driver does with its own, and a motion task with that of its queue.
+    pub async fn woken(&self) {
+        self.0.notified().await;
+    }
 }
 
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
@@ -88,7 +93,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         let Self { port, input, out, left, waker } = self;
         input.resize(S::MAX_INPUT, 0);
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
-        Turn { port, clock: &Process, input, out, left }.run(session, waker.0.notified(), handler).await
+        Turn { port, clock: &Process, input, out, left }.run(session, waker.woken(), handler).await
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does. A dropped future

@@ -22,6 +22,9 @@ pub trait Service: Send {
     /// What [`Handle::events`] gives: all that is no outcome of a call that somebody waits for.
     type Event: Clone + Send;
 
+    /// Calls are made without a connection too: those of a robot are about itself.
+    const OFFLINE: bool = false;
+
     /// Whether the session takes another call now. Those that it does not take wait, the oldest first.
     fn has_room(&self, session: &Self::Session) -> bool;
 
@@ -53,7 +56,7 @@ pub trait Service: Send {
         ready(Ok(()))
     }
 
-    /// Ends a call that was not made: there is no connection.
+    /// Ends a call that was not made: there is no connection, or the task has ended.
     fn refuse(&mut self, call: Self::Call, why: &Arc<io::Error>);
 }
 

@@ -19,4 +19,4 @@ pub use driver::{Driver, Waker};
 pub use handle::{Closed, Handle, Link, Outcome, Reply, Reports, Service};
 pub use latest::{Latest, Source, latest};
 pub use listener::serve;
-pub use task::{Reconnect, Task, spawn};
+pub use task::{Reconnect, Task, spawn, spawn_woken_by};

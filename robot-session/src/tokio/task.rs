@@ -31,11 +31,20 @@ pub fn spawn<S: Service, C: Connector>(
     service: S,
     connector: C,
 ) -> (Handle<S>, Task<S, C>) {
+    spawn_woken_by(Waker::default(), session, service, connector)
+}
+
+/// As [`spawn`], for a session that works with something else than bytes and time, whose hook was made with this waker.
+pub fn spawn_woken_by<S: Service, C: Connector>(
+    waker: Waker,
+    session: S::Session,
+    service: S,
+    connector: C,
+) -> (Handle<S>, Task<S, C>) {
     let (calls, calls_of_task) = mpsc::channel(CALLS);
     let (events_of_task, events) = broadcast::channel(EVENTS);
     let (link_of_task, link) = watch::channel(Link::Connecting);
     let (stop, stop_of_task) = watch::channel(false);
-    let waker = Waker::default();
     let served = Served { session: Box::new(session), service, events: events_of_task, reconnect: None };
     let task = Task {
         served,
@@ -106,7 +115,11 @@ impl<S: Service, C: Connector> Task<S, C> {
     pub async fn run(mut self) -> Box<S::Session> {
         let Reconnect { first, longest } = self.reconnect;
         let mut pause = first;
-        while let Some(connected) = self.served.meanwhile(&mut self.stop, self.connector.connect()).await {
+        loop {
+            let Self { served, connector, calls, stop, waker, .. } = &mut self;
+            let Some(connected) = served.meanwhile(stop, waker, calls, connector.connect()).await else {
+                break;
+            };
             let has_connected = connected.is_ok();
             let error = match connected {
                 Ok(transport) => {
@@ -126,11 +139,18 @@ impl<S: Service, C: Connector> Task<S, C> {
             let error = Arc::new(error);
             self.link.send_replace(Link::Failed(Arc::clone(&error)));
             // What waits when a connection is lost waits for the next one, unless there is none.
-            while !has_connected && let Ok(call) = self.calls.try_recv() {
+            while !has_connected
+                && !S::OFFLINE
+                && let Ok(call) = self.calls.try_recv()
+            {
                 self.served.service.refuse(call, &error);
             }
+            if has_connected && !C::DIALS {
+                continue;
+            }
             let wait = sleep(pause.mul_f64(0.5 + fastrand::f64() / 2.0));
-            if self.served.meanwhile(&mut self.stop, wait).await.is_none() {
+            let Self { served, calls, stop, waker, .. } = &mut self;
+            if served.meanwhile(stop, waker, calls, wait).await.is_none() {
                 break;
             }
             pause = pause.saturating_mul(2).min(longest);
@@ -234,6 +254,8 @@ impl<S: Service> Served<S> {
     async fn meanwhile<T>(
         &mut self,
         stop: &mut watch::Receiver<bool>,
+        waker: &Waker,
+        calls: &mut mpsc::Receiver<S::Call>,
         wait: impl Future<Output = T>,
     ) -> Option<T> {
         let mut wait = pin!(wait);
@@ -241,15 +263,17 @@ impl<S: Service> Served<S> {
         loop {
             let due = self.session.poll_timeout();
             let time = until(due.map(|at| at.max(now().saturating_add(SHORTEST))));
+            let takes_calls = S::OFFLINE && self.has_room();
             select! {
                 biased;
                 () = &mut stopped => return None,
                 value = &mut wait => return Some(value),
-                () = time => {
-                    self.session.handle_timeout(now());
-                    self.report();
-                }
+                call = calls.recv(), if takes_calls => self.call(call?),
+                () = waker.woken() => {}
+                () = time => {}
             }
+            self.session.handle_timeout(now());
+            self.report();
         }
     }
 }

@@ -84,12 +84,11 @@ program!("kawasaki-msg-pc", {
 
 // With a queue of 64 lines.
 program!("kawasaki-msg-robot", {
-    use kawasaki_msg::{Job, Line, Robot, RobotConfig};
-    let Ok(mut queue) = robot_work_queue::WorkQueue::<Job<Line>, 64>::new(9999) else { return 1 };
-    let (writer, mut motion) = queue.split();
-    run!(Robot::new(RobotConfig::TCP, writer), 4096, |robot, now| {
+    use kawasaki_msg::{Line, Robot, RobotConfig, motion::JobQueue};
+    let Ok(mut queue) = JobQueue::<Line, 64>::new(9999) else { return 1 };
+    let (jobs, mut motion) = queue.split();
+    run!(Robot::new(RobotConfig::TCP, jobs), 4096, |_, _| {
         if let Some(job) = motion.take() {
-            let _ = robot.job_done(now, job.number);
             job.complete();
         }
     })

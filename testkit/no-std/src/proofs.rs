@@ -140,14 +140,14 @@ program!("isra-ball", {
 program!("kawasaki-msg", {
     use core::time::Duration;
     use kawasaki_msg::robot_session::Session as _;
-    use kawasaki_msg::{Job, JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
-    use robot_work_queue::WorkQueue;
+    use kawasaki_msg::motion::JobQueue;
+    use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
 
     /// Where the pen is in the end, and how many jobs the PC knows to be executed.
     fn run() -> Option<(i32, u32)> {
-        let mut queue: WorkQueue<Job<Line>, 2> = WorkQueue::new(9).ok()?;
-        let (writer, mut motion) = queue.split();
-        let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::TCP }, writer).ok()?;
+        let mut queue: JobQueue<Line, 2> = JobQueue::new(9).ok()?;
+        let (jobs, mut motion) = queue.split();
+        let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::TCP }, jobs).ok()?;
         let mut pc = Pc::new(PcConfig { max_number: 9, ..PcConfig::TCP }).ok()?;
         let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 100, 0) };
         let picture = [line(0), line(100), line(200)];
@@ -159,9 +159,7 @@ program!("kawasaki-msg", {
         for i in 1..1000 {
             let now = Duration::from_millis(16 * i);
             while let Some(job) = motion.take() {
-                pen = job.work.end.x;
-                robot.job_done(now, job.number).ok()?;
-                job.complete();
+                pen = job.complete().work.end.x;
             }
             robot.handle_timeout(now);
             if let Some(length) = robot.poll_transmit(now, &mut buffer) {

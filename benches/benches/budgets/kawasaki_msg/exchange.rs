@@ -46,8 +46,8 @@ fn answer(pc: &mut Pc<'_, impl JobSource>, now: Duration, packet: &[u8], out: &m
 
 /// The robot's packets, one each cycle. It executes all that it has queued in every cycle.
 fn record() -> Vec<Vec<u8>> {
-    let (writer, mut reader) = robot_work_queue::boxed(256, 9999).expect("a queue");
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).expect("a robot");
+    let (jobs, mut reader) = kawasaki_msg::motion::boxed(256, 9999).expect("a queue");
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).expect("a robot");
     let (mut pc, mut out) = (pc(), [0; 4096]);
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
@@ -59,7 +59,6 @@ fn record() -> Vec<Vec<u8>> {
         let length = answer(&mut pc, now, &packet, &mut out);
         robot.handle_input(now + 2 * DELAY, &out[..length]);
         while let Some(job) = reader.take() {
-            robot.job_done(now + 2 * DELAY, job.number).expect("it was queued");
             job.complete();
         }
         while robot.poll_event().is_some() {}

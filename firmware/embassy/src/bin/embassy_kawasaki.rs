@@ -7,22 +7,17 @@ use core::ops::ControlFlow;
 use board::{EmbassyClock, Receiver, Sender, Uart};
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use embassy_time::Timer;
+use kawasaki_msg::motion::{JobQueue, Jobs};
 use kawasaki_msg::{Job, Line, Robot, RobotConfig, RobotEvent};
 use robot_session::embedded_io_async::Driver;
 use robot_session::{Clock as _, Session as _};
-use robot_work_queue::{WorkQueue, Writer};
 use static_cell::{ConstStaticCell, StaticCell};
 
-const QUEUE_LEN: usize = 64;
-static QUEUE: ConstStaticCell<WorkQueue<Job<Line>, QUEUE_LEN>> =
-    ConstStaticCell::new(WorkQueue::numbered::<9999>());
+static QUEUE: ConstStaticCell<JobQueue<Line, 64>> = ConstStaticCell::new(JobQueue::numbered::<9999>());
 static QUEUED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 static COMPLETED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
-/// The numbers of executed jobs, before they are completed: never more than there are jobs.
-static DONE: Channel<CriticalSectionRawMutex, u16, QUEUE_LEN> = Channel::new();
 
 /// What wakes an end of the queue: its hooks.
 type Hook = fn();
@@ -33,19 +28,14 @@ static DRIVER: StaticCell<Driver<Receiver, Sender, EmbassyClock, 256, { Session:
 static SESSION: StaticCell<Session> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn communicate(uart: Uart, writer: Writer<'static, Job<Line>, Hook>) {
+async fn communicate(uart: Uart, jobs: Jobs<'static, Line, Hook>) {
     let (receiver, sender) = uart.split();
     let driver = DRIVER.init_with(|| Driver::new(receiver, sender, EmbassyClock));
     let session = SESSION.init_with(|| {
-        let Ok(session) = Session::sized(RobotConfig::TCP, writer) else { panic!("it works") };
+        let Ok(session) = Session::sized(RobotConfig::TCP, jobs) else { panic!("it works") };
         session
     });
     loop {
-        while let Ok(number) = DONE.try_receive() {
-            if let Err(error) = session.job_done(EmbassyClock.now(), number) {
-                defmt::warn!("{}", error);
-            }
-        }
         let Ok(turn) = driver.turn(session, COMPLETED.wait(), handle).await;
         if turn.is_break() {
             return;
@@ -68,8 +58,8 @@ fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
 async fn main(spawner: Spawner) {
     let uart = board::init(115_200);
     let hooks = ((|| QUEUED.signal(())) as Hook, (|| COMPLETED.signal(())) as Hook);
-    let (writer, mut motion) = QUEUE.take().split_with(hooks.0, hooks.1);
-    match communicate(uart, writer) {
+    let (jobs, mut motion) = QUEUE.take().split_with(hooks.0, hooks.1);
+    match communicate(uart, jobs) {
         Ok(task) => spawner.spawn(task),
         Err(_) => panic!("it is spawned once"),
     }
@@ -93,7 +83,6 @@ async fn main(spawner: Spawner) {
             work.end.x,
             work.end.y
         );
-        DONE.send(number).await; // reported, then completed
         job.complete();
     }
 }

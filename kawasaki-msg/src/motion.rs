@@ -1,0 +1,211 @@
+//! The queue between a robot's session and its motion task, and the way back: which jobs are executed.
+
+use core::ops::Deref;
+
+use robot_work_queue::{
+    Claim, ConfigError, Ends as Both, Full, Iter, NoWake, Reader, Taken, Wake, WorkQueue, Writer,
+};
+
+use crate::job::{Job, Work};
+
+/// A queue of at most `N` jobs, inline: for a `static`, or for the stack of whoever has both tasks. With the feature `alloc`, [`boxed`]
+/// returns ends that own it.
+///
+/// ```
+/// use kawasaki_msg::motion::JobQueue;
+/// use kawasaki_msg::{Line, Robot, RobotConfig};
+/// use kawasaki_msg::robot_work_queue::NoWake;
+///
+/// static QUEUE: JobQueue<Line, 64> = JobQueue::numbered::<9999>();
+///
+/// let (jobs, mut motion) = QUEUE.split_static(NoWake, NoWake).expect("it has no ends yet");
+/// let robot = Robot::new(RobotConfig::TCP, jobs)?;
+/// // In the motion task:
+/// while let Some(job) = motion.take() {
+///     // move along job.work …
+///     job.complete();
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct JobQueue<W, const N: usize> {
+    jobs: WorkQueue<Job<W>, N>,
+    executed: WorkQueue<u16, N>,
+}
+
+impl<W, const N: usize> JobQueue<W, N> {
+    /// An empty queue whose jobs are numbered `1..=max_number`, then 1 again, as both ends of the link have agreed.
+    ///
+    /// # Errors
+    /// As [`WorkQueue::new`].
+    pub fn new(max_number: u16) -> Result<Self, ConfigError> {
+        Ok(Self { jobs: WorkQueue::new(max_number)?, executed: WorkQueue::new(max_number)? })
+    }
+
+    /// As [`new`](Self::new), for a `static`: what [`new`](Self::new) would refuse does not compile.
+    #[must_use]
+    pub const fn numbered<const MAX_NUMBER: u16>() -> Self {
+        Self { jobs: WorkQueue::numbered::<MAX_NUMBER>(), executed: WorkQueue::numbered::<MAX_NUMBER>() }
+    }
+
+    /// The two ends. Each split empties the queue.
+    pub fn split(&mut self) -> Ends<'_, W> {
+        self.split_with(NoWake, NoWake)
+    }
+
+    /// As [`split`](Self::split), for ends that sleep: `motion` wakes the motion task, `session` whoever drives the session.
+    pub fn split_with<M: Wake, S: Wake>(&mut self, motion: M, session: S) -> Ends<'_, W, M, S> {
+        ends(self.jobs.split_with(motion, session), self.executed.split())
+    }
+
+    /// The two ends of a queue in a `static`; `None` while it has ends.
+    #[cfg(target_has_atomic = "8")]
+    pub fn split_static<M: Wake, S: Wake>(
+        &'static self,
+        motion: M,
+        session: S,
+    ) -> Option<Ends<'static, W, M, S>> {
+        let jobs = self.jobs.split_static(motion, session)?;
+        Some(ends(jobs, self.executed.split_static(NoWake, NoWake)?))
+    }
+}
+
+/// The two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again. They own it together and can
+/// be moved to different threads. Nothing is allocated later.
+///
+/// # Errors
+/// As [`robot_work_queue::boxed`].
+#[cfg(feature = "alloc")]
+pub fn boxed<W>(capacity: usize, max_number: u16) -> Result<Ends<'static, W>, ConfigError> {
+    boxed_with(capacity, max_number, NoWake, NoWake)
+}
+
+/// As [`boxed`], for ends that sleep: `motion` wakes the motion task, `session` whoever drives the session.
+///
+/// # Errors
+/// As [`boxed`].
+#[cfg(feature = "alloc")]
+pub fn boxed_with<W, M: Wake, S: Wake>(
+    capacity: usize,
+    max_number: u16,
+    motion: M,
+    session: S,
+) -> Result<Ends<'static, W, M, S>, ConfigError> {
+    let jobs = robot_work_queue::boxed_with(capacity, max_number, motion, session)?;
+    Ok(ends(jobs, robot_work_queue::boxed(capacity, max_number)?))
+}
+
+fn ends<'q, W, M: Wake, S: Wake>(
+    (writer, jobs): Both<'q, Job<W>, M, S>,
+    (report, executed): Both<'q, u16>,
+) -> Ends<'q, W, M, S> {
+    (Jobs { writer, executed: Some(executed) }, Motion { jobs, report })
+}
+
+/// The two ends of a queue.
+pub type Ends<'q, W, M = NoWake, S = NoWake> = (Jobs<'q, W, M>, Motion<'q, W, S>);
+
+/// The end of the [`Robot`](crate::Robot): it queues the jobs that the PC sends, and learns which are executed.
+///
+/// A [`Writer`] alone is one as well, for a motion task that says by another way what it has executed, as from another processor: that
+/// is handed over with [`Robot::job_done`](crate::Robot::job_done).
+#[derive(Debug)]
+pub struct Jobs<'q, W, M: Wake = NoWake> {
+    pub(crate) writer: Writer<'q, Job<W>, M>,
+    pub(crate) executed: Option<Reader<'q, u16>>,
+}
+
+impl<'q, W, M: Wake> From<Writer<'q, Job<W>, M>> for Jobs<'q, W, M> {
+    fn from(writer: Writer<'q, Job<W>, M>) -> Self {
+        Self { writer, executed: None }
+    }
+}
+
+impl<W, M: Wake> Jobs<'_, W, M> {
+    /// Takes the number of the next job that is executed and that the session does not know of.
+    pub(crate) fn next_executed(&mut self) -> Option<u16> {
+        self.executed.as_mut()?.take().map(Taken::complete)
+    }
+}
+
+/// The end of the motion task: takes jobs, executes them, completes them. Nothing here ever waits for the session.
+///
+/// It takes again whenever it is woken: that is when a cleared queue is swept.
+#[derive(Debug)]
+pub struct Motion<'q, W, S: Wake = NoWake> {
+    jobs: Reader<'q, Job<W>, S>,
+    /// The session empties this before it queues another job: there is a place for each job that is queued.
+    report: Writer<'q, u16>,
+}
+
+impl<W, S: Wake> Motion<'_, W, S> {
+    /// Takes the oldest job, by reference; `None` if there is none yet.
+    #[inline]
+    pub fn take(&mut self) -> Option<Executing<'_, W, S>> {
+        executing(self.report.claim(), self.jobs.take())
+    }
+
+    /// Takes the oldest job for which `predicate` returns true: it overtakes those before it. For a robot whose configuration has
+    /// [`Acks::Individual`](crate::Acks).
+    pub fn take_where(&mut self, mut predicate: impl FnMut(&Job<W>) -> bool) -> Option<Executing<'_, W, S>> {
+        executing(self.report.claim(), self.jobs.take_where(|_, job| predicate(job)))
+    }
+
+    /// The waiting jobs, oldest first.
+    pub fn iter(&self) -> impl Iterator<Item = &Job<W>> {
+        Iter::map(self.jobs.iter(), |(_, job)| job)
+    }
+
+    /// How many jobs wait.
+    pub fn len(&self) -> usize {
+        self.jobs.len()
+    }
+
+    /// Whether no job waits.
+    pub fn is_empty(&self) -> bool {
+        self.jobs.is_empty()
+    }
+
+    /// How many jobs the queue holds at most.
+    pub fn capacity(&self) -> usize {
+        self.jobs.capacity()
+    }
+
+    /// Whether the session is gone. If [`take`](Self::take) returns `None` *after* this was true, it always will.
+    pub fn is_abandoned(&self) -> bool {
+        self.jobs.is_abandoned()
+    }
+}
+
+fn executing<'m, W, S: Wake>(
+    report: Result<Claim<'m, u16>, Full>,
+    job: Option<Taken<'m, Job<W>, S>>,
+) -> Option<Executing<'m, W, S>> {
+    let (Ok(report), Some(job)) = (report, job) else { return None };
+    Some(Executing { job, report })
+}
+
+/// A job that is being executed, in its slot: no reset takes it away. Dropped without [`complete`](Self::complete), it waits again.
+#[derive(Debug)]
+#[must_use = "a job that is not completed waits again"]
+pub struct Executing<'m, W, S: Wake = NoWake> {
+    job: Taken<'m, Job<W>, S>,
+    report: Claim<'m, u16>,
+}
+
+impl<W: Work, S: Wake> Executing<'_, W, S> {
+    /// The job is executed: says so to the session, which never asks for it again, and frees its slot.
+    pub fn complete(self) -> Job<W> {
+        // In this order: a session that finds the slot free knows of the job.
+        self.report.push(self.job.number);
+        self.job.complete()
+    }
+}
+
+impl<W, S: Wake> Deref for Executing<'_, W, S> {
+    type Target = Job<W>;
+
+    fn deref(&self) -> &Job<W> {
+        &self.job
+    }
+}

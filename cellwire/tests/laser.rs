@@ -60,7 +60,7 @@ fn outcome(host: &mut Host, driver: &mut Driver<Serial>) -> HostEvent {
         match turn.unwrap() {
             ControlFlow::Continue(()) => {}
             ControlFlow::Break(Ended::ByHandler(event)) => return event,
-            ControlFlow::Break(Ended::ByPeer) => panic!("the port is gone"),
+            ControlFlow::Break(Ended::ByPeer | Ended::Stalled) => panic!("the port is gone"),
         }
     }
 }

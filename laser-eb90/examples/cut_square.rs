@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
     match ended {
         Ended::ByHandler(result) => Ok(result?),
         Ended::ByPeer => Err("the port is gone".into()),
+        Ended::Stalled => Err("the port takes nothing".into()),
     }
 }
 

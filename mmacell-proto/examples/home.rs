@@ -35,5 +35,6 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
     match ended {
         Ended::ByHandler(result) => Ok(result?),
         Ended::ByPeer => Err("the robot has closed the connection".into()),
+        Ended::Stalled => Err("the robot does not read".into()),
     }
 }

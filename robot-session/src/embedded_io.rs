@@ -36,6 +36,12 @@ where
         Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
 
+    /// Another time than [`STALL`](crate::STALL).
+    #[must_use]
+    pub fn stall(self, stall: Duration) -> Self {
+        Self { left: Left::with_stall(stall), ..self }
+    }
+
     /// The port.
     pub fn port_mut(&mut self) -> &mut P {
         &mut self.port.0

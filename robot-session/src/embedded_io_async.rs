@@ -3,12 +3,13 @@
 use core::future::{pending, poll_fn};
 use core::ops::ControlFlow;
 use core::pin::pin;
+use core::time::Duration;
 
 use ::embedded_io_async::{Read, Write};
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Outgoing, Passed, Told, Turn};
+use crate::turn::{Handler, Keeping, Outgoing, Passed, Told, Turn};
 use crate::{Clock, Ended, Session};
 
 /// The loop over both halves of a port, one turn at a time.
@@ -39,6 +40,12 @@ where
         Self { port: Port(reader, writer), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
 
+    /// Another time than [`STALL`](crate::STALL).
+    #[must_use]
+    pub fn stall(self, stall: Duration) -> Self {
+        Self { left: Left::with_stall(stall), ..self }
+    }
+
     /// The half that reads.
     pub fn reader_mut(&mut self) -> &mut R {
         &mut self.port.0
@@ -64,10 +71,34 @@ where
         wake: impl Future<Output = ()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, R::Error> {
+        self.turn_of(session, wake, Told(handler)).await
+    }
+
+    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive a
+    /// reset, as in flash, so that the peer has nothing that was not kept. Where the future of this is dropped, it is called again.
+    ///
+    /// # Errors
+    /// The port's; what `keep` returns, and then nothing is sent, and the connection is over.
+    pub async fn turn_keeping<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        wake: impl Future<Output = ()>,
+        keep: impl AsyncFnMut(&mut S) -> Result<(), R::Error>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
+        self.turn_of(session, wake, Keeping(keep, handler)).await
+    }
+
+    async fn turn_of<S: Session, H: Handler<S, R::Error>>(
+        &mut self,
+        session: &mut S,
+        wake: impl Future<Output = ()>,
+        handler: H,
+    ) -> Result<ControlFlow<Ended<H::Break>>, R::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
         let Self { port, clock, input, out, left } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
-        Turn { port, clock, input, out, left }.run(session, wake, Told(handler)).await
+        Turn { port, clock, input, out, left }.run(session, wake, handler).await
     }
 
     /// Runs a session that works with nothing but bytes and time until `handler` breaks or the peer closes the connection. The session
@@ -83,18 +114,19 @@ where
     ) -> Result<Ended<B>, R::Error> {
         let mut value = None;
         let note = keep_first(&mut value, handler);
-        self.left = Left::NOTHING;
+        self.left.clear();
         let Self { port, clock, input, out, left } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
         let mut connection = Connection::begin(session, || clock.now(), note);
-        loop {
+        let ended = loop {
             let turn = Turn { port, clock, input, out, left };
-            if turn.run(connection.session, pending(), Told(&mut connection.handler)).await?.is_break() {
-                break;
+            let turned = turn.run(connection.session, pending(), Told(&mut connection.handler)).await?;
+            if let ControlFlow::Break(ended) = turned {
+                break ended;
             }
-        }
+        };
         drop(connection);
-        Ok(value.map_or(Ended::ByPeer, Ended::ByHandler))
+        Ok(ended.or(value))
     }
 }
 

@@ -1,7 +1,6 @@
 //! How a loop ends, and what is reported then.
 
 use core::ops::ControlFlow;
-#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
 use core::time::Duration;
 
 use crate::session::Session;
@@ -13,6 +12,24 @@ pub enum Ended<B> {
     ByHandler(B),
     /// The peer has closed the connection.
     ByPeer,
+    /// The peer has taken no byte of what is to be sent for [`STALL`]: it does not read. The connection is of no use any more.
+    Stalled,
+}
+
+/// How long a peer may take no byte of what it is sent, unless a driver is given another time: 10 s. On a line whose receiver may hold the
+/// sender (RTS/CTS) it is longer than that is right.
+pub const STALL: Duration = Duration::from_secs(10);
+
+impl Ended<()> {
+    /// How it ended, with the value that the handler broke with, if it did.
+    #[cfg(any(feature = "std", feature = "embedded-io-async"))]
+    pub(crate) fn or<B>(self, value: Option<B>) -> Ended<B> {
+        match (value, self) {
+            (Some(value), _) => Ended::ByHandler(value),
+            (None, Self::Stalled) => Ended::Stalled,
+            (None, Self::ByHandler(()) | Self::ByPeer) => Ended::ByPeer,
+        }
+    }
 }
 
 /// A session with a connection. Where this is dropped before the loop has ended, as with the future of a `drive`, the connection ends all

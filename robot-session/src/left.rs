@@ -3,7 +3,7 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use crate::ended::Ended;
+use crate::ended::{Ended, STALL};
 use crate::session::Session;
 
 /// While bytes wait to be written, what is due next may be the next bytes: other deadlines are looked for as often as this.
@@ -16,12 +16,15 @@ pub(crate) struct Left {
     begin: usize,
     /// to here.
     end: usize,
-    /// What is not written yet was not announced to the handler.
-    #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+    /// What is not written yet was not announced.
     pub(crate) unannounced: bool,
     /// The port holds what was written.
     #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
     pub(crate) unflushed: bool,
+    /// When the port has last taken a byte.
+    taken_at: Duration,
+    /// For so long it may take none.
+    stall: Duration,
     /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
     pub(crate) woken: bool,
 }
@@ -30,7 +33,8 @@ impl Left {
     pub(crate) const NOTHING: Self = Self {
         begin: 0,
         end: 0,
-        #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+        taken_at: Duration::ZERO,
+        stall: STALL,
         unannounced: false,
         #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
         unflushed: false,
@@ -42,19 +46,34 @@ impl Left {
         self.begin < self.end
     }
 
+    /// Nothing, from a port that may take none for so long.
+    pub(crate) const fn with_stall(stall: Duration) -> Self {
+        Self { stall, ..Self::NOTHING }
+    }
+
+    /// The next connection begins with nothing of this one.
+    pub(crate) const fn clear(&mut self) {
+        *self = Self::with_stall(self.stall);
+    }
+
     /// The first bytes of the buffer are to be written; whether there are any.
-    pub(crate) fn begin_with(&mut self, length: usize) -> bool {
-        (self.begin, self.end) = (0, length);
-        #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
-        {
-            self.unannounced = self.is_some();
-        }
+    pub(crate) fn begin_with(&mut self, length: usize, now: Duration) -> bool {
+        (self.begin, self.end, self.taken_at) = (0, length, now);
+        self.unannounced = self.is_some();
         self.is_some()
     }
 
     /// The next bytes are written.
-    pub(crate) fn take(&mut self, length: usize) {
+    pub(crate) fn take(&mut self, length: usize, now: Duration) {
         self.begin = self.begin.saturating_add(length).min(self.end);
+        if length > 0 {
+            self.taken_at = now;
+        }
+    }
+
+    /// The port takes nothing any more.
+    pub(crate) fn is_stalled(&self, now: Duration) -> bool {
+        self.is_some() && now >= self.taken_at.saturating_add(self.stall)
     }
 
     /// Those bytes of the driver's buffer.
@@ -67,8 +86,8 @@ impl Left {
         &mut self,
         turned: Result<ControlFlow<Ended<B>>, E>,
     ) -> Result<ControlFlow<Ended<B>>, E> {
-        if matches!(turned, Err(_) | Ok(ControlFlow::Break(Ended::ByPeer))) {
-            *self = Self::NOTHING;
+        if matches!(turned, Err(_) | Ok(ControlFlow::Break(Ended::ByPeer | Ended::Stalled))) {
+            self.clear();
         }
         turned
     }
@@ -79,6 +98,8 @@ impl Left {
             return Some(Duration::ZERO);
         }
         let is_hidden = |at: &Duration| self.is_some() && *at <= now;
-        session.poll_timeout().map(|at| if is_hidden(&at) { now.saturating_add(LOOK) } else { at })
+        let due = session.poll_timeout().map(|at| if is_hidden(&at) { now.saturating_add(LOOK) } else { at });
+        let stalled = self.is_some().then(|| self.taken_at.saturating_add(self.stall));
+        due.into_iter().chain(stalled).min()
     }
 }

@@ -48,7 +48,7 @@ pub use decoder::Decoder;
 pub use encode::Encode;
 pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
-pub use ended::Ended;
+pub use ended::{Ended, STALL};
 pub use event::{EventQueue, Events};
 pub use machine::{Expiry, Input, Machine, is_due};
 pub use rules::{Rule, Rules};

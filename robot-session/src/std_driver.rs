@@ -92,14 +92,14 @@ pub fn drive<S: Session, B>(
     let ended = loop {
         match driver.turn(session, None, &mut note) {
             Ok(ControlFlow::Continue(())) => {}
-            Ok(ControlFlow::Break(_)) => break Ok(()),
+            Ok(ControlFlow::Break(ended)) => break Ok(ended),
             Err(error) => break Err(error),
         }
     };
     session.handle_disconnected(driver.transport.now());
     report_all(session, &mut note);
     drop(note);
-    ended.map(|()| value.map_or(Ended::ByPeer, Ended::ByHandler))
+    ended.map(|ended| ended.or(value))
 }
 
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
@@ -116,6 +116,12 @@ impl<T: Transport> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
         Self { transport, input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker: None }
+    }
+
+    /// Another time than [`STALL`](crate::STALL).
+    #[must_use]
+    pub fn stall(self, stall: Duration) -> Self {
+        Self { left: Left::with_stall(stall), ..self }
     }
 
     /// What ends the wait of a turn, or its next one.
@@ -143,7 +149,22 @@ impl<T: Transport> Driver<T> {
         wait: Option<Duration>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        let turned = self.pass(session, wait, handler);
+        self.turn_keeping(session, wait, |_| Ok(()), handler)
+    }
+
+    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
+    /// program, such as how many jobs of an order were sent, so that the peer has nothing that was not kept.
+    ///
+    /// # Errors
+    /// The transport's; what `keep` returns, and then nothing is sent, and the connection is over.
+    pub fn turn_keeping<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        wait: Option<Duration>,
+        keep: impl FnMut(&mut S) -> io::Result<()>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        let turned = self.pass(session, wait, keep, handler);
         self.left.after(turned)
     }
 
@@ -151,9 +172,10 @@ impl<T: Transport> Driver<T> {
         &mut self,
         session: &mut S,
         wait: Option<Duration>,
+        mut keep: impl FnMut(&mut S) -> io::Result<()>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        if let ControlFlow::Break(value) = self.settle(session, &mut handler)? {
+        if let ControlFlow::Break(value) = self.settle(session, &mut keep, &mut handler)? {
             return Ok(ControlFlow::Break(Ended::ByHandler(value)));
         }
         let Self { transport, input, left, waker, .. } = self;
@@ -176,7 +198,11 @@ impl<T: Transport> Driver<T> {
             wait.pause()?;
         }
         left.woken = waker.as_ref().is_some_and(Waker::take);
-        session.handle_timeout(transport.now());
+        let now = transport.now();
+        session.handle_timeout(now);
+        if left.is_stalled(now) {
+            return Ok(ControlFlow::Break(Ended::Stalled));
+        }
         Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
 
@@ -184,6 +210,7 @@ impl<T: Transport> Driver<T> {
     fn settle<S: Session, B>(
         &mut self,
         session: &mut S,
+        keep: &mut impl FnMut(&mut S) -> io::Result<()>,
         handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<B>> {
         let Self { transport, out, left, .. } = self;
@@ -193,19 +220,24 @@ impl<T: Transport> Driver<T> {
                 return Ok(ControlFlow::Break(value));
             }
             let mut idle = true;
-            while left.is_some()
-                || session.poll_transmit(transport.now(), out).is_some_and(|length| left.begin_with(length))
-            {
+            while left.is_some() || {
+                let now = transport.now();
+                session.poll_transmit(now, out).is_some_and(|length| left.begin_with(length, now))
+            } {
                 idle = false;
+                if left.unannounced {
+                    keep(session)?;
+                    left.unannounced = false;
+                }
                 let bytes = left.of(out);
                 match transport.send(bytes)? {
                     Sent::Part(length) => {
-                        left.take(length);
+                        left.take(length, transport.now());
                         return Ok(report(session, handler));
                     }
-                    Sent::Buffered => left.take(bytes.len()),
+                    Sent::Buffered => left.take(bytes.len(), transport.now()),
                     Sent::Transmitted => {
-                        left.take(bytes.len());
+                        left.take(bytes.len(), transport.now());
                         session.handle_transmitted(transport.now());
                     }
                 }

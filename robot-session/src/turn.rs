@@ -114,6 +114,28 @@ impl<S: Session, E, B, F: FnMut(&mut S, S::Event) -> ControlFlow<B>> Handler<S, 
     }
 }
 
+/// Who keeps something before it is sent, and who is told of events.
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+pub(crate) struct Keeping<K, F>(pub(crate) K, pub(crate) F);
+
+#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
+impl<S, E, B, K, F> Handler<S, E> for Keeping<K, F>
+where
+    S: Session,
+    K: AsyncFnMut(&mut S) -> Result<(), E>,
+    F: FnMut(&mut S, S::Event) -> ControlFlow<B>,
+{
+    type Break = B;
+
+    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<B> {
+        self.1(session, event)
+    }
+
+    async fn before_write(&mut self, session: &mut S) -> Result<(), E> {
+        self.0(session).await
+    }
+}
+
 /// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, C> {
     pub(crate) port: &'a mut P,
@@ -153,8 +175,9 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
                 if self.left.is_some() {
                     break;
                 }
-                if let Some(length) = session.poll_transmit(self.clock.now(), self.out) {
-                    self.left.begin_with(length);
+                let now = self.clock.now();
+                if let Some(length) = session.poll_transmit(now, self.out) {
+                    self.left.begin_with(length, now);
                     break;
                 }
                 if core::mem::take(&mut sending) {
@@ -174,21 +197,24 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             let due = self.left.due(session, self.clock.now());
             let Passed { read, written, flushed } =
                 self.wait(session.wants_input(), due, wake.as_mut()).await?;
+            let now = self.clock.now();
             match written {
                 Some(0) if self.left.is_some() => return Ok(ControlFlow::Break(Ended::ByPeer)),
                 Some(taken) => {
-                    self.left.take(taken);
+                    self.left.take(taken, now);
                     self.left.unflushed = taken > 0 && !flushed;
                 }
                 None => {}
             }
-            let now = self.clock.now();
             match read {
                 Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
                 Some(length) => session.handle_input(now, self.input.get(..length).unwrap_or_default()),
                 None => {}
             }
             session.handle_timeout(now);
+            if self.left.is_stalled(now) {
+                return Ok(ControlFlow::Break(Ended::Stalled));
+            }
             sending = !self.left.is_some();
             if read.is_some() || written.is_none() {
                 return Ok(report_to(session, &mut handler).map_break(Ended::ByHandler));

@@ -197,6 +197,7 @@ fn connection<A: Adapter>(
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(Ended::ByHandler(why))) => return why,
             Ok(ControlFlow::Break(Ended::ByPeer)) => return "the device has closed it".into(),
+            Ok(ControlFlow::Break(Ended::Stalled)) => return "the device does not read".into(),
             Err(error) => return error.to_string(),
         }
     }

@@ -32,6 +32,9 @@ pub fn turn<S: Session, T: Transport>(
     match turn {
         ControlFlow::Continue(()) => Ok(true),
         ControlFlow::Break(Ended::ByPeer) => Ok(false),
+        ControlFlow::Break(Ended::Stalled) => {
+            Err(Lost("the peer does not read what it is sent".into()).into())
+        }
         ControlFlow::Break(Ended::ByHandler(error)) => Err(error),
     }
 }

@@ -15,7 +15,7 @@ use ::tokio::time::sleep;
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Handler, Outgoing, Passed, Told, Turn};
+use crate::turn::{Handler, Keeping, Outgoing, Passed, Told, Turn};
 use crate::{Clock, Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
@@ -59,6 +59,12 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Self { port: Port(transport), input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker }
     }
 
+    /// Another time than [`STALL`](crate::STALL).
+    #[must_use]
+    pub fn stall(self, stall: Duration) -> Self {
+        Self { left: Left::with_stall(stall), ..self }
+    }
+
     /// What ends the wait of a turn, or its next one.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
@@ -85,6 +91,21 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         self.turn_of(session, Told(handler)).await
     }
 
+    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
+    /// program, such as how many jobs of an order were sent, so that the peer has nothing that was not kept. Where the future of this is
+    /// dropped, it is called again.
+    ///
+    /// # Errors
+    /// The transport's; what `keep` returns, and then nothing is sent, and the connection is over.
+    pub async fn turn_keeping<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        keep: impl AsyncFnMut(&mut S) -> io::Result<()>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        self.turn_of(session, Keeping(keep, handler)).await
+    }
+
     pub(super) async fn turn_of<S: Session, H: Handler<S, io::Error>>(
         &mut self,
         session: &mut S,
@@ -108,11 +129,15 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     ) -> io::Result<Ended<B>> {
         let mut value = None;
         let note = keep_first(&mut value, handler);
-        self.left = Left::NOTHING;
+        self.left.clear();
         let mut connection = Connection::begin(session, now, note);
-        while self.turn(connection.session, &mut connection.handler).await?.is_continue() {}
+        let ended = loop {
+            if let ControlFlow::Break(ended) = self.turn(connection.session, &mut connection.handler).await? {
+                break ended;
+            }
+        };
         drop(connection);
-        Ok(value.map_or(Ended::ByPeer, Ended::ByHandler))
+        Ok(ended.or(value))
     }
 }
 

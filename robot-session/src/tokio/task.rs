@@ -16,7 +16,7 @@ use ::tokio::time::{Instant, sleep};
 
 use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
 use crate::turn::Handler;
-use crate::{Ended, Session, now};
+use crate::{Ended, STALL, Session, now};
 
 /// So many calls wait in the task for room in the session; those beyond it wait where they were made.
 const CALLS: usize = 16;
@@ -54,6 +54,7 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
         stop: stop_of_task,
         waker: waker.clone(),
         reconnect: Reconnect::default(),
+        stall: STALL,
     };
     (Handle { calls, events, link, stop: Arc::new(stop), waker }, task)
 }
@@ -67,6 +68,7 @@ pub struct Task<S: Service, C> {
     stop: watch::Receiver<bool>,
     waker: Waker,
     reconnect: Reconnect,
+    stall: Duration,
 }
 
 /// How long a [`Task`] waits before it connects again: twice as long after each attempt, and half of it by chance, so that many that have
@@ -109,6 +111,12 @@ impl<S: Service, C: Connector> Task<S, C> {
     #[must_use]
     pub fn reconnect(self, reconnect: Reconnect) -> Self {
         Self { reconnect, ..self }
+    }
+
+    /// How long the peer may take no byte of what it is sent, if not [`STALL`].
+    #[must_use]
+    pub fn stall(self, stall: Duration) -> Self {
+        Self { stall, ..self }
     }
 
     /// Runs it; gives the session back.
@@ -180,8 +188,8 @@ impl<S: Service, C: Connector> Task<S, C> {
 
     /// One connection, from its beginning to its end.
     async fn serve(&mut self, transport: C::Transport) -> Over {
-        let Self { served, connector, calls, link, stop, waker, .. } = self;
-        let mut driver = Driver::woken_by(waker.clone(), transport);
+        let Self { served, connector, calls, link, stop, waker, stall, .. } = self;
+        let mut driver = Driver::woken_by(waker.clone(), transport).stall(*stall);
         let mut stopped = pin!(stopped(stop));
         served.session.handle_connected(now());
         link.send_replace(Link::Connected);
@@ -210,6 +218,10 @@ impl<S: Service, C: Connector> Task<S, C> {
                 }
                 Woken::Turn(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => {
                     break Over::Lost(error);
+                }
+                Woken::Turn(Ok(ControlFlow::Break(Ended::Stalled))) => {
+                    let stalled = "the peer does not read what it is sent";
+                    break Over::Lost(io::Error::new(io::ErrorKind::TimedOut, stalled));
                 }
                 Woken::Turn(Ok(ControlFlow::Break(Ended::ByPeer))) => {
                     let closed = "the peer has closed the connection";

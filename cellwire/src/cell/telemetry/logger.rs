@@ -132,6 +132,9 @@ impl Logger {
                 ControlFlow::Break(Ended::ByPeer) => {
                     return Err(Lost("the controller closed the connection".into()).into());
                 }
+                ControlFlow::Break(Ended::Stalled) => {
+                    return Err(Lost("the controller does not read what it is sent".into()).into());
+                }
                 ControlFlow::Break(Ended::ByHandler(reading)) => Some(reading),
             };
             let Some(reading) = reading else { continue };

@@ -171,6 +171,9 @@ impl Client {
             ControlFlow::Continue(()) => Ok(None),
             ControlFlow::Break(Ended::ByHandler(answer)) => Ok(Some(answer)),
             ControlFlow::Break(Ended::ByPeer) => Err(Lost("the server closed the connection".into()).into()),
+            ControlFlow::Break(Ended::Stalled) => {
+                Err(Lost("the server does not read what it is sent".into()).into())
+            }
         }
     }
 

@@ -70,3 +70,8 @@ impl Configure for ServerConfig {
         framing_of(fields, framing);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(ClientConfig, ClientConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(ServerConfig, ServerConfig::default());

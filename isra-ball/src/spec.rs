@@ -27,3 +27,8 @@ impl Configure for HostConfig {
         fields.time("max_age", ANY_TIME, about, max_age);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(BallConfig, BallConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(HostConfig, HostConfig::default());

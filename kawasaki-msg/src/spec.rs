@@ -160,3 +160,8 @@ impl Configure for PcConfig<'_> {
         fields.flag("end_when_done", about, end_when_done);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(RobotConfig<'static>, RobotConfig::TCP);
+#[cfg(feature = "settings")]
+robot_session::deserialize!(PcConfig<'static>, PcConfig::TCP);

@@ -128,3 +128,8 @@ impl Configure for HostConfig {
         profile_of(fields, profile);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(ControllerConfig, ControllerConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(HostConfig, HostConfig::default());

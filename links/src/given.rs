@@ -17,6 +17,6 @@ impl Given {
 
     /// The configuration with everything that is left; times are nanoseconds.
     pub(crate) fn configure<C: Configure>(self, config: C) -> Result<C> {
-        read_as(Form::Nanoseconds, "the configuration", config, &self.0)
+        Ok(read_as(Form::Nanoseconds, "the configuration", config, &self.0)?)
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
-use crate::settings::Setting;
+use crate::settings::{Refused, Setting};
 use crate::shadow::MakeShadow;
 
 /// A link.
@@ -50,7 +50,7 @@ pub struct Config {
     /// The name of its type.
     pub name: &'static str,
     /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
-    pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>>,
+    pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>, Refused>,
 }
 
 /// What the source of a link leaves open of its bytes, and a capture may decide.

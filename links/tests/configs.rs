@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::fmt::Debug;
+use core::time::Duration;
 
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::link::Config;
@@ -133,7 +134,6 @@ fn read<C: Configure>(config: C, given: Value) -> Result<C, String> {
 
 #[test]
 fn times_are_nanoseconds_and_parts_are_objects() {
-    use core::time::Duration;
     use laser_eb90::{HostConfig, Profile, Width};
 
     let given = json!({"settle": 1_500, "backoff": null, "profile": {"checksum": "u16_le"}});
@@ -167,7 +167,6 @@ fn times_are_nanoseconds_and_parts_are_objects() {
 
 #[test]
 fn a_transport_is_chosen_with_its_time() {
-    use core::time::Duration;
     use fanuc_hmi_modbus::{ClientConfig, Framing};
 
     let framing = |config, given| read(config, given).map(|config: ClientConfig| config.framing);
@@ -194,4 +193,62 @@ fn what_else_decides_is_no_setting() {
     let alter = names(list(val2_alter::ControllerConfig::default()));
     let alter: Vec<_> = alter.iter().skip(6).collect();
     assert_eq!(alter, ["gap", "leading_dle", "negated_sum", "stuffed_checksum", "ignore_spare_select"]);
+}
+
+/// What a program's own file has of an end, with units; what it does not have is as by default.
+#[test]
+fn a_configuration_is_part_of_a_program_s_own() {
+    #[derive(serde::Deserialize)]
+    struct Hall {
+        robot: kawasaki_msg::RobotConfig<'static>,
+        plc: fanuc_hmi_modbus::ClientConfig,
+        arm: val2_alter::HostConfig,
+    }
+    let file = r#"
+        [robot]
+        patience = "1m30s"
+        [plc]
+        framing = "rtu"
+        timeout = "250ms"
+        settle = "never"
+        [arm]
+        baud = 19200
+    "#;
+    let Hall { robot, plc, arm } = toml::from_str(file).unwrap();
+    assert_eq!(robot.patience, Duration::from_secs(90));
+    assert_eq!((plc.timeout, plc.settle), (Duration::from_millis(250), Duration::MAX));
+    assert_eq!((arm.baud, arm.mode), (19_200, val2_alter::HostConfig::default().mode));
+    for (wrong, why) in [
+        ("timeout = 250", "timeout=250: not a time with its unit, such as 250ms or 1.5s"),
+        ("timeout = '0s'", "timeout=0s: out of range, give a time above 0, or never"),
+        ("time_out = '1s'", "ClientConfig has no setting `time_out`: it has timeout"),
+    ] {
+        let error = toml::from_str::<fanuc_hmi_modbus::ClientConfig>(wrong).unwrap_err().to_string();
+        assert!(error.contains(why), "{error}");
+    }
+}
+
+/// Every configuration of an end.
+#[test]
+fn a_configuration_of_which_nothing_is_given_is_the_default() {
+    fn same<C: for<'de> serde::Deserialize<'de> + Debug>(default: &C) {
+        let read = serde_json::from_str::<C>("{}").unwrap();
+        assert_eq!(format!("{read:?}"), format!("{default:?}"));
+        assert!(serde_json::from_str::<C>(r#"{"no such": 1}"#).is_err(), "{default:?}");
+    }
+    same(&fanuc_hmi_modbus::ClientConfig::default());
+    same(&fanuc_hmi_modbus::ServerConfig::default());
+    same(&isra_ball::BallConfig::default());
+    same(&isra_ball::HostConfig::default());
+    same(&kawasaki_msg::PcConfig::TCP);
+    same(&kawasaki_msg::RobotConfig::TCP);
+    same(&laser_eb90::ControllerConfig::default());
+    same(&laser_eb90::HostConfig::default());
+    same(&mmacell_proto::CentralConfig::DEFAULT);
+    same(&mmacell_proto::DeviceConfig::DEFAULT);
+    same(&mmacell_task::TaskConfig::DEFAULT);
+    same(&val2_alter::ControllerConfig::default());
+    same(&val2_alter::HostConfig::default());
+    same(&val2_viewer::HostConfig::default());
+    same(&val2_viewer::WorkstationConfig::default());
 }

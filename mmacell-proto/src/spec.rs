@@ -49,3 +49,8 @@ impl Configure for CentralConfig {
         dialects(fields, accepts, writes);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(DeviceConfig, DeviceConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(CentralConfig, CentralConfig::default());

@@ -42,3 +42,6 @@ impl Configure for TaskConfig {
         fields.time("motion_timeout", SOME_TIME, "how long a motion may take", motion_timeout);
     }
 }
+
+#[cfg(feature = "settings")]
+mmacell_proto::robot_session::deserialize!(TaskConfig, TaskConfig::default());

@@ -3,7 +3,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 
-#[cfg(any(feature = "model", feature = "std"))]
+#[cfg(any(feature = "model", feature = "settings", feature = "std"))]
 extern crate std;
 
 mod buffer;
@@ -26,6 +26,8 @@ mod rules;
 #[cfg(feature = "serialport")]
 mod serial;
 mod session;
+#[cfg(feature = "settings")]
+pub mod settings;
 mod settle;
 #[cfg(feature = "spec")]
 pub mod spec;

@@ -110,3 +110,8 @@ impl Configure for HostConfig {
         framing_of(fields, framing);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(ControllerConfig, ControllerConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(HostConfig, HostConfig::default());

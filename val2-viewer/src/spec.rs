@@ -33,3 +33,8 @@ impl Configure for HostConfig {
         fields.source("§5").code("format", "pose, or a format of the caller's", "pose", about);
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(WorkstationConfig, WorkstationConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(HostConfig, HostConfig::default());

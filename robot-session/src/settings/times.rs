@@ -1,7 +1,9 @@
 //! Times: as text with a unit, or as nanoseconds.
 
 use core::ops::RangeInclusive;
-use std::time::Duration;
+use core::time::Duration;
+use std::format;
+use std::string::{String, ToString as _};
 
 use serde_json::Value;
 

@@ -2,16 +2,19 @@
 
 use core::fmt::Display;
 use core::ops::RangeInclusive;
-use std::time::Duration;
+use core::time::Duration;
 
-use anyhow::Result;
-use robot_session::spec::{Configure, Fields, Str, Whole};
+use std::string::{String, ToString as _};
+use std::vec::Vec;
+use std::{format, vec};
+
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::times::{nanoseconds, show, time, times};
 use super::{Form, Setting, Table, plain};
+use crate::spec::{Configure, Fields, Str, Whole};
 
 /// The rates of a serial port, in baud.
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
@@ -160,7 +163,7 @@ impl Fields for Table<'_> {
     }
 
     fn parsed<T: Serialize + DeserializeOwned>(&mut self, name: &str, shape: Str, about: Str, field: &mut T) {
-        let default = crate::json::value(&*field);
+        let default = serde_json::to_value(&*field).unwrap_or_default();
         let unit = match &default {
             Value::Array(_) => "list",
             _ => "object",

@@ -1,4 +1,7 @@
-//! Where a setting is in its file.
+//! What can be set of a link, a device or a client: `--set NAME=VALUE` and `--settings FILE`, and the fields of configurations as
+//! `reference/` has them.
+
+pub use robot_session::settings::*;
 
 /// The line of a TOML text in which a setting is, or else the table that it would be in.
 pub fn line_of(text: &str, name: &str) -> Option<usize> {

@@ -1,4 +1,5 @@
 use serde_json::json;
+use std::{println, vec};
 
 use super::*;
 use std::time::Duration;

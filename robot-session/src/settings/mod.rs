@@ -1,24 +1,53 @@
-//! What can be set of a link, a device or a client: `--set NAME=VALUE` and `--settings FILE`, and the fields of configurations as
-//! `reference/` has them.
+//! Configurations as files have them: times with a unit, such as `250ms` or `never`, and everything by the name of its field.
 //!
 //! A configuration visits its fields in [`Configure::configure`], each with its name, values, unit and a line of help. That one
-//! table reads the values that were given, refuses the others, and is what `--help` prints: the defaults are those of the
-//! configuration itself.
+//! table reads the values that were given, refuses the others, and is what a program's `--help` prints: the defaults are those of the
+//! configuration itself. [`deserialize!`](crate::deserialize) makes a configuration a part of a program's own:
+//!
+//! ```
+//! # use core::time::Duration;
+//! # use robot_session::spec::{Configure, Fields, SOME_TIME};
+//! # #[derive(Debug)]
+//! # struct HostConfig { resends: u8, timeout: Duration }
+//! # impl HostConfig { const DEFAULT: Self = Self { resends: 3, timeout: Duration::from_secs(1) }; }
+//! # impl Configure for HostConfig {
+//! #     fn configure(&mut self, fields: &mut impl Fields) {
+//! #         fields.whole("resends", 0..=u8::MAX, "times", "how often a frame is sent again", &mut self.resends);
+//! #         fields.time("timeout", SOME_TIME, "how long a reply is awaited", &mut self.timeout);
+//! #     }
+//! # }
+//! robot_session::deserialize!(HostConfig, HostConfig::DEFAULT);
+//!
+//! #[derive(serde::Deserialize)]
+//! struct Cell {
+//!     address: String,
+//!     host: HostConfig,
+//! }
+//!
+//! let cell: Cell = serde_json::from_str(r#"{"address": "10.0.0.7:502", "host": {"timeout": "250ms"}}"#)?;
+//! assert_eq!((cell.host.timeout, cell.host.resends), (Duration::from_millis(250), 3));
+//! let refused = serde_json::from_str::<Cell>(r#"{"address": "", "host": {"timeout": 250}}"#).err().unwrap();
+//! assert!(refused.to_string().contains("not a time with its unit"));
+//! # Ok::<(), serde_json::Error>(())
+//! ```
 
 mod kinds;
-mod line;
 #[cfg(test)]
 mod tests;
 mod times;
 
-use std::borrow::Cow;
+use std::borrow::{Cow, ToOwned as _};
+use std::format;
+use std::string::{String, ToString as _};
+use std::vec::Vec;
 
-use anyhow::{Result, bail};
+use serde::de::Error as _;
+#[doc(hidden)]
+pub use serde::de::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
+pub use crate::spec::{ANY_TIME, Configure, Fields, LINE, SOME_TIME};
 pub use kinds::BAUD_RATES;
-pub use line::line_of;
-pub use robot_session::spec::{ANY_TIME, Configure, Fields, LINE, SOME_TIME};
 
 /// Where the source has nothing of a field.
 const OURS: &str = "ours";
@@ -59,14 +88,21 @@ impl Setting {
 }
 
 /// A setting that is refused, and why.
-#[derive(Debug, Clone, thiserror::Error)]
-#[error("{text}")]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
     /// Its name.
     pub name: String,
     /// What is wrong, and what to give.
     pub text: String,
 }
+
+impl core::fmt::Display for Refused {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl core::error::Error for Refused {}
 
 /// The settings of a configuration, while they are visited.
 #[derive(Debug)]
@@ -86,7 +122,7 @@ pub struct Table<'a> {
 ///
 /// # Errors
 /// When a name is no setting of it, or a value is none of the setting's.
-pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C> {
+pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C, Refused> {
     read_as(Form::Text, what, config, given)
 }
 
@@ -94,19 +130,47 @@ pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> 
 ///
 /// # Errors
 /// When a name is no setting of it, or a value is none of the setting's.
-pub fn read_as<C: Configure>(form: Form, what: &str, mut config: C, given: &Map<String, Value>) -> Result<C> {
+pub fn read_as<C: Configure>(
+    form: Form,
+    what: &str,
+    mut config: C,
+    given: &Map<String, Value>,
+) -> Result<C, Refused> {
     let Table { visited, refused, .. } = Table::visit_all(form, &mut config, Some(given));
     let names: Vec<&str> = visited.iter().map(|setting| setting.name.as_str()).collect();
     if let Some(unknown) = unknown(given, "", &names) {
-        match names.is_empty() {
-            true => bail!("{what} has no setting `{unknown}`: it has no settings"),
-            false => bail!("{what} has no setting `{unknown}`: it has {}", names.join(", ")),
+        let has = if names.is_empty() { "no settings".to_owned() } else { names.join(", ") };
+        let text = format!("{what} has no setting `{unknown}`: it has {has}");
+        return Err(Refused { name: unknown, text });
+    }
+    refused.map_or(Ok(config), Err)
+}
+
+/// A configuration from what a user has written of it: what [`deserialize!`](crate::deserialize) does.
+///
+/// # Errors
+/// As [`read`]; the deserializer's.
+pub fn deserialize<'de, D: Deserializer<'de>, C: Configure>(
+    deserializer: D,
+    what: &str,
+    config: C,
+) -> Result<C, D::Error> {
+    read(what, config, &Map::deserialize(deserializer)?).map_err(D::Error::custom)
+}
+
+/// Implements `serde::Deserialize` for a configuration that implements [`Configure`]: of a field that is not given it has the value of the
+/// configuration after the comma. Needs the feature `settings`.
+#[macro_export]
+macro_rules! deserialize {
+    ($config:ty, $default:expr) => {
+        impl<'de> $crate::settings::Deserialize<'de> for $config {
+            fn deserialize<D: $crate::settings::Deserializer<'de>>(
+                deserializer: D,
+            ) -> Result<Self, D::Error> {
+                $crate::settings::deserialize(deserializer, stringify!($config), $default)
+            }
         }
-    }
-    match refused {
-        None => Ok(config),
-        Some(error) => bail!(error),
-    }
+    };
 }
 
 /// The settings of a configuration, with its values as their defaults.
@@ -123,7 +187,7 @@ pub fn list_as(form: Form, mut config: impl Configure) -> Vec<Setting> {
 ///
 /// # Errors
 /// When a name is no field of it, or a value is none of the field's.
-pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>> {
+pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>, Refused> {
     let config = read_as(Form::Nanoseconds, "the configuration", config, given)?;
     Ok(list_as(Form::Nanoseconds, config))
 }
@@ -132,7 +196,7 @@ pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<
 ///
 /// # Errors
 /// When what is before a dot has a value that is no table.
-pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<()> {
+pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), Refused> {
     let Some((table, rest)) = name.split_once('.') else {
         return match (settings.get_mut(name), value) {
             (Some(Value::Object(before)), Value::Object(after)) => merge(before, after),
@@ -144,7 +208,10 @@ pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Re
     };
     match settings.entry(table).or_insert_with(|| Map::new().into()) {
         Value::Object(inner) => insert(inner, rest, value),
-        other => bail!("{name}: `{table}` is {other}, which has no settings in it"),
+        other => {
+            let text = format!("{name}: `{table}` is {other}, which has no settings in it");
+            Err(Refused { name: name.into(), text })
+        }
     }
 }
 
@@ -229,7 +296,7 @@ fn unknown(given: &Map<String, Value>, prefix: &str, names: &[&str]) -> Option<S
     })
 }
 
-fn merge(before: &mut Map<String, Value>, after: Map<String, Value>) -> Result<()> {
+fn merge(before: &mut Map<String, Value>, after: Map<String, Value>) -> Result<(), Refused> {
     after.into_iter().try_for_each(|(name, value)| insert(before, &name, value))
 }
 

@@ -148,7 +148,7 @@ def start_broker():
 
 class Bridge:
     def __init__(self, hall):
-        self.hall, self.cpu, self.most = hall, 0.0, 0
+        self.hall, self.cpu, self.most, self.written = hall, 0.0, 0, 0
         self.start()
 
     def start(self):
@@ -166,8 +166,16 @@ class Bridge:
         self.most = max(self.most, int(memory.group(1)) if memory else 0)
         return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
 
+    def disk(self):
+        """Bytes that it has had the system write to the disk."""
+        try:
+            return int(re.search(r"^write_bytes: (\d+)", Path(f"/proc/{self.process.pid}/io").read_text(), re.M).group(1))
+        except (OSError, AttributeError):
+            return 0
+
     def kill(self, number):
         self.cpu += self.look()
+        self.written += self.disk()
         self.process.send_signal(number)
         self.process.wait()
 
@@ -292,7 +300,7 @@ consumer.ask_rebirth()
 wait("a rebirth", lambda: consumer.rebirth is None)
 # A broker that is ended by SIGTERM has to lose nothing, also while the bridge is killed; one that is killed loses what it has not
 # handed on.
-outages, killed = 0, []
+outages, killed, lengths = 0, [], []
 if not args.calm:
     ends = [signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL]
     for outage, end_of_broker in enumerate(ends):
@@ -314,6 +322,7 @@ if not args.calm:
             bridge.start()
             time.sleep(1)
         balance = books()
+        lengths.append(figure("store_bytes") / max(1, figure("store_records")))
         broker = start_broker()
         wait("online again", lambda: figure("online") == 1)
         if end_of_broker == signal.SIGTERM:
@@ -336,6 +345,7 @@ last = metrics()
 if not args.calm and books() != balance:
     fail(f"the bridge's books: {balance} and then {books()}: {last}")
 cpu = bridge.cpu + bridge.look()
+megabytes = (bridge.written + bridge.disk()) / 1e6 / (seconds / 60)
 bridge.kill(signal.SIGINT)
 if bridge.process.returncode != 0:
     fail(f"the bridge ended with {bridge.process.returncode}")
@@ -375,7 +385,8 @@ print(f"repeated by the sequence: 0 (the rule of Record/Number; {consumer.repeat
 print(f"kept while away (is_historical): {consumer.historical}; delay of the others: median {at(0.5)} ms, 99 % {at(0.99)} ms")
 print(f"messages {consumer.messages}, the consumer's connections {consumer.connections}, NBIRTH {consumer.nbirths}, DBIRTH {consumer.dbirths}, NDEATH {consumer.deaths}")
 print(f"the bridge: {cpu:.1f} s of CPU, {100 * cpu / seconds:.1f} % of one core, {bridge.most / 1024:.1f} MiB at most, "
-      f"{out_all / seconds:.0f} records/s\n")
+      f"{out_all / seconds:.0f} records/s")
+print(f"the disk: {megabytes:.1f} MB a minute; " + (f"{max(lengths):.0f} bytes a record that waits\n" if lengths else "nothing has waited\n"))
 bad = 0
 for statement, what in STATEMENTS.items():
     failures = consumer.failures.get(statement, [])
@@ -388,6 +399,8 @@ for statement, what in STATEMENTS.items():
 unchecked = [statement for statement in STATEMENTS if not consumer.counts[statement]]
 if args.qos == 1 and lost_all != of_broker:
     fail(f"lost: {consumer.gaps}")
+if max(lengths, default=0) > 300 or args.minutes >= 1 and megabytes > args.cells / 10:
+    fail(f"the disk: {megabytes:.1f} MB a minute, {lengths} bytes a record")
 if bad or unchecked:
     fail(f"{bad} breaches of the specification; never checked: {unchecked}")
 print("\ndone")

@@ -12,17 +12,25 @@ use super::report::Command;
 pub struct Cell {
     /// Its name: Sparkplug's device.
     pub name: String,
+    /// Its link.
+    pub link: String,
     /// Every metric that it may report.
     pub definitions: Vec<Definition>,
     /// The values that it has reported last, and when.
     pub values: HashMap<&'static str, (u64, Value)>,
     /// Whether its link is connected.
     pub is_connected: bool,
+    /// Since when that is so, in milliseconds since 1970 UTC.
+    pub since: u64,
+    /// Why its link is not connected.
+    pub why: String,
     /// Whether the broker has its birth.
     pub is_born: bool,
     /// The number of its last record.
     pub number: u64,
-    /// The number that the store has.
+    /// The number of its last record that was written.
+    pub written: u64,
+    /// The number that is kept beside the records.
     pub kept: u64,
     /// The time of its last record.
     pub last_at: u64,

@@ -97,9 +97,9 @@ pub struct TlsFiles {
 pub struct StoreSettings {
     /// Its file.
     pub file: PathBuf,
-    /// The most records; the oldest make room for more.
-    #[serde(default = "million")]
-    pub records: u64,
+    /// The most bytes of its records; the oldest make room for more.
+    #[serde(default = "quarter_of_gib", deserialize_with = "bytes")]
+    pub bytes: u64,
 }
 
 /// Health.
@@ -149,6 +149,8 @@ impl Default for Commands {
     }
 }
 
+/// The least bytes of the store's records.
+const SMALLEST: u64 = 16 << 10;
 /// Commands are remembered for longer than this.
 const OLDEST: Duration = Duration::from_secs(3600);
 
@@ -217,8 +219,8 @@ impl Hall {
         if broker.tls.as_ref().is_some_and(|tls| tls.certificate.is_some() != tls.key.is_some()) {
             return wrong("broker.tls", &"give certificate and key, or neither");
         }
-        if self.store.records == 0 {
-            return wrong("store.records", &"give 1 or more");
+        if self.store.bytes < SMALLEST {
+            return wrong("store.bytes", &"give 16KiB or more");
         }
         if self.commands.max_age > OLDEST {
             return wrong("commands.max_age", &"give 1h at the most");
@@ -370,6 +372,19 @@ fn one() -> u8 {
     1
 }
 
-fn million() -> u64 {
-    1_000_000
+fn quarter_of_gib() -> u64 {
+    256 << 20
+}
+
+fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let unit = match text.get(digits.len()..).unwrap_or_default().trim_start() {
+        "KiB" => Some(1 << 10),
+        "MiB" => Some(1 << 20),
+        "GiB" => Some(1 << 30),
+        _ => None,
+    };
+    let bytes = unit.and_then(|unit: u64| digits.parse::<u64>().ok()?.checked_mul(unit));
+    bytes.ok_or_else(|| serde::de::Error::custom("no size with its unit, such as 256MiB"))
 }

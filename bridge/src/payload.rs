@@ -119,6 +119,20 @@ impl Kind {
     pub fn number(self) -> u32 {
         self as u32
     }
+
+    /// The kind of this number.
+    pub fn of(number: u32) -> Option<Self> {
+        [Self::Int64, Self::Float, Self::Double, Self::Boolean, Self::String]
+            .into_iter()
+            .find(|kind| kind.number() == number)
+    }
+}
+
+impl Quality {
+    /// The quality of this number.
+    pub fn of(number: u32) -> Option<Self> {
+        [Self::Bad, Self::Stale].into_iter().find(|quality| *quality as u32 == number)
+    }
 }
 
 impl Metric {
@@ -141,6 +155,11 @@ impl Metric {
         let quality = Property { datatype: Some(3), value: Some(quality as u32) };
         let properties = Properties { keys: vec!["Quality".into()], values: vec![quality] };
         Self { properties: Some(properties), ..Self::new(name, kind, timestamp, None) }
+    }
+
+    /// The number of its quality, of what has no value.
+    pub fn quality(&self) -> Option<u32> {
+        self.properties.as_ref()?.values.first()?.value
     }
 }
 

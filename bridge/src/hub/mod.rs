@@ -9,6 +9,8 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
+pub mod earlier;
+mod power;
 mod records;
 
 use std::collections::{BTreeMap, HashSet};
@@ -24,11 +26,13 @@ use serde_json::{Value as Json, json};
 use super::bucket::Rate;
 use super::cell::Cell;
 use super::commands::{Commands, Decision, Interrupted, Write};
+use super::compact::Words;
 use super::end::End;
-use super::hall::Hall;
-use super::health::{Figures, Health};
+use super::hall::{Broker, Hall};
+use super::health::{BrokerHealth, Figures, Health};
+use super::latest;
 use super::links::Client;
-use super::metric::{self, CONNECTED, EVENT, NUMBER, STORE};
+use super::metric::{self, COMMAND, CONNECTED, DETAIL, EVENT, NUMBER, Named, STORE};
 use super::notify::Notify;
 use super::outages::Outages;
 use super::payload::{Payload, Quality, Value};
@@ -61,8 +65,10 @@ pub struct Hub<'a> {
     threads: Vec<JoinHandle<()>>,
     places: Places,
     store: Store,
+    words: Words,
     uplink: Uplink,
     commands: Commands,
+    latest: latest::Commands,
     inbox: Receiver<Input>,
     stop: Arc<AtomicBool>,
     busy: Arc<AtomicU64>,
@@ -99,11 +105,31 @@ impl<'a> Hub<'a> {
         health: Arc<Health>,
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
-        let mut store = Store::open(&hall.store.file, hall.store.records)?;
+        let mut store = Store::open(&hall.store.file, hall.store.bytes)?;
         let mut turn = Turn::default();
-        if store.upgrade(&mut turn.batch)? {
+        let mut words = Words::open(&store)?;
+        for (name, client) in hall.cell.keys().zip(&clients) {
+            words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
+        }
+        let Broker { address, group, node, .. } = &hall.broker;
+        let broker = BrokerHealth {
+            address: address.clone(),
+            group: group.clone(),
+            node: node.clone(),
+            why: String::new(),
+        };
+        let mut figures = Figures { broker, ..Figures::default() };
+        if store.is_older()? {
             Remembered::migrate(&store, hall.cell.keys(), &mut turn.batch)?;
-            store.write(&core::mem::take(&mut turn.batch))?;
+            let names = core::mem::take(&mut turn.batch.names);
+            figures.dropped_orphans = store.upgrade(names, |record| earlier::convert(record, &words))?;
+        }
+        let mut numbers = records::numbers_of(&mut store, &words)?;
+        if power::is_lost(&store, &mut turn.batch)? {
+            let why = "the machine has ended without the bridge: what was reported in the last moments before may be lost, and the \
+                       numbers of records have a gap";
+            log(json!({"store": "power", "why": why}));
+            hall.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::JUMP);
         }
         let identity = match store.get("store")? {
             Some(identity) => identity,
@@ -120,8 +146,7 @@ impl<'a> Hub<'a> {
         let (mut cells, mut threads) = (Vec::new(), Vec::new());
         for (place, ((name, cell), client)) in hall.cell.iter().zip(clients).enumerate() {
             let (commands, inbox) = channel();
-            let number: u64 =
-                store.get(&number_of(name))?.and_then(|text| text.parse().ok()).unwrap_or_default();
+            let number = numbers.get(name).copied().unwrap_or_default();
             let now = metric::now();
             let values = [
                 (STORE, metric::text(&*identity)),
@@ -130,12 +155,16 @@ impl<'a> Hub<'a> {
             ];
             cells.push(Cell {
                 name: name.clone(),
+                link: cell.link.clone(),
                 definitions: client.definitions().collect(),
                 values: values.into_iter().map(|(name, value)| (name, (now, value))).collect(),
                 is_connected: false,
+                since: now,
+                why: String::new(),
                 is_born: false,
                 number,
-                kept: number,
+                written: number,
+                kept: 0,
                 last_at: 0,
                 takes_commands: cell.commands,
                 commands,
@@ -149,14 +178,16 @@ impl<'a> Hub<'a> {
         let places = cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
         let uplink = Uplink::new(&hall.broker, bd_seq, sender)?;
-        let (figures, forget_at, show_at) = (Figures::default(), Instant::now(), Instant::now());
+        let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
             cells,
             threads,
             places,
             store,
+            words,
             uplink,
             commands,
+            latest: latest::Commands::default(),
             inbox,
             stop,
             busy,
@@ -195,7 +226,11 @@ impl<'a> Hub<'a> {
         self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
         self.turn(true)?;
         self.uplink.disconnect();
-        self.until(|hub| hub.uplink.is_offline())
+        self.until(|hub| hub.uplink.is_offline())?;
+        // Everything is on the disk, and no loss of power after this is one of records.
+        let mut batch = Batch::default();
+        power::ended(&mut batch);
+        self.write(&mut batch)
     }
 
     /// Until it is so, but not for long.
@@ -214,6 +249,9 @@ impl<'a> Hub<'a> {
             .uplink
             .due()
             .filter(|_| !ends)
+            .into_iter()
+            .chain(self.store.due())
+            .min()
             .map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
         match self.inbox.recv_timeout(due) {
             Ok(input) => {
@@ -247,7 +285,7 @@ impl<'a> Hub<'a> {
                 let _ = cell.commands.send(command);
             }
         }
-        if let Some(why) = self.uplink.turn(&self.store, &mut self.cells, &self.places)? {
+        if let Some(why) = self.uplink.turn((&mut self.store, &self.words), &mut self.cells, &self.places)? {
             self.lost(why);
         }
         if now >= self.show_at {
@@ -265,11 +303,15 @@ impl<'a> Hub<'a> {
                     _ => None,
                 });
                 if let (Some(is_connected), Some(cell)) = (is_connected, self.cells.get_mut(place)) {
-                    cell.is_connected = is_connected;
-                    let event = named.iter().find_map(|(name, value)| match value {
+                    if core::mem::replace(&mut cell.is_connected, is_connected) != is_connected {
+                        cell.since = at;
+                    }
+                    let event: Option<Json> = named.iter().find_map(|(name, value)| match value {
                         Value::String(text) if *name == EVENT => serde_json::from_str(text).ok(),
                         _ => None,
                     });
+                    let why = event.as_ref().and_then(|event| event.get("why")?.as_str());
+                    cell.why = why.unwrap_or_default().to_owned();
                     (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
                 let quality = (is_connected == Some(false)).then_some(Quality::Stale);
@@ -286,6 +328,7 @@ impl<'a> Hub<'a> {
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
                 let Some(cell) = self.cells.get(place) else { return };
                 (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}));
+                self.latest.note(&cell.name, &id, at, outcome, &detail);
                 let named = self.commands.finish(&cell.name, &id, outcome, detail, &mut turn.batch);
                 self.count(outcome.name());
                 self.record(place, at, named, &mut turn.batch);
@@ -301,6 +344,7 @@ impl<'a> Hub<'a> {
         match event {
             Event::None => {}
             Event::Connected => {
+                self.figures.broker.why.clear();
                 if self.outages.over(Instant::now()) {
                     (self.log)(json!({"broker": "connected"}));
                 }
@@ -320,6 +364,7 @@ impl<'a> Hub<'a> {
 
     /// Once for each reason: it is tried for as long as it takes.
     fn lost(&mut self, why: String) {
+        self.figures.broker.why.clone_from(&why);
         if self.outages.is_news(&why, Instant::now()) {
             (self.log)(json!({"broker": "disconnected", "why": why}));
         }
@@ -364,6 +409,7 @@ impl<'a> Hub<'a> {
         match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
                 (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
+                self.latest.note(device, &command.id, now, Outcome::Accepted, "");
                 self.record(place, now, named, &mut turn.batch);
                 self.count("accepted");
                 turn.give.push((place, command));
@@ -375,6 +421,9 @@ impl<'a> Hub<'a> {
             Decision::Refuse(why, named) => {
                 self.count("not_given");
                 *self.refusals.entry((place, why)).or_default() += 1;
+                if let (Some(id), Some(detail)) = (text_of(&named, COMMAND), text_of(&named, DETAIL)) {
+                    self.latest.note(device, id, now, Outcome::Refused, detail);
+                }
                 self.record(place, now, named, &mut turn.batch);
             }
             Decision::Strange(why) => {
@@ -387,6 +436,10 @@ impl<'a> Hub<'a> {
     }
 }
 
-fn number_of(cell: &str) -> String {
-    format!("number/{cell}")
+/// The text of a metric.
+fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
+    named.iter().find_map(|(found, value)| match value {
+        Value::String(text) if *found == name => Some(text.as_str()),
+        _ => None,
+    })
 }

@@ -7,9 +7,9 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use prost::Message;
 
 use super::cell::Cell;
+use super::compact::Words;
 use super::hall::Broker;
 use super::holds::{Holds, Refused};
 use super::metric::{self, whole};
@@ -32,17 +32,6 @@ pub const BD_SEQ: &str = "bdseq";
 
 /// The places of the cells, by their names.
 pub type Places = HashMap<String, usize>;
-
-/// A record as it is in the store.
-#[derive(Clone, PartialEq, Message)]
-pub struct Record {
-    /// The cell's name.
-    #[prost(string, tag = "1")]
-    pub cell: String,
-    /// What it reports.
-    #[prost(message, optional, tag = "2")]
-    pub payload: Option<Payload>,
-}
 
 /// The connection.
 #[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
@@ -160,6 +149,11 @@ impl Uplink {
     /// Whether records are published.
     pub fn is_online(&self) -> bool {
         matches!(self.phase, Phase::Online { .. })
+    }
+
+    /// The host application that is waited for.
+    pub fn waits_for(&self) -> Option<&str> {
+        self.host.as_deref().filter(|_| matches!(self.phase, Phase::Waiting { .. }))
     }
 
     /// Whether there is no connection.
@@ -391,7 +385,12 @@ impl Uplink {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn turn(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<Option<String>> {
+    pub fn turn(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<Option<String>> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
             Phase::Ready => {
@@ -405,7 +404,7 @@ impl Uplink {
                 return Ok(Some("the broker does not answer".into()));
             }
             Phase::Leaving { .. } if is_due => self.closed(),
-            Phase::Online { .. } => self.publish(store, cells, places)?,
+            Phase::Online { .. } => self.publish((store, words), cells, places)?,
             _ => {}
         }
         Ok(None)
@@ -454,11 +453,6 @@ pub enum Event {
     },
     /// Nothing that is understood, and why.
     Strange(String),
-}
-
-/// A record of a cell.
-pub fn record(cell: &str, payload: Payload) -> Vec<u8> {
-    Record { cell: cell.into(), payload: Some(payload) }.encode_to_vec()
 }
 
 /// The number of a record, as a value.

@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use prost::Message as _;
 
-use super::{Flying, Phase, Places, Record, Uplink};
+use super::{Flying, Phase, Places, Uplink};
 use crate::broker::Session;
 use crate::cell::Cell;
+use crate::compact::Words;
 use crate::metric::{self, CONNECTED, DETAIL, Definition, EVENT};
 use crate::node::{Node, Publication};
 use crate::payload::{Metric, Quality};
@@ -21,10 +21,15 @@ const CHUNK: usize = 100;
 
 impl Uplink {
     /// Publishes births, records and deaths, as long as there is room.
-    pub(super) fn publish(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<()> {
+    pub(super) fn publish(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<()> {
         let is_done = self.publish_births(store, cells)
-            && self.publish_trials(store, cells)?
-            && self.publish_records(store, cells, places)?;
+            && self.publish_trials((store, words), cells)?
+            && self.publish_records((store, words), cells, places)?;
         if is_done && self.next >= store.next() {
             self.publish_deaths(cells);
         }
@@ -53,15 +58,15 @@ impl Uplink {
     }
 
     /// One record of each cell that is held and due. False where there is no room for more.
-    fn publish_trials(&mut self, store: &Store, cells: &mut [Cell]) -> Result<bool> {
+    fn publish_trials(&mut self, (store, words): (&mut Store, &Words), cells: &mut [Cell]) -> Result<bool> {
         while let Some((place, key)) = self.holds.due(Instant::now()) {
             let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
-            let payload = stored.and_then(|(_, bytes)| Record::decode(bytes.as_slice()).ok()?.payload);
-            let (Some(cell), Some(payload)) = (cells.get_mut(place), payload) else {
+            let record = stored.and_then(|(_, bytes)| words.unpack(&bytes));
+            let (Some(cell), Some(record)) = (cells.get_mut(place), record) else {
                 self.holds.forget(place, key); // it has made room
                 continue;
             };
-            if !self.publish_record(cell, place, key, payload.metrics, true) {
+            if !self.publish_record(cell, place, key, record.metrics, true) {
                 return Ok(false);
             }
         }
@@ -69,20 +74,27 @@ impl Uplink {
     }
 
     /// What is next in the store, but of cells that are held. False where there is no room for more.
-    fn publish_records(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<bool> {
+    fn publish_records(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<bool> {
         while self.flight.len() < IN_FLIGHT {
             let records = store.records(self.next, CHUNK)?;
             if records.is_empty() {
                 break;
             }
             for (key, bytes) in records {
-                let record = Record::decode(bytes.as_slice()).unwrap_or_default();
-                let place = places.get(&record.cell).copied().unwrap_or(usize::MAX);
-                if let (Some(cell), Some(payload)) = (cells.get_mut(place), record.payload) {
+                let record = words.unpack(&bytes);
+                let place = record.as_ref().and_then(|record| places.get(&record.cell)).copied();
+                if let (Some(record), Some(place)) = (record, place)
+                    && let Some(cell) = cells.get_mut(place)
+                {
                     // After a hold has ended others are on their way among what was held.
                     if !self.flight.contains_key(&key)
                         && !self.holds.keep(place, key)
-                        && !self.publish_record(cell, place, key, payload.metrics, key < self.live)
+                        && !self.publish_record(cell, place, key, record.metrics, key < self.live)
                     {
                         return Ok(false);
                     }

@@ -147,19 +147,18 @@ fn a_check_says_what_a_start_would_do_with_the_store() {
     assert_eq!(bridge.signal("-TERM"), Some(0));
     let same = line(&text);
     assert!(same.starts_with("{\"store\":\"FOLDER/s.redb\",\"records\":"), "{same}");
-    assert!(same.ends_with(",\"dropped_orphans\":{},\"dropped_full\":0}"), "{same}");
+    assert!(same.ends_with(",\"dropped_orphans\":{}}"), "{same}");
     let count: u64 =
         same["{\"store\":\"FOLDER/s.redb\",\"records\":".len()..].split(',').next().unwrap().parse().unwrap();
-    let renamed = line(
-        &text
-            .replace("[cell.ball]", "[cell.sphere]")
-            .replace("file = \"s.redb\"", "file = \"s.redb\"\nrecords = 2"),
-    );
-    let dropped = format!(
-        "\"records\":{count},\"dropped_orphans\":{{\"ball\":{count}}},\"dropped_full\":{}}}",
-        count - 2
-    );
-    assert!(renamed.ends_with(&dropped), "{renamed}");
+    let renamed = line(&text.replace("[cell.ball]", "[cell.sphere]"));
+    assert!(renamed.ends_with(&format!(",\"dropped_orphans\":{{\"ball\":{count}}}}}")), "{renamed}");
+    let records = folder.path().join("s.redb.records");
+    assert_eq!(std::fs::metadata(&records).unwrap().permissions().mode() & 0o777, 0o600);
+    let good = std::fs::read(&records).unwrap();
+    std::fs::write(&records, &good[..good.len() / 2]).unwrap();
+    let (status, error) = check(folder.path(), &text);
+    assert!(status == Some(2) && error.contains("s.redb.records: its frame"), "{error}");
+    std::fs::write(&records, &good).unwrap();
     let length = std::fs::metadata(&store).unwrap().len();
     std::fs::File::options().write(true).open(&store).unwrap().set_len(length / 2).unwrap();
     let (status, error) = check(folder.path(), &text);

@@ -90,6 +90,8 @@ pub enum Happened {
         /// What it would take.
         refusal: Refusal,
     },
+    /// The broker does not take a message without a token, and why.
+    NotTaken(String),
     /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
     TooLong,
     /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
@@ -261,7 +263,13 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
                 (None, _) => {}
             },
             Event::Incoming(Incoming::PubAck(ack)) => {
-                let Some(token) = flight.remove(&ack.pkid) else { continue };
+                let Some(token) = flight.remove(&ack.pkid) else {
+                    match ack.reason {
+                        PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {}
+                        reason => report(Happened::NotTaken(format!("{reason:?}"))),
+                    }
+                    continue;
+                };
                 report(match ack.reason {
                     PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
                     reason => {

@@ -14,11 +14,11 @@ use crate::compact::Words;
 use crate::hall::StoreSettings;
 use crate::hub::earlier;
 use crate::store::{Busy, Store};
-use crate::{Hall, Health, Hub, http, links};
+use crate::{Hall, Health, Hub, http, links, signals};
 use cellwire::command::manual::{self, Shell};
 use cellwire::command::settings::lines;
 use cellwire::io::output::{self, log, remark};
-use cellwire::io::{interrupt, tcp};
+use cellwire::io::tcp;
 
 /// Connects the cells of a hall to an MQTT 5 broker: Sparkplug B, through a store, commands back.
 #[derive(Debug, Parser)]
@@ -79,11 +79,11 @@ fn run(file: &Path, check: bool) -> Result<()> {
     let clients = links::clients(&hall)?;
     if check {
         let cells: Vec<&String> = hall.cell.keys().collect();
-        log(&json!({"hall": file, "broker": hall.broker.address, "cells": cells}))?;
+        log(&json!({"hall": file, "broker": hall.broker.address.to_string(), "cells": cells}))?;
         return check_store(&hall);
     }
     output::never_wait()?;
-    interrupt::note_within(
+    let reload = signals::handle(
         LONGEST_END,
         "the bridge has not ended in 10 s, and is ended: what is in the store is kept",
     )?;
@@ -97,8 +97,9 @@ fn run(file: &Path, check: bool) -> Result<()> {
     };
     // The cells are not stopped by whoever has read the lines and reads no more.
     let mut print = |line| drop(log(&line));
-    let hub = Hub::start(&hall, clients, health, &mut print)?;
-    log(&json!({"ready": "bridge", "cells": hall.cell.len(), "health": place}))?;
+    let count = hall.cell.len();
+    let hub = Hub::start(hall, clients, health, reload, &mut print)?;
+    log(&json!({"ready": "bridge", "cells": count, "health": place}))?;
     hub.run()
 }
 

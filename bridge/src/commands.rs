@@ -189,6 +189,17 @@ impl Commands {
         report
     }
 
+    /// The commands of a cell whose thread has ended: those without an outcome have none. What is to be reported of each.
+    pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
+        let unfinished = self.known.get_mut(cell).into_iter().flat_map(Remembered::unfinished);
+        let over = |(id, entry): (&String, &mut Entry)| {
+            (entry.outcome, entry.detail) = (Outcome::Unknown, why.into());
+            remembered::put(batch, cell, id, Some(entry));
+            entry.named(id)
+        };
+        unfinished.map(over).collect()
+    }
+
     /// Forgets what is older than a day.
     pub fn forget(&mut self, now: u64, batch: &mut Batch) {
         for (cell, known) in &mut self.known {

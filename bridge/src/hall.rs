@@ -1,7 +1,7 @@
 //! The file of a hall: the broker, and a table for each cell.
 
 use std::collections::BTreeMap;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -39,11 +39,11 @@ pub struct Hall {
 }
 
 /// The broker.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Broker {
-    /// HOST:PORT.
-    pub address: String,
+    /// HOST:PORT, or several: one after the other is tried.
+    pub address: Addresses,
     /// Sparkplug's group.
     pub group: String,
     /// Sparkplug's edge node: this bridge, and no other of the group.
@@ -64,6 +64,11 @@ pub struct Broker {
     /// What is refused otherwise, because it is unsafe.
     #[serde(default)]
     pub allow: Vec<Unsafe>,
+    /// Numbers stand for the names of metrics after their birth.
+    #[serde(default)]
+    pub aliases: bool,
+    /// Where each record is published as JSON, too: PREFIX/CELL.
+    pub json: Option<String>,
     /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
     pub qos: u8,
@@ -80,7 +85,7 @@ pub enum Unsafe {
 }
 
 /// PEM files.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TlsFiles {
     /// The certificates of the authorities that may vouch for the broker.
@@ -92,7 +97,7 @@ pub struct TlsFiles {
 }
 
 /// The store.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoreSettings {
     /// Its file.
@@ -103,7 +108,7 @@ pub struct StoreSettings {
 }
 
 /// Health.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Health {
     /// Where `/metrics` and `/health` are; a port alone is one of this machine's loopback address.
@@ -111,7 +116,7 @@ pub struct Health {
 }
 
 /// Commands.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Commands {
     /// The most that a command's time may differ from now.
@@ -126,7 +131,7 @@ pub struct Commands {
 }
 
 /// A cell.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cell {
     /// The name of its link's crate.
@@ -141,6 +146,34 @@ pub struct Cell {
     /// As `--set` takes them.
     #[serde(default)]
     pub settings: Map<String, Value>,
+    /// Report by exception: by how much a metric, or those of a folder, have to change.
+    pub dead_band: Option<BTreeMap<String, f64>>,
+}
+
+/// One address, or several.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "give an address, or a list of addresses")]
+pub enum Addresses {
+    /// One.
+    One(String),
+    /// Several.
+    Several(Vec<String>),
+}
+
+impl Addresses {
+    /// All of them.
+    pub fn all(&self) -> &[String] {
+        match self {
+            Self::One(address) => core::slice::from_ref(address),
+            Self::Several(addresses) => addresses,
+        }
+    }
+}
+
+impl Display for Addresses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.all().join(", "))
+    }
 }
 
 impl Default for Commands {
@@ -184,6 +217,23 @@ impl Hall {
         Ok(hall)
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The first table that differs and is read at the start only.
+    pub fn differs(&self, other: &Self) -> Option<&'static str> {
+        [
+            ("broker", self.broker == other.broker),
+            ("store", self.store == other.store),
+            ("health", self.health == other.health),
+            ("commands", self.commands == other.commands),
+        ]
+        .into_iter()
+        .find_map(|(name, is_same)| (!is_same).then_some(name))
+    }
+
     /// The error of what has this name in the file, with its line.
     pub fn located(&self, name: &str, error: anyhow::Error) -> anyhow::Error {
         match settings::line_of(&self.text, name) {
@@ -201,8 +251,11 @@ impl Hall {
                 return wrong(name, &error);
             }
         }
-        if let Err(error) = broker.place() {
+        if let Err(error) = broker.places() {
             return wrong("broker.address", &error);
+        }
+        if let Some(Err(error)) = broker.json.as_deref().map(check_prefix) {
+            return wrong("broker.json", &error);
         }
         if let Some(Err(error)) = broker.primary_host.as_deref().map(check_name) {
             return wrong("broker.primary_host", &error);
@@ -245,15 +298,19 @@ impl Hall {
 }
 
 impl Broker {
-    /// Host and port.
+    /// Hosts and ports.
     ///
     /// # Errors
-    /// When the address is none.
-    pub fn place(&self) -> Result<(String, u16)> {
+    /// When an address is none.
+    pub fn places(&self) -> Result<Vec<(String, u16)>> {
         let advice = "give HOST:PORT, such as broker.example:8883";
-        let (host, port) = self.address.rsplit_once(':').context(advice)?;
-        ensure!(!host.is_empty(), advice);
-        Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+        ensure!(!self.address.all().is_empty(), advice);
+        let place = |address: &String| {
+            let (host, port) = address.rsplit_once(':').context(advice)?;
+            ensure!(!host.is_empty(), advice);
+            Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+        };
+        self.address.all().iter().map(place).collect()
     }
 
     /// What of the secrets is unsafe and not allowed, and where.
@@ -269,9 +326,10 @@ impl Broker {
                 return Err((name, why));
             }
         }
-        let is_here = self.place().is_ok_and(|(host, _)| {
+        let is_local = |(host, _): &(String, u16)| {
             host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
-        });
+        };
+        let is_here = self.places().is_ok_and(|places| places.iter().all(is_local));
         if self.password_file.is_some()
             && self.tls.is_none()
             && !is_here
@@ -344,6 +402,12 @@ fn check_name(name: &str) -> Result<()> {
         bail!("a topic's level has no {bad:?}");
     }
     Ok(())
+}
+
+/// Levels of a topic, which is none of Sparkplug's.
+fn check_prefix(prefix: &str) -> Result<()> {
+    ensure!(!prefix.starts_with("spBv1.0") && !prefix.starts_with('$'), "give a topic of your own");
+    prefix.split('/').try_for_each(check_name)
 }
 
 fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {

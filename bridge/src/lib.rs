@@ -4,6 +4,7 @@
 
 #![allow(clippy::std_instead_of_core, reason = "a program with std")]
 
+pub mod bands;
 pub mod broker;
 pub mod bucket;
 pub mod cell;
@@ -23,11 +24,13 @@ pub mod node;
 mod notify;
 pub mod outages;
 pub mod payload;
+pub mod plain;
 pub mod reconnect;
 pub mod refusals;
 pub mod remembered;
 pub mod report;
 pub mod ring;
+pub mod signals;
 pub mod store;
 pub mod uplink;
 

@@ -114,7 +114,8 @@ impl Hub<'_> {
     pub(super) fn show(&mut self) {
         self.notify.lives(Instant::now());
         let now = metric::now();
-        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
+        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone());
+        let cells = known.map(|(place, cell)| CellHealth {
             commands_left: self.commands.left(&cell.name, now),
             refusals: self
                 .refusals
@@ -135,7 +136,7 @@ impl Hub<'_> {
         let why = waits.unwrap_or_else(|| self.figures.broker.why.clone());
         self.health.set(Figures {
             cells: cells.collect(),
-            broker: BrokerHealth { why, ..self.figures.broker.clone() },
+            broker: BrokerHealth { why, address: self.uplink.address(), ..self.figures.broker.clone() },
             latest: self.latest.list(),
             is_online: self.uplink.is_online(),
             stored: self.store.len(),

@@ -37,6 +37,12 @@ pub type Places = HashMap<String, usize>;
 #[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
 pub struct Uplink {
     options: Options,
+    /// Where brokers are, and which of them is tried, or connected.
+    brokers: Vec<(String, u16)>,
+    broker: usize,
+    /// Where records are published as JSON, too.
+    json: Option<String>,
+    aliases: bool,
     group: String,
     name: String,
     host: Option<String>,
@@ -102,8 +108,8 @@ enum Phase {
     Ready,
     /// Until the broker has accepted connection and subscriptions.
     Opening { session: Session, until: Instant },
-    /// Until the host application is online.
-    Waiting { session: Session },
+    /// Until the host application is online; where there are several brokers, not for long: it may be at another.
+    Waiting { session: Session, until: Option<Instant> },
     /// Records are published.
     Online { session: Session },
     /// A death was said; until the broker closes the connection.
@@ -116,12 +122,17 @@ impl Uplink {
     /// # Errors
     /// When a file of the broker's settings cannot be read.
     pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
-        let (host, port) = broker.place()?;
+        let brokers = broker.places()?;
+        let (host, port) = brokers.first().cloned().unwrap_or_default();
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
         let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
         let options = Options { host, port, client, login, tls, keep_alive: broker.keep_alive, will };
         Ok(Self {
             options,
+            brokers,
+            broker: 0,
+            json: broker.json.clone(),
+            aliases: broker.aliases,
             group: broker.group.clone(),
             name: broker.node.clone(),
             host: broker.primary_host.clone(),
@@ -149,6 +160,11 @@ impl Uplink {
     /// Whether records are published.
     pub fn is_online(&self) -> bool {
         matches!(self.phase, Phase::Online { .. })
+    }
+
+    /// The broker that is connected, or tried.
+    pub fn address(&self) -> String {
+        format!("{}:{}", self.options.host, self.options.port)
     }
 
     /// The host application that is waited for.
@@ -182,7 +198,8 @@ impl Uplink {
             Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
                 Some(until)
             }
-            Phase::Ready | Phase::Waiting { .. } | Phase::Online { .. } => None,
+            Phase::Waiting { until, .. } => until,
+            Phase::Ready | Phase::Online { .. } => None,
         }
     }
 
@@ -204,7 +221,8 @@ impl Uplink {
                 Event::None
             }
             Happened::Subscribed => {
-                self.advance(|session| Phase::Waiting { session });
+                let until = (self.brokers.len() > 1).then(|| Instant::now() + PATIENCE);
+                self.advance(|session| Phase::Waiting { session, until });
                 if self.host.is_none() {
                     self.go_online();
                 }
@@ -215,6 +233,9 @@ impl Uplink {
             }
             Happened::Published(key) => self.published(key, batch),
             Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
+            Happened::NotTaken(why) => {
+                Event::Strange(format!("the broker does not take a message that is no record: {why}"))
+            }
             Happened::TooLong => {
                 // If any is too long the longest is.
                 if let Some(key) =
@@ -334,7 +355,7 @@ impl Uplink {
     fn advance(&mut self, next: impl FnOnce(Session) -> Phase) {
         let offline = Phase::Offline { until: Instant::now() };
         self.phase = match core::mem::replace(&mut self.phase, offline) {
-            Phase::Opening { session, .. } | Phase::Waiting { session } | Phase::Online { session } => {
+            Phase::Opening { session, .. } | Phase::Waiting { session, .. } | Phase::Online { session } => {
                 next(session)
             }
             other => other,
@@ -356,6 +377,7 @@ impl Uplink {
 
     fn closed(&mut self) {
         self.generation += 1;
+        self.broker = (self.broker + 1) % self.brokers.len().max(1);
         let now = Instant::now();
         let wait = self.reconnect.next(now);
         self.phase = Phase::Offline { until: now + wait };
@@ -403,6 +425,11 @@ impl Uplink {
                 self.closed();
                 return Ok(Some("the broker does not answer".into()));
             }
+            Phase::Waiting { .. } if is_due => {
+                self.disconnect();
+                let host = self.host.as_deref().unwrap_or_default();
+                return Ok(Some(format!("the host application {host} is not online at {}", self.address())));
+            }
             Phase::Leaving { .. } if is_due => self.closed(),
             Phase::Online { .. } => self.publish((store, words), cells, places)?,
             _ => {}
@@ -411,6 +438,12 @@ impl Uplink {
     }
 
     fn open(&mut self) -> Result<()> {
+        if let Some((host, port)) = self.brokers.get(self.broker) {
+            let is_another = (&self.options.host, self.options.port) != (host, *port);
+            (self.options.host, self.options.port) = (host.clone(), *port);
+            // What the host application has said at another broker says nothing here.
+            self.host_at = if is_another { 0 } else { self.host_at };
+        }
         let Publication { topic, payload } = self.node.death();
         self.options.will = (topic, payload);
         let (hub, generation) = (self.hub.clone(), self.generation);

@@ -11,6 +11,7 @@ use crate::compact::Words;
 use crate::metric::{self, CONNECTED, DETAIL, Definition, EVENT};
 use crate::node::{Node, Publication};
 use crate::payload::{Metric, Quality};
+use crate::plain;
 use crate::refusals::Apart;
 use crate::store::Store;
 
@@ -54,7 +55,10 @@ impl Uplink {
             .iter_mut()
             .enumerate()
             .filter(|(place, cell)| cell.is_connected && !cell.is_born && !self.holds.is_held(*place))
-            .all(|(_, cell)| bear(session, &mut self.node, cell, self.longest))
+            .all(|(place, cell)| {
+                let alias = self.aliases.then_some(place);
+                bear(session, &mut self.node, (cell, alias), self.longest)
+            })
     }
 
     /// One record of each cell that is held and due. False where there is no room for more.
@@ -117,11 +121,30 @@ impl Uplink {
         is_historical: bool,
     ) -> bool {
         let Phase::Online { session } = &self.phase else { return false };
-        if !cell.is_born && !bear(session, &mut self.node, cell, self.longest) {
+        let alias = self.aliases.then_some(place);
+        if !cell.is_born && !bear(session, &mut self.node, (cell, alias), self.longest) {
             return false;
+        }
+        // A record of before the cell was changed may have others.
+        metrics.retain(|metric| cell.definitions.iter().any(|it| Some(it.name) == metric.name.as_deref()));
+        if let Some(prefix) = &self.json {
+            let (topic, message) =
+                (format!("{prefix}/{}", cell.name), plain::message(&cell.name, &metrics, is_historical));
+            // The broker has it before the record, which is published again if it has not that.
+            if Session::packet_len(&topic, &message, self.acknowledged) <= self.longest
+                && !session.publish(&topic, message, self.acknowledged, None)
+            {
+                return false;
+            }
         }
         if is_historical {
             metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
+        }
+        if self.aliases {
+            for metric in &mut metrics {
+                metric.alias = metric.name.as_deref().and_then(|name| cell.alias(place, name));
+                metric.name.take_if(|_| metric.alias.is_some());
+            }
         }
         let Publication { topic, payload } = self.node.data(&cell.name, metrics);
         let length = Session::packet_len(&topic, &payload, self.acknowledged);
@@ -174,14 +197,20 @@ fn say(session: &Session, Publication { topic, payload }: Publication) -> bool {
 }
 
 /// Publishes the birth of a cell. What happened last is left out where the broker does not take so much; a birth that is too long even
-/// so ends the connection, and nothing follows it.
-fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: usize) -> bool {
+/// so ends the connection, and nothing follows it. With the cell's place its metrics have aliases.
+fn bear(
+    session: &Session,
+    node: &mut Node,
+    (cell, place): (&mut Cell, Option<usize>),
+    longest: usize,
+) -> bool {
+    let alias = |name: &str| cell.alias(place?, name);
     let fits = |birth: &Publication| Session::packet_len(&birth.topic, &birth.payload, false) <= longest;
     let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
-    let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
+    let mut birth = node.device_birth(&cell.name, &cell.definitions, value, alias);
     if !fits(&birth) {
         let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
-        birth = node.device_birth(&cell.name, &cell.definitions, short);
+        birth = node.device_birth(&cell.name, &cell.definitions, short, alias);
     }
     let is_born = fits(&birth);
     if !say(session, birth) || !is_born {

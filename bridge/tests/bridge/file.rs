@@ -55,6 +55,31 @@ fn what_is_wrong_has_its_line() {
     for (from, to, error) in [
         ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
         ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
+        (
+            "\"broker:8883\"",
+            "[\"a:1\", \"b\"]",
+            "line 2: broker.address: give HOST:PORT, such as broker.example:8883",
+        ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\njson = \"a/#\"",
+            "line 5: broker.json: a topic's level has no '#'",
+        ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\njson = \"spBv1.0/x\"",
+            "line 5: broker.json: give a topic of your own",
+        ),
+        (
+            "file = \"hall.redb\"",
+            "file = \"hall.redb\"\nbytes = \"15KiB\"",
+            "line 8: store.bytes: give 16KiB or more",
+        ),
+        (
+            "settings = { poll = \"100ms\" }",
+            "dead_band = { \"Telemetry/Y\" = 1 }",
+            "line 12: cell robot: dead_band: Telemetry/Y is no metric of this link, and no folder of metrics",
+        ),
         ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
         (
             "node = \"bridge\"",

@@ -22,6 +22,8 @@ parser.add_argument("--cells", type=int, default=7)
 parser.add_argument("--minutes", type=float, default=1 / 3)
 parser.add_argument("--qos", type=int, default=1, help="0: Sparkplug's statements to the letter; then a killed broker loses records")
 parser.add_argument("--aliases", action="store_true", help="numbers stand for the names of metrics")
+parser.add_argument("--mqtt", default="5", choices=["5", "3.1.1"], help="the bridge's version of MQTT; 3.1.1 does not say what is refused")
+parser.add_argument("--websocket", action="store_true", help="the bridge reaches its broker over a WebSocket: it is built with that feature")
 parser.add_argument("--calm", action="store_true", help="kill nobody")
 parser.add_argument("--link", choices=[link.NAME for link in LINKS], help="cells of this link only")
 parser.add_argument("--alone", action="store_true", help="the bridge has the last processor for itself")
@@ -201,7 +203,11 @@ def books():
         value for name, value in found.items() if "dropped_total" in name and "busy" not in name)
 
 
-health_port = free_port()
+health_port, websocket_port = free_port(), free_port()
+if args.websocket:
+    # Debian's mosquitto has none.
+    script = Path(__file__).with_name("websocket.py")
+    spawn([sys.executable, script, str(websocket_port), folder / "broker.pem", folder / "broker.key", str(plain_port)], "websocket.log")
 cells = []
 for index in range(args.cells):
     link = links[index % len(links)]
@@ -211,7 +217,7 @@ for cell in cells:
 hall = folder / "hall.toml"
 hall.write_text(f"""\
 [broker]
-address = "localhost:{tls_port}"
+address = "{f'wss://localhost:{websocket_port}/mqtt' if args.websocket else f'localhost:{tls_port}'}"
 group = "{GROUP}"
 node = "{NODE}"
 user = "{LOGIN[0]}"
@@ -220,6 +226,7 @@ tls = {{ ca = "ca.pem" }}
 primary_host = "{HOST}"
 qos = {args.qos}
 aliases = {str(args.aliases).lower()}
+mqtt = "{args.mqtt}"
 
 [store]
 file = "hall.redb"
@@ -233,7 +240,7 @@ if checked.returncode != 0:
     fail(checked.stderr)
 
 # One that reports all the time. Nobody learns what becomes of a message with QoS 0.
-forbidden = [cell for cell in cells if cell.NAME != "kawasaki-msg"][:1] if args.qos == 1 else []
+forbidden = [cell for cell in cells if cell.NAME != "kawasaki-msg"][:1] if args.qos == 1 and args.mqtt == "5" else []
 access(*forbidden)
 broker = start_broker()
 bridge = Bridge(hall)

@@ -44,6 +44,9 @@ pub struct Hall {
 pub struct Broker {
     /// HOST:PORT, or several: one after the other is tried.
     pub address: Addresses,
+    /// The version of MQTT.
+    #[serde(default)]
+    pub mqtt: broker::Version,
     /// Sparkplug's group.
     pub group: String,
     /// Sparkplug's edge node: this bridge, and no other of the group.
@@ -298,19 +301,21 @@ impl Hall {
 }
 
 impl Broker {
-    /// Hosts and ports.
+    /// Where the brokers are.
     ///
     /// # Errors
     /// When an address is none.
-    pub fn places(&self) -> Result<Vec<(String, u16)>> {
-        let advice = "give HOST:PORT, such as broker.example:8883";
-        ensure!(!self.address.all().is_empty(), advice);
-        let place = |address: &String| {
-            let (host, port) = address.rsplit_once(':').context(advice)?;
-            ensure!(!host.is_empty(), advice);
-            Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
-        };
-        self.address.all().iter().map(place).collect()
+    pub fn places(&self) -> Result<Vec<Place>> {
+        let places: Vec<Place> =
+            self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
+        ensure!(!places.is_empty(), ADVICE);
+        let is_secure = |place: &Place| place.url.as_ref().is_none_or(|url| url.starts_with("wss:"));
+        let scheme = "give tls for wss://, and none for ws://";
+        ensure!(
+            places.iter().all(|place| place.url.is_none() || is_secure(place) == self.tls.is_some()),
+            scheme
+        );
+        Ok(places)
     }
 
     /// What of the secrets is unsafe and not allowed, and where.
@@ -326,7 +331,7 @@ impl Broker {
                 return Err((name, why));
             }
         }
-        let is_local = |(host, _): &(String, u16)| {
+        let is_local = |Place { host, .. }: &Place| {
             host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
         };
         let is_here = self.places().is_ok_and(|places| places.iter().all(is_local));
@@ -382,6 +387,32 @@ impl Broker {
         };
         Ok(Some(Tls { authorities: certificates(&files.ca)?, client }))
     }
+}
+
+const ADVICE: &str = "give HOST:PORT, such as broker.example:8883";
+
+/// Where a broker is.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Its name or address.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// All of it, if it is reached over a WebSocket.
+    pub url: Option<String>,
+}
+
+fn place(address: &str) -> Result<Place> {
+    let rest = ["ws://", "wss://"].iter().find_map(|scheme| address.strip_prefix(scheme));
+    ensure!(
+        rest.is_none() || cfg!(feature = "websocket"),
+        "this bridge was built without WebSocket: build it with --features websocket"
+    );
+    let authority = rest.map_or(address, |rest| rest.split('/').next().unwrap_or_default());
+    let (host, port) = authority.rsplit_once(':').context(ADVICE)?;
+    ensure!(!host.is_empty(), ADVICE);
+    let host = host.trim_matches(['[', ']']).to_owned();
+    Ok(Place { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
 }
 
 /// Whether everybody on this machine can read it. That nobody can is said by who reads it.

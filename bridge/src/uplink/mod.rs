@@ -10,7 +10,7 @@ use anyhow::Result;
 
 use super::cell::Cell;
 use super::compact::Words;
-use super::hall::Broker;
+use super::hall::{Broker, Place};
 use super::holds::{Holds, Refused};
 use super::metric::{self, whole};
 use super::node::{Node, Publication, Received};
@@ -38,7 +38,7 @@ pub type Places = HashMap<String, usize>;
 pub struct Uplink {
     options: Options,
     /// Where brokers are, and which of them is tried, or connected.
-    brokers: Vec<(String, u16)>,
+    brokers: Vec<Place>,
     broker: usize,
     /// Where records are published as JSON, too.
     json: Option<String>,
@@ -123,10 +123,11 @@ impl Uplink {
     /// When a file of the broker's settings cannot be read.
     pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
         let brokers = broker.places()?;
-        let (host, port) = brokers.first().cloned().unwrap_or_default();
+        let Place { host, port, url } = brokers.first().cloned().unwrap_or_default();
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
         let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
-        let options = Options { host, port, client, login, tls, keep_alive: broker.keep_alive, will };
+        let (version, keep_alive) = (broker.mqtt, broker.keep_alive);
+        let options = Options { host, port, url, client, login, tls, version, keep_alive, will };
         Ok(Self {
             options,
             brokers,
@@ -438,9 +439,9 @@ impl Uplink {
     }
 
     fn open(&mut self) -> Result<()> {
-        if let Some((host, port)) = self.brokers.get(self.broker) {
+        if let Some(Place { host, port, url }) = self.brokers.get(self.broker) {
             let is_another = (&self.options.host, self.options.port) != (host, *port);
-            (self.options.host, self.options.port) = (host.clone(), *port);
+            (self.options.host, self.options.port, self.options.url) = (host.clone(), *port, url.clone());
             // What the host application has said at another broker says nothing here.
             self.host_at = if is_another { 0 } else { self.host_at };
         }

@@ -80,6 +80,11 @@ fn what_is_wrong_has_its_line() {
             "dead_band = { \"Telemetry/Y\" = 1 }",
             "line 12: cell robot: dead_band: Telemetry/Y is no metric of this link, and no folder of metrics",
         ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\nmqtt = \"4\"",
+            "unknown variant `4`, expected `5` or `3.1.1`",
+        ),
         ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
         (
             "node = \"bridge\"",
@@ -154,6 +159,8 @@ fn what_is_unsafe_has_to_be_allowed() {
     );
     let (status, error) = check(folder.path(), &hall("allow = [\"anything\"]"));
     assert!(status == Some(2) && error.contains("unknown variant `anything`"), "{error}");
+    let (status, error) = check(folder.path(), &hall("mqtt = \"4\""));
+    assert!(status == Some(2) && error.contains("unknown variant `4`, expected `5` or `3.1.1`"), "{error}");
 }
 
 #[test]

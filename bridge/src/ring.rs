@@ -355,7 +355,10 @@ impl Ring {
     pub fn records(&mut self, from: u64, count: usize) -> io::Result<Vec<(u64, Vec<u8>)>> {
         let mut found = Vec::new();
         for at in self.of(from)..self.places.len() {
-            let Some(place) = self.places.get(at).copied().filter(|place| place.alive != 0) else { continue };
+            let has_some =
+                |place: &Place| place.first + u64::from(u64::BITS - place.alive.leading_zeros()) > from;
+            let is_read = |place: &Place| place.alive != 0 && has_some(place);
+            let Some(place) = self.places.get(at).copied().filter(is_read) else { continue };
             let keyed = (place.first..).zip(self.frame(place)?.records);
             found.extend(
                 keyed.filter(|(key, _)| *key >= from && place.alive & (1 << (key - place.first)) != 0),

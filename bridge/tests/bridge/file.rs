@@ -80,11 +80,6 @@ fn what_is_wrong_has_its_line() {
             "dead_band = { \"Telemetry/Y\" = 1 }",
             "line 12: cell robot: dead_band: Telemetry/Y is no metric of this link, and no folder of metrics",
         ),
-        (
-            "node = \"bridge\"",
-            "node = \"bridge\"\nmqtt = \"4\"",
-            "unknown variant `4`, expected `5` or `3.1.1`",
-        ),
         ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
         (
             "node = \"bridge\"",

@@ -43,6 +43,8 @@ STATEMENTS = {
     "payloads-metric-timestamp-in-UTC": "every metric has a timestamp in milliseconds since 1970",
     "operational-behavior-data-publish-dbirth-order": "metrics that are not historical come in the order of their times",
     "payloads-sequence-num-incrementing": "each message has the number after the one before, 0 after 255",
+    "payloads-alias-uniqueness": "no two metrics of the node have the same alias",
+    "payloads-alias-data-cmd-requirement": "with aliases DDATA has those of DBIRTH, and no names",
     "topics-ddeath-mqtt": "DDEATH has QoS 0 and is not retained",
     "topics-ddeath-seq-num": "DDEATH has a sequence number",
     "operational-behavior-data-commands-rebirth-action-3": "after Rebirth: NBIRTH and every DBIRTH, with the same bdSeq",
@@ -72,6 +74,7 @@ class Consumer:
         self.outcomes = collections.defaultdict(list)
         self.events, self.values = [], {}
         self.store, self.messages, self.delays = {}, 0, []
+        self.aliases = {}  # of each cell, since its birth: the metric that each stands for
         self.newest = None  # the bdSeq of the last birth
         self.births, self.bd, self.seq, self.nbirths, self.dbirths, self.deaths = {}, None, None, 0, 0, 0
         self.rebirth = None  # the bdSeq at a request
@@ -191,6 +194,12 @@ class Consumer:
                   payload.HasField("seq") and 0 <= payload.seq <= 255 and (goes_on or self.refusing),
                   f"{message.topic}: {payload.seq} after {self.seq}")
             self.seq = payload.seq
+        if kind == "DDATA":
+            aliases = self.aliases.get(levels[4], {})
+            for metric in payload.metrics:
+                if metric.HasField("alias"):
+                    check("payloads-alias-data-cmd-requirement", metric.alias in aliases and not metric.name, metric)
+                    metric.name = aliases.get(metric.alias, "")
         for metric in payload.metrics:
             check("payloads-metric-timestamp-in-UTC", 1.6e12 < metric.timestamp < 2.5e12, metric.timestamp)
         if kind == "NBIRTH":
@@ -206,6 +215,10 @@ class Consumer:
             for metric in payload.metrics:
                 has = metric.is_null or metric.WhichOneof("value") in VALUES
                 check("topics-dbirth-metrics", metric.name and metric.datatype and has, metric)
+            self.aliases[levels[4]] = {metric.alias: metric.name for metric in payload.metrics if metric.HasField("alias")}
+            known = [alias for aliases in self.aliases.values() for alias in aliases]
+            if known:
+                check("payloads-alias-uniqueness", len(known) == len(set(known)), known)
             self.births[levels[4]] = {metric.name: metric.datatype for metric in payload.metrics}
             self.store[levels[4]] = next(m.string_value for m in payload.metrics if m.name == "Record/Store")
         elif kind == "DDATA":
@@ -239,7 +252,7 @@ class Consumer:
             steps = (bd.long_value - self.newest) % 256
             check("topics-nbirth-bdseq-increment", (0 if self.refusing else 1) <= steps < 128, (self.newest, bd.long_value))
         self.newest = self.bd = bd.long_value
-        self.births = {}
+        self.births, self.aliases = {}, {}
 
     def ndeath(self, message, payload):
         self.deaths += 1

@@ -24,6 +24,8 @@ parser = argparse.ArgumentParser()
 parser.add_argument("cellwire")
 parser.add_argument("place", type=Path)
 parser.add_argument("--times", type=int, default=3)
+parser.add_argument("--cells", type=int, default=len(LINKS))
+parser.add_argument("--minutes", type=int, help="a fault a minute, one kind after the other, for so long, in place of --times of each")
 parser.add_argument("--longest", type=float, default=30, help="back within so many seconds, or it is a failure")
 parser.add_argument("--go-on", action="store_true", help="measure on after a failure")
 parser.add_argument("faults", nargs="*")
@@ -236,7 +238,8 @@ def metrics():
 figure = lambda name: metrics().get(metric(name), -1)
 broker = start_broker()
 proxy = Proxy(broker_port)
-cells = [link(f"{link.NAME}-1", args.cellwire, folder, spawn) for link in LINKS]
+names = [(LINKS[index % len(LINKS)], index // len(LINKS) + 1) for index in range(args.cells)]
+cells = [link(f"{link.NAME}-{number}", args.cellwire, folder, spawn) for link, number in names]
 for cell in cells:
     wait(f"the simulator of {cell.name}", cell.ready, 20)
 (folder / "hall.toml").write_text(f"""\
@@ -254,7 +257,8 @@ file = "hall.redb"
 listen = "127.0.0.1:{health_port}"
 
 """ + "\n".join(cell.table() for cell in cells))
-bridge = spawn([BRIDGE, "--config", str(folder / "hall.toml")], "bridge.log", stderr=subprocess.STDOUT)
+start_bridge = lambda: spawn([BRIDGE, "--config", str(folder / "hall.toml")], "bridge.log", stderr=subprocess.STDOUT)
+bridge = start_bridge()
 host = Host(broker_port)
 host.say(True)
 is_online = lambda: figure("online") == 1
@@ -277,6 +281,26 @@ def cut():
     wait("offline", lambda: not is_online(), 20)
     time.sleep(random.uniform(0, 4))
     proxy.mend()
+
+
+def kill():
+    """The bridge, as by the system when there is no memory left."""
+    global bridge
+    written[0] += of_process("io", "write_bytes")
+    bridge.kill()
+    bridge.wait()
+    bridge = start_bridge()
+
+
+def of_process(file, name):
+    try:
+        lines = Path(f"/proc/{bridge.pid}/{file}").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
+    except OSError:
+        return 0
+
+
+written = [0]
 
 
 def leave():
@@ -342,26 +366,40 @@ def flood():
 FAULTS = {
     "restart": (restart, "the broker is started anew"),
     "cut": (cut, "the network is cut"),
+    "kill": (kill, "the bridge is killed"),
     "leave": (leave, "the host application goes and comes"),
     "future": (future, "a STATE dated a year ahead"),
     "flood": (flood, "2000 commands for one cell"),
     "frozen": (frozen, "every device stands still"),
 }
-rows = []
-for name in args.faults or FAULTS:
+
+
+def schedule():
+    kinds = args.faults or list(FAULTS)
+    if args.minutes is None:
+        yield from (name for name in kinds for _ in range(1 if name in ("frozen", "future", "flood") else args.times))
+        return
+    for minute in range(args.minutes):
+        print(f"{minute} min: {of_process('status', 'VmRSS')} KiB of memory", flush=True)
+        yield kinds[minute % len(kinds)]
+        time.sleep(max(0.0, began + (minute + 1) * 60 - time.time()))
+
+
+began, took = time.time(), {}
+for name in schedule():
     fault, what = FAULTS[name]
-    times, took = (1 if name in ("frozen", "future", "flood") else args.times), []
-    for _ in range(times):
-        back = fault()
-        took.append(wait(f"back after {name}", is_online, args.longest) if back is None else back)
-        if took[-1] > args.longest:
-            fail(f"{name}: back after {took[-1]} s")
-        ended = [(cell.name, cell.process.returncode) for cell in cells if cell.process.poll() is not None]
-        if ended:
-            fail(f"simulators have ended, with {ended}")
-        time.sleep(random.uniform(0, 1))
-    rows.append((what, times, max(took)))
-    print(f"  {what}: back after {', '.join(f'{it:.1f}' for it in took)} s", flush=True)
+    back = fault()
+    back = wait(f"back after {name}", is_online, args.longest) if back is None else back
+    took.setdefault(what, []).append(back)
+    print(f"  {what}: back after {back:.1f} s", flush=True)
+    if back > args.longest:
+        fail(f"{name}: back after {back} s")
+    ended = [(cell.name, cell.process.returncode) for cell in cells if cell.process.poll() is not None]
+    if ended:
+        fail(f"simulators have ended, with {ended}")
+    time.sleep(random.uniform(0, 1))
+minutes, disk = (time.time() - began) / 60, written[0] + of_process("io", "write_bytes")
+rows = [(what, len(times), max(times)) for what, times in took.items()]
 host.say(True)
 if wait("online at the end", is_online, 60) < 60:
     for cell in cells:
@@ -377,6 +415,7 @@ for what, times, worst in rows:
     print(f"{what:<38} {times:>5} {worst:>22.1f}")
 print(f"\n{sum(made.values())} records: {lost} lost, {host.repeated} dropped by the rule of Record/Number, {host.unordered} older than the one "
       f"before; log of the bridge: {len((folder / 'bridge.log').read_text().splitlines())} lines")
+print(f"the bridge: {of_process('status', 'VmHWM')} KiB of memory at the most, {disk / 1e6 / minutes:.1f} MB a minute written to the disk")
 bridge.send_signal(signal.SIGTERM)
 if bridge.wait() != 0:
     fail(f"the bridge ended with {bridge.returncode}")

@@ -1,8 +1,14 @@
 //! A cell, as the hub and the connection to the broker know it.
 
 use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
+use std::thread::JoinHandle;
 
+use super::bands::Bands;
+use super::hall;
+use super::links::Client;
 use super::metric::{COMMON, Definition};
 use super::payload::{Metric, Quality, Value};
 use super::report::Command;
@@ -12,24 +18,52 @@ use super::report::Command;
 pub struct Cell {
     /// Its name: Sparkplug's device.
     pub name: String,
+    /// Its link.
+    pub link: String,
     /// Every metric that it may report.
     pub definitions: Vec<Definition>,
     /// The values that it has reported last, and when.
     pub values: HashMap<&'static str, (u64, Value)>,
     /// Whether its link is connected.
     pub is_connected: bool,
+    /// Since when that is so, in milliseconds since 1970 UTC.
+    pub since: u64,
+    /// Why its link is not connected.
+    pub why: String,
     /// Whether the broker has its birth.
     pub is_born: bool,
     /// The number of its last record.
     pub number: u64,
-    /// The number that the store has.
+    /// The number of its last record that was written.
+    pub written: u64,
+    /// The number that is kept beside the records.
     pub kept: u64,
     /// The time of its last record.
     pub last_at: u64,
     /// Whether the hall's file allows commands to it.
     pub takes_commands: bool,
-    /// Where its thread takes them.
+    /// By how much a metric has to change to be reported, if it reports by exception.
+    pub bands: Option<Bands>,
+    /// Where its thread takes commands.
     pub commands: Sender<Command>,
+    /// Its thread is to end.
+    pub stop: Arc<AtomicBool>,
+    /// Its thread.
+    pub thread: Option<JoinHandle<()>>,
+    /// The hall's file has it no more, or as another one: which is begun when the thread has ended.
+    pub next: Next,
+}
+
+/// What becomes of a cell.
+#[derive(Debug, Default)]
+pub enum Next {
+    /// It goes on.
+    #[default]
+    Same,
+    /// It is in the hall's file no more.
+    Gone,
+    /// It is another one.
+    Another(Box<(hall::Cell, Client)>),
 }
 
 /// A report and a command of the same cell may cross, and the later one of their times is that of both then. A greater step back is the
@@ -42,6 +76,36 @@ pub fn in_order(last: u64, at: u64) -> u64 {
 }
 
 impl Cell {
+    /// Whether the hall's file has it no more.
+    pub fn is_gone(&self) -> bool {
+        matches!(self.next, Next::Gone)
+    }
+
+    /// Whether its thread has ended.
+    pub fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Whether something is to be done about a thread that was to end, and has; or about a place that is free.
+    pub fn is_over(&self) -> bool {
+        match self.next {
+            Next::Same => false,
+            Next::Gone => self.thread.is_some() && self.has_ended(),
+            Next::Another(_) => self.has_ended(),
+        }
+    }
+
+    /// What stands for a metric, for the cell of this place: no two metrics of a node have the same.
+    pub fn alias(&self, place: usize, name: &str) -> Option<u64> {
+        let metric = self.definitions.iter().position(|definition| definition.name == name)?;
+        Some((place as u64 + 1) << 16 | metric as u64)
+    }
+
+    /// The metric that an alias stands for.
+    pub fn by_alias(&self, place: usize, alias: u64) -> Option<&'static str> {
+        self.definitions.iter().map(|it| it.name).find(|name| self.alias(place, name) == Some(alias))
+    }
+
     /// The metrics of its own, as null: it has no values from now on.
     pub fn nulls(&mut self, at: u64, quality: Quality) -> Vec<Metric> {
         let own = self.definitions.iter().filter(|definition| !COMMON.contains(definition));

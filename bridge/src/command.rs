@@ -8,17 +8,17 @@ use std::time::Duration;
 
 use anyhow::Result;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser};
-use prost::Message as _;
 use serde_json::json;
 
+use crate::compact::Words;
 use crate::hall::StoreSettings;
+use crate::hub::earlier;
 use crate::store::{Busy, Store};
-use crate::uplink::Record;
-use crate::{Hall, Health, Hub, http, links};
+use crate::{Hall, Health, Hub, http, links, signals};
 use cellwire::command::manual::{self, Shell};
 use cellwire::command::settings::lines;
 use cellwire::io::output::{self, log, remark};
-use cellwire::io::{interrupt, tcp};
+use cellwire::io::tcp;
 
 /// Connects the cells of a hall to an MQTT 5 broker: Sparkplug B, through a store, commands back.
 #[derive(Debug, Parser)]
@@ -79,11 +79,11 @@ fn run(file: &Path, check: bool) -> Result<()> {
     let clients = links::clients(&hall)?;
     if check {
         let cells: Vec<&String> = hall.cell.keys().collect();
-        log(&json!({"hall": file, "broker": hall.broker.address, "cells": cells}))?;
+        log(&json!({"hall": file, "broker": hall.broker.address.to_string(), "cells": cells}))?;
         return check_store(&hall);
     }
     output::never_wait()?;
-    interrupt::note_within(
+    let reload = signals::handle(
         LONGEST_END,
         "the bridge has not ended in 10 s, and is ended: what is in the store is kept",
     )?;
@@ -97,36 +97,44 @@ fn run(file: &Path, check: bool) -> Result<()> {
     };
     // The cells are not stopped by whoever has read the lines and reads no more.
     let mut print = |line| drop(log(&line));
-    let hub = Hub::start(&hall, clients, health, &mut print)?;
-    log(&json!({"ready": "bridge", "cells": hall.cell.len(), "health": place}))?;
+    let count = hall.cell.len();
+    let hub = Hub::start(hall, clients, health, reload, &mut print)?;
+    log(&json!({"ready": "bridge", "cells": count, "health": place}))?;
     hub.run()
 }
 
 /// What a start would do with the store, if there is one; a damaged one is an error.
 fn check_store(hall: &Hall) -> Result<()> {
-    let StoreSettings { file, records: most } = &hall.store;
+    let StoreSettings { file, bytes: most } = &hall.store;
     if !file.exists() {
         return Ok(());
     }
-    let store = match Store::open(file, *most) {
+    let mut store = match Store::open(file, *most) {
         Ok(store) => store,
         Err(error) if error.is::<Busy>() => return log(&json!({"store": file, "why": error.to_string()})),
         Err(error) => return Err(error),
     };
-    let (mut orphans, mut next) = (BTreeMap::<String, u64>::new(), 0);
+    let words = Words::open(&store)?;
+    let (mut orphans, mut count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
+    let mut see = |cell: String| {
+        if !hall.cell.contains_key(&cell) {
+            *orphans.entry(cell).or_default() += 1;
+        }
+    };
     loop {
         let records = store.records(next, 1000)?;
         let Some((last, _)) = records.last() else { break };
         next = last + 1;
-        for (_, bytes) in records {
-            let Record { cell, .. } = Record::decode(bytes.as_slice()).unwrap_or_default();
-            if !hall.cell.contains_key(&cell) {
-                *orphans.entry(cell).or_default() += 1;
-            }
-        }
+        records
+            .iter()
+            .for_each(|(_, bytes)| see(words.unpack(bytes).map(|record| record.cell).unwrap_or_default()));
     }
-    let full = store.len().saturating_sub(*most);
-    log(&json!({"store": file, "records": store.len(), "dropped_orphans": orphans, "dropped_full": full}))
+    store.earlier(|bytes| {
+        count += 1;
+        see(earlier::cell(bytes).unwrap_or_default());
+    })?;
+    let (used, _) = store.bytes();
+    log(&json!({"store": file, "records": count, "bytes": used, "dropped_orphans": orphans}))
 }
 
 /// What can be set of the cells of each link, for the end of the long help.

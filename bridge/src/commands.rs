@@ -189,6 +189,17 @@ impl Commands {
         report
     }
 
+    /// The commands of a cell whose thread has ended: those without an outcome have none. What is to be reported of each.
+    pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
+        let unfinished = self.known.get_mut(cell).into_iter().flat_map(Remembered::unfinished);
+        let over = |(id, entry): (&String, &mut Entry)| {
+            (entry.outcome, entry.detail) = (Outcome::Unknown, why.into());
+            remembered::put(batch, cell, id, Some(entry));
+            entry.named(id)
+        };
+        unfinished.map(over).collect()
+    }
+
     /// Forgets what is older than a day.
     pub fn forget(&mut self, now: u64, batch: &mut Batch) {
         for (cell, known) in &mut self.known {
@@ -266,7 +277,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
         let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
         let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         assert!(unknown.is_empty());
         let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
@@ -279,11 +290,11 @@ mod tests {
         // Another cell's id is another's.
         assert_eq!(outcome(&commands.decide(to("other", &request), 1_000_902, &mut batch)).0, "give");
         commands.finish("other", "a", Outcome::Done, String::new(), &mut batch);
-        store.write(&batch).unwrap();
+        store.write(&batch, &|_| Vec::new()).unwrap();
         drop((store, commands));
 
         // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
-        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
         let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         let why = "a unknown: the bridge has ended before the outcome";
         let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
@@ -292,7 +303,7 @@ mod tests {
             let decision = commands.decide(to(cell, &request), 9_000_000, &mut batch);
             assert_eq!(outcome(&decision), ("report", outcome_then.into()));
         }
-        store.write(&batch).unwrap();
+        store.write(&batch, &|_| Vec::new()).unwrap();
         // A day later it is forgotten, and too old to be obeyed.
         let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
         commands.forget(later, &mut batch);
@@ -311,14 +322,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
         let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
         let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         let request = write(r#"{"id":"a"}"#, 1_000_000);
         assert_eq!(outcome(&commands.decide(to("c", &request), 1_000_000, &mut batch)).0, "give");
         commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
         // Two days too late, and right again.
         commands.forget(1_000_000 + 2 * DAY, &mut batch);
-        store.write(&batch).unwrap();
+        store.write(&batch, &|_| Vec::new()).unwrap();
         let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, or a clock was wrong";
         let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
         assert_eq!(outcome(&again), ("forgotten", why.into()));
@@ -333,7 +344,8 @@ mod tests {
     #[test]
     fn what_is_no_command_is_refused_with_advice() {
         let folder = tempfile::tempdir().unwrap();
-        let (store, mut batch) = (Store::open(&folder.path().join("store"), 9).unwrap(), Batch::default());
+        let (store, mut batch) =
+            (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
         let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), RATE, &mut batch).unwrap();
         let mut decide = |payload: &Payload, is_allowed| {
             let write = Write { is_allowed, ..to("c", payload) };
@@ -371,7 +383,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("store");
         let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
         let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         let early = write(r#"{"id":"early"}"#, 200_000);
         let (kind, why) = outcome(&commands.decide(to("c", &early), 100_000, &mut batch));
@@ -388,7 +400,7 @@ mod tests {
         // The same bytes when their time has come.
         let again = commands.decide(to("c", &early), 200_000, &mut batch);
         assert_eq!(outcome(&again), ("report", why.clone()));
-        store.write(&batch).unwrap();
+        store.write(&batch, &|_| Vec::new()).unwrap();
         let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
         assert!(unknown.is_empty());
         assert_eq!(outcome(&commands.decide(to("c", &early), 200_000, &mut batch)), ("report", why));
@@ -398,7 +410,8 @@ mod tests {
     #[test]
     fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
         let folder = tempfile::tempdir().unwrap();
-        let (store, mut batch) = (Store::open(&folder.path().join("store"), 9).unwrap(), Batch::default());
+        let (store, mut batch) =
+            (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
         let rate = Rate { per_second: 2.0, burst: 5 };
         let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), rate, &mut batch).unwrap();
         let mut kinds = |cell: &str, ids: core::ops::Range<u32>, now| {

@@ -1,7 +1,7 @@
 //! The file of a hall: the broker, and a table for each cell.
 
 use std::collections::BTreeMap;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -39,11 +39,14 @@ pub struct Hall {
 }
 
 /// The broker.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Broker {
-    /// HOST:PORT.
-    pub address: String,
+    /// HOST:PORT, or several: one after the other is tried.
+    pub address: Addresses,
+    /// The version of MQTT.
+    #[serde(default)]
+    pub mqtt: broker::Version,
     /// Sparkplug's group.
     pub group: String,
     /// Sparkplug's edge node: this bridge, and no other of the group.
@@ -64,6 +67,11 @@ pub struct Broker {
     /// What is refused otherwise, because it is unsafe.
     #[serde(default)]
     pub allow: Vec<Unsafe>,
+    /// Numbers stand for the names of metrics after their birth.
+    #[serde(default)]
+    pub aliases: bool,
+    /// Where each record is published as JSON, too: PREFIX/CELL.
+    pub json: Option<String>,
     /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
     pub qos: u8,
@@ -80,7 +88,7 @@ pub enum Unsafe {
 }
 
 /// PEM files.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TlsFiles {
     /// The certificates of the authorities that may vouch for the broker.
@@ -92,18 +100,18 @@ pub struct TlsFiles {
 }
 
 /// The store.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoreSettings {
     /// Its file.
     pub file: PathBuf,
-    /// The most records; the oldest make room for more.
-    #[serde(default = "million")]
-    pub records: u64,
+    /// The most bytes of its records; the oldest make room for more.
+    #[serde(default = "quarter_of_gib", deserialize_with = "bytes")]
+    pub bytes: u64,
 }
 
 /// Health.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Health {
     /// Where `/metrics` and `/health` are; a port alone is one of this machine's loopback address.
@@ -111,7 +119,7 @@ pub struct Health {
 }
 
 /// Commands.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Commands {
     /// The most that a command's time may differ from now.
@@ -126,7 +134,7 @@ pub struct Commands {
 }
 
 /// A cell.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cell {
     /// The name of its link's crate.
@@ -141,6 +149,34 @@ pub struct Cell {
     /// As `--set` takes them.
     #[serde(default)]
     pub settings: Map<String, Value>,
+    /// Report by exception: by how much a metric, or those of a folder, have to change.
+    pub dead_band: Option<BTreeMap<String, f64>>,
+}
+
+/// One address, or several.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "give an address, or a list of addresses")]
+pub enum Addresses {
+    /// One.
+    One(String),
+    /// Several.
+    Several(Vec<String>),
+}
+
+impl Addresses {
+    /// All of them.
+    pub fn all(&self) -> &[String] {
+        match self {
+            Self::One(address) => core::slice::from_ref(address),
+            Self::Several(addresses) => addresses,
+        }
+    }
+}
+
+impl Display for Addresses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.all().join(", "))
+    }
 }
 
 impl Default for Commands {
@@ -149,6 +185,8 @@ impl Default for Commands {
     }
 }
 
+/// The least bytes of the store's records.
+const SMALLEST: u64 = 16 << 10;
 /// Commands are remembered for longer than this.
 const OLDEST: Duration = Duration::from_secs(3600);
 
@@ -182,6 +220,23 @@ impl Hall {
         Ok(hall)
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The first table that differs and is read at the start only.
+    pub fn differs(&self, other: &Self) -> Option<&'static str> {
+        [
+            ("broker", self.broker == other.broker),
+            ("store", self.store == other.store),
+            ("health", self.health == other.health),
+            ("commands", self.commands == other.commands),
+        ]
+        .into_iter()
+        .find_map(|(name, is_same)| (!is_same).then_some(name))
+    }
+
     /// The error of what has this name in the file, with its line.
     pub fn located(&self, name: &str, error: anyhow::Error) -> anyhow::Error {
         match settings::line_of(&self.text, name) {
@@ -199,8 +254,11 @@ impl Hall {
                 return wrong(name, &error);
             }
         }
-        if let Err(error) = broker.place() {
+        if let Err(error) = broker.places() {
             return wrong("broker.address", &error);
+        }
+        if let Some(Err(error)) = broker.json.as_deref().map(check_prefix) {
+            return wrong("broker.json", &error);
         }
         if let Some(Err(error)) = broker.primary_host.as_deref().map(check_name) {
             return wrong("broker.primary_host", &error);
@@ -217,8 +275,8 @@ impl Hall {
         if broker.tls.as_ref().is_some_and(|tls| tls.certificate.is_some() != tls.key.is_some()) {
             return wrong("broker.tls", &"give certificate and key, or neither");
         }
-        if self.store.records == 0 {
-            return wrong("store.records", &"give 1 or more");
+        if self.store.bytes < SMALLEST {
+            return wrong("store.bytes", &"give 16KiB or more");
         }
         if self.commands.max_age > OLDEST {
             return wrong("commands.max_age", &"give 1h at the most");
@@ -243,15 +301,21 @@ impl Hall {
 }
 
 impl Broker {
-    /// Host and port.
+    /// Where the brokers are.
     ///
     /// # Errors
-    /// When the address is none.
-    pub fn place(&self) -> Result<(String, u16)> {
-        let advice = "give HOST:PORT, such as broker.example:8883";
-        let (host, port) = self.address.rsplit_once(':').context(advice)?;
-        ensure!(!host.is_empty(), advice);
-        Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+    /// When an address is none.
+    pub fn places(&self) -> Result<Vec<Place>> {
+        let places: Vec<Place> =
+            self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
+        ensure!(!places.is_empty(), ADVICE);
+        let is_secure = |place: &Place| place.url.as_ref().is_none_or(|url| url.starts_with("wss:"));
+        let scheme = "give tls for wss://, and none for ws://";
+        ensure!(
+            places.iter().all(|place| place.url.is_none() || is_secure(place) == self.tls.is_some()),
+            scheme
+        );
+        Ok(places)
     }
 
     /// What of the secrets is unsafe and not allowed, and where.
@@ -267,9 +331,10 @@ impl Broker {
                 return Err((name, why));
             }
         }
-        let is_here = self.place().is_ok_and(|(host, _)| {
+        let is_local = |Place { host, .. }: &Place| {
             host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
-        });
+        };
+        let is_here = self.places().is_ok_and(|places| places.iter().all(is_local));
         if self.password_file.is_some()
             && self.tls.is_none()
             && !is_here
@@ -324,6 +389,32 @@ impl Broker {
     }
 }
 
+const ADVICE: &str = "give HOST:PORT, such as broker.example:8883";
+
+/// Where a broker is.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Its name or address.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// All of it, if it is reached over a WebSocket.
+    pub url: Option<String>,
+}
+
+fn place(address: &str) -> Result<Place> {
+    let rest = ["ws://", "wss://"].iter().find_map(|scheme| address.strip_prefix(scheme));
+    ensure!(
+        rest.is_none() || cfg!(feature = "websocket"),
+        "this bridge was built without WebSocket: build it with --features websocket"
+    );
+    let authority = rest.map_or(address, |rest| rest.split('/').next().unwrap_or_default());
+    let (host, port) = authority.rsplit_once(':').context(ADVICE)?;
+    ensure!(!host.is_empty(), ADVICE);
+    let host = host.trim_matches(['[', ']']).to_owned();
+    Ok(Place { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
+}
+
 /// Whether everybody on this machine can read it. That nobody can is said by who reads it.
 fn is_readable(file: &Path) -> bool {
     #[cfg(unix)]
@@ -342,6 +433,12 @@ fn check_name(name: &str) -> Result<()> {
         bail!("a topic's level has no {bad:?}");
     }
     Ok(())
+}
+
+/// Levels of a topic, which is none of Sparkplug's.
+fn check_prefix(prefix: &str) -> Result<()> {
+    ensure!(!prefix.starts_with("spBv1.0") && !prefix.starts_with('$'), "give a topic of your own");
+    prefix.split('/').try_for_each(check_name)
 }
 
 fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
@@ -370,6 +467,19 @@ fn one() -> u8 {
     1
 }
 
-fn million() -> u64 {
-    1_000_000
+fn quarter_of_gib() -> u64 {
+    256 << 20
+}
+
+fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let unit = match text.get(digits.len()..).unwrap_or_default().trim_start() {
+        "KiB" => Some(1 << 10),
+        "MiB" => Some(1 << 20),
+        "GiB" => Some(1 << 30),
+        _ => None,
+    };
+    let bytes = unit.and_then(|unit: u64| digits.parse::<u64>().ok()?.checked_mul(unit));
+    bytes.ok_or_else(|| serde::de::Error::custom("no size with its unit, such as 256MiB"))
 }

@@ -1,9 +1,13 @@
-//! How the bridge is, in the text format of Prometheus.
+//! How the bridge is, in the text format of Prometheus, and for a page.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::{Mutex, PoisonError};
 
+use serde_json::json;
+
+use super::latest::Latest;
+use super::metric;
 use super::uplink::Counts;
 use crate::http::Reply;
 
@@ -14,10 +18,14 @@ pub struct Health(Mutex<Figures>);
 /// How the bridge is.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
+    /// The broker.
+    pub broker: BrokerHealth,
     /// Records are published.
     pub is_online: bool,
     /// Records in the store.
     pub stored: u64,
+    /// The bytes that they have in the store, and the most that they may have.
+    pub stored_bytes: (u64, u64),
     /// Records that the broker was sent and has not acknowledged.
     pub in_flight: usize,
     /// Records made.
@@ -36,8 +44,23 @@ pub struct Figures {
     pub uplink: Counts,
     /// Commands by what became of them.
     pub commands: BTreeMap<&'static str, u64>,
+    /// The latest commands, the latest first.
+    pub latest: Vec<Latest>,
     /// The cells.
     pub cells: Vec<CellHealth>,
+}
+
+/// The broker.
+#[derive(Debug, Clone, Default)]
+pub struct BrokerHealth {
+    /// Where it is.
+    pub address: String,
+    /// Sparkplug's group.
+    pub group: String,
+    /// Sparkplug's edge node.
+    pub node: String,
+    /// Why nothing is published.
+    pub why: String,
 }
 
 /// How a cell is.
@@ -45,8 +68,16 @@ pub struct Figures {
 pub struct CellHealth {
     /// Its name.
     pub name: String,
+    /// Its link.
+    pub link: String,
     /// Its link is connected.
     pub is_connected: bool,
+    /// Since when that is so, in milliseconds since 1970 UTC.
+    pub since: u64,
+    /// Why it is not.
+    pub why: String,
+    /// When its last record was made; 0: none since the bridge was started.
+    pub last_at: u64,
     /// The number of its last record.
     pub number: u64,
     /// So many commands it takes now.
@@ -67,9 +98,11 @@ impl Health {
     pub fn reply(&self, path: &str) -> Reply {
         let figures = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         match path {
-            "/metrics" => {
-                Reply { status: 200, kind: "text/plain; version=0.0.4; charset=utf-8", body: figures.text() }
-            }
+            "/metrics" => Reply::new(200, "text/plain; version=0.0.4; charset=utf-8", figures.text()),
+            "/" => Reply::new(200, "text/html; charset=utf-8", include_str!("page/index.html")),
+            "/page.css" => Reply::new(200, "text/css; charset=utf-8", include_str!("page/page.css")),
+            "/page.js" => Reply::new(200, "text/javascript; charset=utf-8", include_str!("page/page.js")),
+            "/events" => Reply { is_live: true, ..Reply::new(200, "text/event-stream", figures.event()) },
             "/health" => {
                 let (status, body) = if figures.is_stuck {
                     (503, "the store cannot be written\n")
@@ -78,18 +111,39 @@ impl Health {
                 } else {
                     (503, "no broker, or no host application\n")
                 };
-                Reply { status, kind: "text/plain; charset=utf-8", body: body.into() }
+                Reply::new(status, "text/plain; charset=utf-8", body)
             }
-            _ => Reply {
-                status: 404,
-                kind: "text/plain; charset=utf-8",
-                body: "there are /metrics and /health\n".into(),
-            },
+            _ => Reply::new(404, "text/plain; charset=utf-8", "there are /, /metrics and /health\n"),
         }
     }
 }
 
 impl Figures {
+    /// What the page shows, as an event: one line.
+    fn event(&self) -> String {
+        let cell = |cell: &CellHealth| {
+            json!({
+                "name": cell.name, "link": cell.link, "alive": cell.is_connected, "since": cell.since, "why": cell.why,
+                "last": cell.last_at, "number": cell.number, "held": cell.held,
+            })
+        };
+        let BrokerHealth { address, group, node, why } = &self.broker;
+        let dropped = self.dropped_full + self.dropped_busy + self.dropped_orphans + self.uplink.refused;
+        let (used, limit) = self.stored_bytes;
+        let view = json!({
+            "now": metric::now(),
+            "broker": {"address": address, "group": group, "node": node, "online": self.is_online, "why": why},
+            "store": {
+                "records": self.stored, "bytes": used, "limit": limit, "stuck": self.is_stuck, "dropped": dropped,
+            },
+            "records": self.records,
+            "counts": self.commands,
+            "commands": self.latest,
+            "cells": self.cells.iter().map(cell).collect::<Vec<_>>(),
+        });
+        format!("data: {view}\n\n")
+    }
+
     fn text(&self) -> String {
         let mut text = String::new();
         let mut family = |name: &str, kind: &str, help: &str, samples: &[(String, f64)]| {
@@ -104,6 +158,9 @@ impl Figures {
         family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
         family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
         family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
+        let (used, most) = self.stored_bytes;
+        family("store_bytes", "gauge", "What the records have in the store.", &one(used));
+        family("store_limit_bytes", "gauge", "Beyond this the oldest records make room.", &one(most));
         family(
             "in_flight_records",
             "gauge",
@@ -214,7 +271,11 @@ mod tests {
         assert_eq!((health.reply("/health").status, health.reply("/x").status), (503, 404));
         let cells = vec![CellHealth {
             name: "a \"b\\".into(),
+            link: "isra-ball".into(),
             is_connected: true,
+            since: 0,
+            why: "<b>\n".into(),
+            last_at: 0,
             number: 7,
             commands_left: 2.5,
             refusals: vec![("rate", 4)],
@@ -222,6 +283,12 @@ mod tests {
         }];
         health.set(Figures { is_online: true, stored: 3, cells, ..Figures::default() });
         assert_eq!(health.reply("/health").status, 200);
+        let event = health.reply("/events").body;
+        assert!(
+            event.starts_with("data: {") && event.ends_with("}\n\n") && event.lines().count() == 2,
+            "{event}"
+        );
+        assert!(event.contains(r#""why":"<b>\n""#), "{event}");
         let text = health.reply("/metrics").body;
         for line in [
             "# TYPE cellwire_bridge_online gauge",

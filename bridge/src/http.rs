@@ -3,21 +3,23 @@
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Poll, ready};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use http_body_util::Full;
-use hyper::body::{Body as _, Bytes, Incoming};
-use hyper::header::{CONTENT_TYPE, HeaderValue};
+use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
+use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::TokioIo;
+use socket2::SockRef;
 use tokio::runtime::Builder;
 use tokio::task::JoinHandle;
-use tokio::time::{sleep, timeout};
+use tokio::time::{Interval, interval, sleep};
 
 /// So many connections at once; one more takes the place of the oldest.
 const MOST: usize = 16;
@@ -25,6 +27,22 @@ const MOST: usize = 16;
 const HEAD: usize = 8 * 1024;
 /// A connection lasts so long at most: one request and its answer.
 const LONGEST: Duration = Duration::from_secs(5);
+/// What is live is sent so often, until the client goes; one that has not taken anything for [`LONGEST`] is dropped.
+const EVERY: Duration = Duration::from_secs(1);
+/// What the system keeps for a client that does not read, in bytes.
+const UNREAD: usize = 64 * 1024;
+/// A page has everything from here, and nobody puts it into a page of his own.
+const HEADERS: [(HeaderName, &str); 5] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; \
+         form-action 'none'; frame-ancestors 'none'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (header::CACHE_CONTROL, "no-store"),
+];
 /// Where the system has no descriptor for another connection it is asked again so often.
 const RETRY: Duration = Duration::from_millis(100);
 
@@ -37,6 +55,15 @@ pub struct Reply {
     pub kind: &'static str,
     /// The content.
     pub body: String,
+    /// It is an event, and followed by others for as long as the client reads.
+    pub is_live: bool,
+}
+
+impl Reply {
+    /// An answer that is there at once.
+    pub fn new(status: u16, kind: &'static str, body: impl Into<String>) -> Self {
+        Self { status, kind, body: body.into(), is_live: false }
+    }
 }
 
 /// Answers every `GET` with what `reply` makes of its path, until the process ends. Returns where it listens.
@@ -70,33 +97,106 @@ async fn accept(listener: TcpListener, reply: Arc<impl Fn(&str) -> Reply + Send 
         {
             oldest.abort();
         }
+        let _ = SockRef::from(&stream).set_send_buffer_size(UNREAD);
         let reply = Arc::clone(&reply);
         open.push_back(tokio::spawn(async move {
-            let service = service_fn(move |request| {
-                let response = answer(&request, &*reply);
+            let taken = Arc::new(Mutex::new(Instant::now()));
+            let service = service_fn(|request| {
+                let response = answer(&request, &reply, &taken);
                 async { Ok::<_, Infallible>(response) }
             });
             let connection = http1::Builder::new()
                 .keep_alive(false)
                 .max_buf_size(HEAD)
                 .serve_connection(TokioIo::new(stream), service);
+            let silent = async {
+                loop {
+                    let left = LONGEST.saturating_sub(lock(&taken).elapsed());
+                    if left.is_zero() {
+                        break;
+                    }
+                    sleep(left).await;
+                }
+            };
             // What a stranger sends, or does not read, is nobody's error.
-            let _ = timeout(LONGEST, connection).await;
+            tokio::select! { _ = connection => {}, () = silent => {} }
         }));
     }
 }
 
-fn answer(request: &Request<Incoming>, reply: &impl Fn(&str) -> Reply) -> Response<Full<Bytes>> {
-    let plain = |status, body: &str| Reply { status, kind: "text/plain", body: body.into() };
-    let Reply { status, kind, body } = if !request.body().is_end_stream() {
+fn answer<R: Fn(&str) -> Reply>(
+    request: &Request<Incoming>,
+    reply: &Arc<R>,
+    taken: &Arc<Mutex<Instant>>,
+) -> Response<Content<R>> {
+    let plain = |status, body: &str| Reply::new(status, "text/plain", body);
+    let path = request.uri().path();
+    let Reply { status, kind, body, is_live } = if !request.body().is_end_stream() {
         plain(413, "a request has no body here\n")
     } else if request.method() == Method::GET || request.method() == Method::HEAD {
-        reply(request.uri().path())
+        reply(path)
     } else {
         plain(405, "only GET\n")
     };
-    let mut response = Response::new(Full::from(body));
+    let live = is_live.then(|| Live {
+        every: interval(EVERY),
+        path: path.to_owned(),
+        reply: Arc::clone(reply),
+        taken: Arc::clone(taken),
+    });
+    let mut response = Response::new(Content { first: Some(body.into()), live });
     *response.status_mut() = StatusCode::from_u16(status).unwrap_or_default();
-    response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(kind));
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
+    response.headers_mut().extend(HEADERS.map(|(name, value)| (name, HeaderValue::from_static(value))));
     response
+}
+
+/// The content of an answer.
+struct Content<R> {
+    first: Option<Bytes>,
+    live: Option<Live<R>>,
+}
+
+/// What follows, again and again. It is asked for more when what there was is written.
+struct Live<R> {
+    every: Interval,
+    path: String,
+    reply: Arc<R>,
+    taken: Arc<Mutex<Instant>>,
+}
+
+impl<R: Fn(&str) -> Reply> Body for Content<R> {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut core::task::Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        let content = &mut *self;
+        let data = match &mut content.live {
+            None => content.first.take(),
+            Some(live) => {
+                *lock(&live.taken) = Instant::now();
+                ready!(live.every.poll_tick(context));
+                Some(content.first.take().unwrap_or_else(|| (live.reply)(&live.path).body.into()))
+            }
+        };
+        Poll::Ready(data.map(|data| Ok(Frame::data(data))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.live.is_none() && self.first.is_none()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        match (&self.live, &self.first) {
+            (None, first) => SizeHint::with_exact(first.as_ref().map_or(0, |first| first.len() as u64)),
+            (Some(_), _) => SizeHint::default(),
+        }
+    }
+}
+
+fn lock(taken: &Mutex<Instant>) -> MutexGuard<'_, Instant> {
+    taken.lock().unwrap_or_else(PoisonError::into_inner)
 }

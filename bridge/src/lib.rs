@@ -4,27 +4,33 @@
 
 #![allow(clippy::std_instead_of_core, reason = "a program with std")]
 
+pub mod bands;
 pub mod broker;
 pub mod bucket;
 pub mod cell;
 mod command;
 pub mod commands;
+pub mod compact;
 pub mod end;
 pub mod hall;
 pub mod health;
 pub mod holds;
 pub mod http;
 pub mod hub;
+pub mod latest;
 pub mod links;
 pub mod metric;
 pub mod node;
 mod notify;
 pub mod outages;
 pub mod payload;
+pub mod plain;
 pub mod reconnect;
 pub mod refusals;
 pub mod remembered;
 pub mod report;
+pub mod ring;
+pub mod signals;
 pub mod store;
 pub mod uplink;
 

@@ -109,11 +109,12 @@ impl Node {
         device: &str,
         definitions: &[Definition],
         value: impl Fn(&str) -> Option<(u64, &'a Value)>,
+        alias: impl Fn(&str) -> Option<u64>,
     ) -> Publication {
         let now = metric::now();
         let metrics = definitions.iter().map(|Definition { name, kind }| {
             let (at, value) = value(name).map_or((now, None), |(at, value)| (at, Some(value.clone())));
-            Metric::new(name, *kind, at, value)
+            Metric { alias: alias(name), ..Metric::new(name, *kind, at, value) }
         });
         self.numbered("DBIRTH", Some(device), metrics.collect())
     }
@@ -231,7 +232,8 @@ mod tests {
         let node = Node::new("g", "n", 0);
         let value = Value::Boolean(true);
         let definitions = [define("a", Kind::Boolean), define("b", Kind::String)];
-        let birth = node.device_birth("d", &definitions, |name| (name == "a").then_some((5, &value)));
+        let birth =
+            node.device_birth("d", &definitions, |name| (name == "a").then_some((5, &value)), |_| None);
         assert_eq!(birth.topic, "spBv1.0/g/DBIRTH/n/d");
         let [a, b] = &read(&birth).metrics[..] else { panic!("two metrics") };
         assert_eq!(a, &Metric::new("a", Kind::Boolean, 5, Some(Value::Boolean(true))));

@@ -20,9 +20,12 @@ pub struct Payload {
 /// A named value.
 #[derive(Clone, PartialEq, Message)]
 pub struct Metric {
-    /// Its name; in a command it may be missing where an alias is given, and the bridge gives no aliases.
+    /// Its name; missing where an alias stands for it.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
+    /// What stands for the name since the last birth.
+    #[prost(uint64, optional, tag = "2")]
+    pub alias: Option<u64>,
     /// When the value was read, in milliseconds since 1970 UTC.
     #[prost(uint64, optional, tag = "3")]
     pub timestamp: Option<u64>,
@@ -119,6 +122,20 @@ impl Kind {
     pub fn number(self) -> u32 {
         self as u32
     }
+
+    /// The kind of this number.
+    pub fn of(number: u32) -> Option<Self> {
+        [Self::Int64, Self::Float, Self::Double, Self::Boolean, Self::String]
+            .into_iter()
+            .find(|kind| kind.number() == number)
+    }
+}
+
+impl Quality {
+    /// The quality of this number.
+    pub fn of(number: u32) -> Option<Self> {
+        [Self::Bad, Self::Stale].into_iter().find(|quality| *quality as u32 == number)
+    }
 }
 
 impl Metric {
@@ -126,6 +143,7 @@ impl Metric {
     pub fn new(name: &str, kind: Kind, timestamp: u64, value: Option<Value>) -> Self {
         Self {
             name: Some(name.to_owned()),
+            alias: None,
             timestamp: Some(timestamp),
             datatype: Some(kind.number()),
             is_historical: None,
@@ -141,6 +159,11 @@ impl Metric {
         let quality = Property { datatype: Some(3), value: Some(quality as u32) };
         let properties = Properties { keys: vec!["Quality".into()], values: vec![quality] };
         Self { properties: Some(properties), ..Self::new(name, kind, timestamp, None) }
+    }
+
+    /// The number of its quality, of what has no value.
+    pub fn quality(&self) -> Option<u32> {
+        self.properties.as_ref()?.values.first()?.value
     }
 }
 
@@ -189,8 +212,8 @@ mod tests {
 
     #[test]
     fn what_the_bridge_does_not_know_is_skipped() {
-        // uuid (4) and a metric with an alias (2) and a value of bytes (16).
-        let bytes = [0x12, 0x07, 0x10, 0x09, 0x82, 0x01, 0x02, 1, 2, 0x22, 0x01, b'u', 0x18, 0x03];
+        // uuid (4) and a metric with is_transient (6) and a value of bytes (16).
+        let bytes = [0x12, 0x07, 0x30, 0x01, 0x82, 0x01, 0x02, 1, 2, 0x22, 0x01, b'u', 0x18, 0x03];
         let payload = Payload::decode(&bytes[..]).unwrap();
         assert_eq!(
             (payload.seq, payload.metrics.len(), payload.metrics[0].value.clone()),

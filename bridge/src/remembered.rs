@@ -189,12 +189,12 @@ mod tests {
     #[test]
     fn what_an_earlier_format_has_forgotten_is_forgotten_by_each_cell() {
         let folder = tempfile::tempdir().unwrap();
-        let mut store = Store::open(&folder.path().join("store"), 9).unwrap();
+        let mut store = Store::open(&folder.path().join("store"), 1 << 16).unwrap();
         let names = vec![("forgotten".into(), Some("7".into()))];
-        store.write(&Batch { names, ..Batch::default() }).unwrap();
+        store.write(&Batch { names, ..Batch::default() }, &|_| Vec::new()).unwrap();
         let mut batch = Batch::default();
         Remembered::migrate(&store, ["a".to_owned(), "b".to_owned()].iter(), &mut batch).unwrap();
-        store.write(&batch).unwrap();
+        store.write(&batch, &|_| Vec::new()).unwrap();
         let cells = Remembered::open(&store).unwrap();
         assert!(
             ["a", "b"].iter().all(|cell| cells[*cell].bars(7).is_some() && cells[*cell].bars(8).is_none())

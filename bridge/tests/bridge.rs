@@ -20,6 +20,8 @@ mod held;
 mod http;
 #[path = "bridge/limits.rs"]
 mod limits;
+#[path = "bridge/operation.rs"]
+mod operation;
 #[path = "../../cellwire/tests/tool/running.rs"]
 mod tool;
 

@@ -9,26 +9,29 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
+pub mod earlier;
+mod power;
 mod records;
+mod reload;
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde_json::{Value as Json, json};
 
 use super::bucket::Rate;
-use super::cell::Cell;
+use super::cell::{Cell, Next};
 use super::commands::{Commands, Decision, Interrupted, Write};
-use super::end::End;
-use super::hall::Hall;
-use super::health::{Figures, Health};
+use super::compact::Words;
+use super::hall::{Broker, Hall};
+use super::health::{BrokerHealth, Figures, Health};
+use super::latest;
 use super::links::Client;
-use super::metric::{self, CONNECTED, EVENT, NUMBER, STORE};
+use super::metric::{self, COMMAND, CONNECTED, DETAIL, EVENT, Named};
 use super::notify::Notify;
 use super::outages::Outages;
 use super::payload::{Payload, Quality, Value};
@@ -58,13 +61,22 @@ const REASONS: usize = 200;
 #[allow(missing_debug_implementations, reason = "it holds a store")]
 pub struct Hub<'a> {
     cells: Vec<Cell>,
-    threads: Vec<JoinHandle<()>>,
     places: Places,
+    /// What the store has of every cell, also of those that are not in the hall's file.
+    numbers: HashMap<String, u64>,
+    /// The name of the store.
+    identity: String,
+    /// What the cells that begin report to.
+    sender: SyncSender<Input>,
+    hall: Hall,
+    /// The hall's file is to be read anew.
+    reload: Arc<AtomicBool>,
     store: Store,
+    words: Words,
     uplink: Uplink,
     commands: Commands,
+    latest: latest::Commands,
     inbox: Receiver<Input>,
-    stop: Arc<AtomicBool>,
     busy: Arc<AtomicU64>,
     health: Arc<Health>,
     figures: Figures,
@@ -94,16 +106,37 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// When the store cannot be opened, or the system has no room for a thread.
     pub fn start(
-        hall: &Hall,
+        hall: Hall,
         clients: Vec<Client>,
         health: Arc<Health>,
+        reload: Arc<AtomicBool>,
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
-        let mut store = Store::open(&hall.store.file, hall.store.records)?;
+        let mut store = Store::open(&hall.store.file, hall.store.bytes)?;
         let mut turn = Turn::default();
-        if store.upgrade(&mut turn.batch)? {
+        let mut words = Words::open(&store)?;
+        for (name, client) in hall.cell.keys().zip(&clients) {
+            words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
+        }
+        let Broker { address, group, node, .. } = &hall.broker;
+        let broker = BrokerHealth {
+            address: address.to_string(),
+            group: group.clone(),
+            node: node.clone(),
+            why: String::new(),
+        };
+        let mut figures = Figures { broker, ..Figures::default() };
+        if store.is_older()? {
             Remembered::migrate(&store, hall.cell.keys(), &mut turn.batch)?;
-            store.write(&core::mem::take(&mut turn.batch))?;
+            let names = core::mem::take(&mut turn.batch.names);
+            figures.dropped_orphans = store.upgrade(names, |record| earlier::convert(record, &words))?;
+        }
+        let mut numbers = records::numbers_of(&mut store, &words)?;
+        if power::is_lost(&store, &mut turn.batch)? {
+            let why = "the machine has ended without the bridge: what was reported in the last moments before may be lost, and the \
+                       numbers of records have a gap";
+            log(json!({"store": "power", "why": why}));
+            hall.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::JUMP);
         }
         let identity = match store.get("store")? {
             Some(identity) => identity,
@@ -116,50 +149,24 @@ impl<'a> Hub<'a> {
         let rate = Rate { per_second: hall.commands.rate, burst: hall.commands.burst };
         let (commands, unknown) = Commands::open(&store, hall.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
-        let (stop, busy) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (mut cells, mut threads) = (Vec::new(), Vec::new());
-        for (place, ((name, cell), client)) in hall.cell.iter().zip(clients).enumerate() {
-            let (commands, inbox) = channel();
-            let number: u64 =
-                store.get(&number_of(name))?.and_then(|text| text.parse().ok()).unwrap_or_default();
-            let now = metric::now();
-            let values = [
-                (STORE, metric::text(&*identity)),
-                (NUMBER, uplink::number(number)),
-                (CONNECTED, Value::Boolean(false)),
-            ];
-            cells.push(Cell {
-                name: name.clone(),
-                definitions: client.definitions().collect(),
-                values: values.into_iter().map(|(name, value)| (name, (now, value))).collect(),
-                is_connected: false,
-                is_born: false,
-                number,
-                kept: number,
-                last_at: 0,
-                takes_commands: cell.commands,
-                commands,
-            });
-            let end =
-                End::new(place, SyncSender::clone(&sender), inbox, Arc::clone(&stop), Arc::clone(&busy));
-            let thread = thread::Builder::new().name(name.clone());
-            let thread = thread.spawn(move || client.run(end));
-            threads.push(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
-        }
-        let places = cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let uplink = Uplink::new(&hall.broker, bd_seq, sender)?;
-        let (figures, forget_at, show_at) = (Figures::default(), Instant::now(), Instant::now());
+        let uplink = Uplink::new(&hall.broker, bd_seq, sender.clone())?;
+        let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
-            cells,
-            threads,
-            places,
+            cells: Vec::new(),
+            places: Places::new(),
+            numbers,
+            identity,
+            sender,
+            hall,
+            reload,
             store,
+            words,
             uplink,
             commands,
+            latest: latest::Commands::default(),
             inbox,
-            stop,
-            busy,
+            busy: Arc::default(),
             health,
             figures,
             log,
@@ -171,6 +178,9 @@ impl<'a> Hub<'a> {
             show_at,
             notify: Notify::from_environment(),
         };
+        for ((name, cell), client) in hub.hall.cell.clone().iter().zip(clients) {
+            hub.begin(name, cell, client)?;
+        }
         for Interrupted { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
             hub.count("unknown");
@@ -190,12 +200,16 @@ impl<'a> Hub<'a> {
             self.turn(false)?;
         }
         self.notify.say("STOPPING=1");
-        self.stop.store(true, Ordering::Relaxed);
+        self.cells.iter().for_each(|cell| cell.stop.store(true, Ordering::Relaxed));
         // What the links report last is kept, and published if there is a broker.
-        self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
+        self.until(|hub| hub.cells.iter().all(Cell::has_ended))?;
         self.turn(true)?;
         self.uplink.disconnect();
-        self.until(|hub| hub.uplink.is_offline())
+        self.until(|hub| hub.uplink.is_offline())?;
+        // Everything is on the disk, and no loss of power after this is one of records.
+        let mut batch = Batch::default();
+        power::ended(&mut batch);
+        self.write(&mut batch)
     }
 
     /// Until it is so, but not for long.
@@ -214,20 +228,31 @@ impl<'a> Hub<'a> {
             .uplink
             .due()
             .filter(|_| !ends)
+            .into_iter()
+            .chain(self.store.due())
+            .min()
             .map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
+        let (over, mut is_drained) = (self.over(), true);
         match self.inbox.recv_timeout(due) {
             Ok(input) => {
+                is_drained = false;
                 self.take(input, &mut turn);
                 let gathered = Instant::now() + GATHER;
                 for _ in 0..MOST {
                     let left = gathered.saturating_duration_since(Instant::now());
                     match self.inbox.recv_timeout(left) {
                         Ok(input) => self.take(input, &mut turn),
-                        Err(_) => break,
+                        Err(_) => {
+                            is_drained = true;
+                            break;
+                        }
                     }
                 }
             }
             Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+        }
+        if !ends {
+            self.renew(if is_drained { over } else { Vec::new() }, &mut turn)?;
         }
         if now >= self.forget_at {
             self.forget_at = now + FORGET;
@@ -247,7 +272,7 @@ impl<'a> Hub<'a> {
                 let _ = cell.commands.send(command);
             }
         }
-        if let Some(why) = self.uplink.turn(&self.store, &mut self.cells, &self.places)? {
+        if let Some(why) = self.uplink.turn((&mut self.store, &self.words), &mut self.cells, &self.places)? {
             self.lost(why);
         }
         if now >= self.show_at {
@@ -265,14 +290,27 @@ impl<'a> Hub<'a> {
                     _ => None,
                 });
                 if let (Some(is_connected), Some(cell)) = (is_connected, self.cells.get_mut(place)) {
-                    cell.is_connected = is_connected;
-                    let event = named.iter().find_map(|(name, value)| match value {
+                    if core::mem::replace(&mut cell.is_connected, is_connected) != is_connected {
+                        cell.since = at;
+                    }
+                    let event: Option<Json> = named.iter().find_map(|(name, value)| match value {
                         Value::String(text) if *name == EVENT => serde_json::from_str(text).ok(),
                         _ => None,
                     });
+                    let why = event.as_ref().and_then(|event| event.get("why")?.as_str());
+                    cell.why = why.unwrap_or_default().to_owned();
                     (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
+                let mut named = named;
                 let quality = (is_connected == Some(false)).then_some(Quality::Stale);
+                if let Some(cell) = self.cells.get(place)
+                    && let Some(bands) = &cell.bands
+                {
+                    bands.filter(&mut named, |name| cell.values.get(name).map(|(_, value)| value));
+                    if named.is_empty() {
+                        return;
+                    }
+                }
                 self.record_with(place, at, named, quality, &mut turn.batch);
             }
             Input::Cell(place, Report { at, what: What::Bad(named) }) => {
@@ -286,6 +324,7 @@ impl<'a> Hub<'a> {
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
                 let Some(cell) = self.cells.get(place) else { return };
                 (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}));
+                self.latest.note(&cell.name, &id, at, outcome, &detail);
                 let named = self.commands.finish(&cell.name, &id, outcome, detail, &mut turn.batch);
                 self.count(outcome.name());
                 self.record(place, at, named, &mut turn.batch);
@@ -301,8 +340,9 @@ impl<'a> Hub<'a> {
         match event {
             Event::None => {}
             Event::Connected => {
+                self.figures.broker.why.clear();
                 if self.outages.over(Instant::now()) {
-                    (self.log)(json!({"broker": "connected"}));
+                    (self.log)(json!({"broker": "connected", "address": self.uplink.address()}));
                 }
             }
             Event::Held { place, why } => self.held(place, &why),
@@ -314,12 +354,13 @@ impl<'a> Hub<'a> {
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
             Event::Strange(why) => self.strange(why),
-            Event::Write { device, payload, unfit } => self.command(&device, &payload, unfit, turn),
+            Event::Write { device, payload, unfit } => self.command(&device, payload, unfit, turn),
         }
     }
 
     /// Once for each reason: it is tried for as long as it takes.
     fn lost(&mut self, why: String) {
+        self.figures.broker.why.clone_from(&why);
         if self.outages.is_news(&why, Instant::now()) {
             (self.log)(json!({"broker": "disconnected", "why": why}));
         }
@@ -352,18 +393,30 @@ impl<'a> Hub<'a> {
         }
     }
 
-    fn command(&mut self, device: &str, payload: &Payload, unfit: Option<String>, turn: &mut Turn) {
+    fn command(&mut self, device: &str, payload: Payload, unfit: Option<String>, turn: &mut Turn) {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
             return self.strange(format!("a command for {device}, which is no cell"));
         };
+        if cell.is_gone() {
+            return self.strange(format!("a command for {device}, which is a cell no more"));
+        }
+        let is_changing = matches!(cell.next, Next::Another(_));
+        let unfit = unfit.or_else(|| is_changing.then(|| "the cell is being changed: order anew".into()));
+        let mut payload = payload;
+        for metric in &mut payload.metrics {
+            let named = metric.alias.filter(|_| metric.name.is_none());
+            metric.name =
+                named.and_then(|alias| cell.by_alias(place, alias)).map(str::to_owned).or(metric.name.take());
+        }
         let now = metric::now();
         let is_allowed = cell.takes_commands;
-        let write = Write { cell: device, is_allowed, payload, unfit: unfit.as_deref() };
+        let write = Write { cell: device, is_allowed, payload: &payload, unfit: unfit.as_deref() };
         match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
                 (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
+                self.latest.note(device, &command.id, now, Outcome::Accepted, "");
                 self.record(place, now, named, &mut turn.batch);
                 self.count("accepted");
                 turn.give.push((place, command));
@@ -375,6 +428,9 @@ impl<'a> Hub<'a> {
             Decision::Refuse(why, named) => {
                 self.count("not_given");
                 *self.refusals.entry((place, why)).or_default() += 1;
+                if let (Some(id), Some(detail)) = (text_of(&named, COMMAND), text_of(&named, DETAIL)) {
+                    self.latest.note(device, id, now, Outcome::Refused, detail);
+                }
                 self.record(place, now, named, &mut turn.batch);
             }
             Decision::Strange(why) => {
@@ -387,6 +443,10 @@ impl<'a> Hub<'a> {
     }
 }
 
-fn number_of(cell: &str) -> String {
-    format!("number/{cell}")
+/// The text of a metric.
+fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
+    named.iter().find_map(|(found, value)| match value {
+        Value::String(text) if *found == name => Some(text.as_str()),
+        _ => None,
+    })
 }

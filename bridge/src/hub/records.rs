@@ -1,5 +1,6 @@
 //! The records of the hub: how they are made, written and shown.
 
+use std::collections::HashMap;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -7,15 +8,18 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use serde_json::json;
 
-use super::{Hub, number_of};
-use crate::cell::in_order;
-use crate::health::{CellHealth, Figures};
+use super::Hub;
+use crate::cell::{Cell, in_order};
+use crate::compact::{Record, Words};
+use crate::health::{BrokerHealth, CellHealth, Figures};
 use crate::metric::{self, NUMBER, Named};
-use crate::payload::{Metric, Payload, Quality, Value};
-use crate::store::Batch;
+use crate::payload::{Metric, Quality, Value};
+use crate::store::{Batch, Kept, Names, Store, Written};
 use crate::uplink;
 use cellwire::io::interrupt;
 
+/// In the store, before the name of a cell: the number of its last record.
+const NUMBERS: &str = "number/";
 /// A disk that takes nothing is tried again so often.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -53,25 +57,22 @@ impl Hub<'_> {
             }
         }
         metrics.extend(quality.into_iter().flat_map(|quality| cell.nulls(at, quality)));
-        batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
+        batch.append.push(self.words.pack(&cell.name, at, &metrics));
         self.figures.records += 1;
     }
 
     /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
     pub(super) fn write(&mut self, batch: &mut Batch) -> Result<()> {
-        let news = self.cells.iter_mut().filter(|cell| cell.number != cell.kept);
-        batch.names.extend(news.map(|cell| {
-            cell.kept = cell.number;
-            (number_of(&cell.name), Some(cell.number.to_string()))
-        }));
-        if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() {
+        let is_due = self.store.due().is_some_and(|due| due <= Instant::now());
+        if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() && !is_due {
             return Ok(());
         }
         let mut logged = String::new();
-        let dropped = loop {
+        let Written { dropped, kept } = loop {
             let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
-            let error = match opened.and_then(|()| self.store.write(batch)) {
-                Ok(dropped) => break dropped,
+            let numbers = |kept| numbers(&self.cells, kept);
+            let error = match opened.and_then(|()| self.store.write(batch, &numbers)) {
+                Ok(written) => break written,
                 Err(error) if interrupt::requested() => return Err(error),
                 Err(error) => format!("{error:#}"),
             };
@@ -84,11 +85,19 @@ impl Hub<'_> {
             self.show();
             thread::sleep(RETRY);
         };
+        for cell in &mut self.cells {
+            match kept {
+                Some(Kept::Now) => cell.kept = cell.number,
+                Some(Kept::Before) => cell.kept = cell.written,
+                None => {}
+            }
+            cell.written = cell.number;
+        }
         if core::mem::take(&mut self.figures.is_stuck) {
             (self.log)(json!({"store": "written"}));
         }
         if dropped > 0 && self.figures.dropped_full == 0 {
-            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
+            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.bytes"}));
         }
         if dropped > 0 {
             let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);
@@ -105,7 +114,8 @@ impl Hub<'_> {
     pub(super) fn show(&mut self) {
         self.notify.lives(Instant::now());
         let now = metric::now();
-        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
+        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone());
+        let cells = known.map(|(place, cell)| CellHealth {
             commands_left: self.commands.left(&cell.name, now),
             refusals: self
                 .refusals
@@ -113,21 +123,58 @@ impl Hub<'_> {
                 .map(|((_, why), count)| (*why, *count))
                 .collect(),
             name: cell.name.clone(),
+            link: cell.link.clone(),
             is_connected: cell.is_connected,
+            since: cell.since,
+            why: cell.why.clone(),
+            last_at: cell.last_at,
             number: cell.number,
             held: self.uplink.held(place),
         });
         self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
+        let waits = self.uplink.waits_for().map(|host| format!("waits for the host application {host}"));
+        let why = waits.unwrap_or_else(|| self.figures.broker.why.clone());
         self.health.set(Figures {
             cells: cells.collect(),
+            broker: BrokerHealth { why, address: self.uplink.address(), ..self.figures.broker.clone() },
+            latest: self.latest.list(),
             is_online: self.uplink.is_online(),
             stored: self.store.len(),
+            stored_bytes: self.store.bytes(),
             in_flight: self.uplink.in_flight(),
             uplink: self.uplink.counts,
             commands: self.figures.commands.clone(),
             ..self.figures
         });
     }
+}
+
+/// The number of each cell's last record: what is kept of them, and what was written since.
+pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<String, u64>> {
+    let mut numbers = HashMap::new();
+    for (name, number) in store.names(NUMBERS)? {
+        let cell = name.strip_prefix(NUMBERS).unwrap_or_default();
+        numbers.insert(cell.to_owned(), number.parse().unwrap_or_default());
+    }
+    store.each(|bytes| {
+        let Some(Record { cell, metrics }) = words.unpack(bytes) else { return };
+        let number = metrics.iter().find(|metric| metric.name.as_deref() == Some(NUMBER));
+        if let Some(Value::Long(number)) = number.and_then(|metric| metric.value.as_ref()) {
+            let last: &mut u64 = numbers.entry(cell).or_default();
+            *last = (*last).max(*number);
+        }
+    })?;
+    Ok(numbers)
+}
+
+/// The numbers of the cells, where they are not kept: those of before the batch that is being written, or those with it.
+fn numbers(cells: &[Cell], kept: Kept) -> Names {
+    let number = |cell: &Cell| match kept {
+        Kept::Before => cell.written,
+        Kept::Now => cell.number,
+    };
+    let news = cells.iter().filter(|cell| cell.kept != number(cell));
+    news.map(|cell| (format!("{NUMBERS}{}", cell.name), Some(number(cell).to_string()))).collect()
 }
 
 /// Whether it is none of those that are no number, or infinite.

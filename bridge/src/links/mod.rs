@@ -11,26 +11,36 @@ mod paced;
 mod telemetry;
 mod viewer;
 
+use std::fmt;
+
 use anyhow::{Context, Result, ensure};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
+use super::bands::Bands;
 use super::end::End;
 use super::hall::{Cell, Hall};
 use super::metric::{COMMON, Definition};
 use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
-#[allow(missing_debug_implementations, reason = "it holds what runs")]
 pub struct Client {
     /// The metrics of its own.
     metrics: &'static [Definition],
+    /// By how much they have to change to be reported.
+    pub bands: Option<Bands>,
     run: Box<dyn FnOnce(End) + Send>,
+}
+
+impl fmt::Debug for Client {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Client")
+    }
 }
 
 impl Client {
     fn new(metrics: &'static [Definition], run: impl FnOnce(End) + Send + 'static) -> Self {
-        Self { metrics, run: Box::new(run) }
+        Self { metrics, bands: None, run: Box::new(run) }
     }
 
     /// Every metric that it may report.
@@ -53,6 +63,7 @@ pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
         client(cell).map_err(|error| {
             let place = match error.downcast_ref::<Refused>() {
                 Some(refused) => format!("cell.{name}.settings.{}", refused.name),
+                None if error.is::<WrongBand>() => format!("cell.{name}.dead_band"),
                 None => format!("cell.{name}"),
             };
             hall.located(&place, error.context(format!("cell {name}")))
@@ -72,7 +83,22 @@ fn client(cell: &Cell) -> Result<Client> {
     );
     let name = cellwire_links::Link::by_name(&cell.link)?.name;
     let link = links().into_iter().find(|link| link.name == name);
-    (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)
+    let mut client = (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)?;
+    if let Some(given) = &cell.dead_band {
+        let definitions: Vec<_> = client.definitions().collect();
+        client.bands = Some(Bands::of(given, &definitions).context(WrongBand)?);
+    }
+    Ok(client)
+}
+
+/// A dead band is wrong.
+#[derive(Debug)]
+struct WrongBand;
+
+impl fmt::Display for WrongBand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dead_band")
+    }
 }
 
 /// What can be set of each link's client, by the name of the link.

@@ -7,10 +7,10 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use prost::Message;
 
 use super::cell::Cell;
-use super::hall::Broker;
+use super::compact::Words;
+use super::hall::{Broker, Place};
 use super::holds::{Holds, Refused};
 use super::metric::{self, whole};
 use super::node::{Node, Publication, Received};
@@ -33,21 +33,16 @@ pub const BD_SEQ: &str = "bdseq";
 /// The places of the cells, by their names.
 pub type Places = HashMap<String, usize>;
 
-/// A record as it is in the store.
-#[derive(Clone, PartialEq, Message)]
-pub struct Record {
-    /// The cell's name.
-    #[prost(string, tag = "1")]
-    pub cell: String,
-    /// What it reports.
-    #[prost(message, optional, tag = "2")]
-    pub payload: Option<Payload>,
-}
-
 /// The connection.
 #[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
 pub struct Uplink {
     options: Options,
+    /// Where brokers are, and which of them is tried, or connected.
+    brokers: Vec<Place>,
+    broker: usize,
+    /// Where records are published as JSON, too.
+    json: Option<String>,
+    aliases: bool,
     group: String,
     name: String,
     host: Option<String>,
@@ -113,8 +108,8 @@ enum Phase {
     Ready,
     /// Until the broker has accepted connection and subscriptions.
     Opening { session: Session, until: Instant },
-    /// Until the host application is online.
-    Waiting { session: Session },
+    /// Until the host application is online; where there are several brokers, not for long: it may be at another.
+    Waiting { session: Session, until: Option<Instant> },
     /// Records are published.
     Online { session: Session },
     /// A death was said; until the broker closes the connection.
@@ -127,12 +122,18 @@ impl Uplink {
     /// # Errors
     /// When a file of the broker's settings cannot be read.
     pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
-        let (host, port) = broker.place()?;
+        let brokers = broker.places()?;
+        let Place { host, port, url } = brokers.first().cloned().unwrap_or_default();
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
         let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
-        let options = Options { host, port, client, login, tls, keep_alive: broker.keep_alive, will };
+        let (version, keep_alive) = (broker.mqtt, broker.keep_alive);
+        let options = Options { host, port, url, client, login, tls, version, keep_alive, will };
         Ok(Self {
             options,
+            brokers,
+            broker: 0,
+            json: broker.json.clone(),
+            aliases: broker.aliases,
             group: broker.group.clone(),
             name: broker.node.clone(),
             host: broker.primary_host.clone(),
@@ -162,6 +163,16 @@ impl Uplink {
         matches!(self.phase, Phase::Online { .. })
     }
 
+    /// The broker that is connected, or tried.
+    pub fn address(&self) -> String {
+        format!("{}:{}", self.options.host, self.options.port)
+    }
+
+    /// The host application that is waited for.
+    pub fn waits_for(&self) -> Option<&str> {
+        self.host.as_deref().filter(|_| matches!(self.phase, Phase::Waiting { .. }))
+    }
+
     /// Whether there is no connection.
     pub fn is_offline(&self) -> bool {
         matches!(self.phase, Phase::Offline { .. } | Phase::Ready)
@@ -188,7 +199,8 @@ impl Uplink {
             Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
                 Some(until)
             }
-            Phase::Ready | Phase::Waiting { .. } | Phase::Online { .. } => None,
+            Phase::Waiting { until, .. } => until,
+            Phase::Ready | Phase::Online { .. } => None,
         }
     }
 
@@ -210,7 +222,8 @@ impl Uplink {
                 Event::None
             }
             Happened::Subscribed => {
-                self.advance(|session| Phase::Waiting { session });
+                let until = (self.brokers.len() > 1).then(|| Instant::now() + PATIENCE);
+                self.advance(|session| Phase::Waiting { session, until });
                 if self.host.is_none() {
                     self.go_online();
                 }
@@ -221,6 +234,9 @@ impl Uplink {
             }
             Happened::Published(key) => self.published(key, batch),
             Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
+            Happened::NotTaken(why) => {
+                Event::Strange(format!("the broker does not take a message that is no record: {why}"))
+            }
             Happened::TooLong => {
                 // If any is too long the longest is.
                 if let Some(key) =
@@ -340,7 +356,7 @@ impl Uplink {
     fn advance(&mut self, next: impl FnOnce(Session) -> Phase) {
         let offline = Phase::Offline { until: Instant::now() };
         self.phase = match core::mem::replace(&mut self.phase, offline) {
-            Phase::Opening { session, .. } | Phase::Waiting { session } | Phase::Online { session } => {
+            Phase::Opening { session, .. } | Phase::Waiting { session, .. } | Phase::Online { session } => {
                 next(session)
             }
             other => other,
@@ -362,6 +378,7 @@ impl Uplink {
 
     fn closed(&mut self) {
         self.generation += 1;
+        self.broker = (self.broker + 1) % self.brokers.len().max(1);
         let now = Instant::now();
         let wait = self.reconnect.next(now);
         self.phase = Phase::Offline { until: now + wait };
@@ -391,7 +408,12 @@ impl Uplink {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn turn(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<Option<String>> {
+    pub fn turn(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<Option<String>> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
             Phase::Ready => {
@@ -404,14 +426,25 @@ impl Uplink {
                 self.closed();
                 return Ok(Some("the broker does not answer".into()));
             }
+            Phase::Waiting { .. } if is_due => {
+                self.disconnect();
+                let host = self.host.as_deref().unwrap_or_default();
+                return Ok(Some(format!("the host application {host} is not online at {}", self.address())));
+            }
             Phase::Leaving { .. } if is_due => self.closed(),
-            Phase::Online { .. } => self.publish(store, cells, places)?,
+            Phase::Online { .. } => self.publish((store, words), cells, places)?,
             _ => {}
         }
         Ok(None)
     }
 
     fn open(&mut self) -> Result<()> {
+        if let Some(Place { host, port, url }) = self.brokers.get(self.broker) {
+            let is_another = (&self.options.host, self.options.port) != (host, *port);
+            (self.options.host, self.options.port, self.options.url) = (host.clone(), *port, url.clone());
+            // What the host application has said at another broker says nothing here.
+            self.host_at = if is_another { 0 } else { self.host_at };
+        }
         let Publication { topic, payload } = self.node.death();
         self.options.will = (topic, payload);
         let (hub, generation) = (self.hub.clone(), self.generation);
@@ -454,11 +487,6 @@ pub enum Event {
     },
     /// Nothing that is understood, and why.
     Strange(String),
-}
-
-/// A record of a cell.
-pub fn record(cell: &str, payload: Payload) -> Vec<u8> {
-    Record { cell: cell.into(), payload: Some(payload) }.encode_to_vec()
 }
 
 /// The number of a record, as a value.

@@ -3,14 +3,15 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use prost::Message as _;
 
-use super::{Flying, Phase, Places, Record, Uplink};
+use super::{Flying, Phase, Places, Uplink};
 use crate::broker::Session;
 use crate::cell::Cell;
+use crate::compact::Words;
 use crate::metric::{self, CONNECTED, DETAIL, Definition, EVENT};
 use crate::node::{Node, Publication};
 use crate::payload::{Metric, Quality};
+use crate::plain;
 use crate::refusals::Apart;
 use crate::store::Store;
 
@@ -21,10 +22,15 @@ const CHUNK: usize = 100;
 
 impl Uplink {
     /// Publishes births, records and deaths, as long as there is room.
-    pub(super) fn publish(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<()> {
+    pub(super) fn publish(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<()> {
         let is_done = self.publish_births(store, cells)
-            && self.publish_trials(store, cells)?
-            && self.publish_records(store, cells, places)?;
+            && self.publish_trials((store, words), cells)?
+            && self.publish_records((store, words), cells, places)?;
         if is_done && self.next >= store.next() {
             self.publish_deaths(cells);
         }
@@ -49,19 +55,22 @@ impl Uplink {
             .iter_mut()
             .enumerate()
             .filter(|(place, cell)| cell.is_connected && !cell.is_born && !self.holds.is_held(*place))
-            .all(|(_, cell)| bear(session, &mut self.node, cell, self.longest))
+            .all(|(place, cell)| {
+                let alias = self.aliases.then_some(place);
+                bear(session, &mut self.node, (cell, alias), self.longest)
+            })
     }
 
     /// One record of each cell that is held and due. False where there is no room for more.
-    fn publish_trials(&mut self, store: &Store, cells: &mut [Cell]) -> Result<bool> {
+    fn publish_trials(&mut self, (store, words): (&mut Store, &Words), cells: &mut [Cell]) -> Result<bool> {
         while let Some((place, key)) = self.holds.due(Instant::now()) {
             let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
-            let payload = stored.and_then(|(_, bytes)| Record::decode(bytes.as_slice()).ok()?.payload);
-            let (Some(cell), Some(payload)) = (cells.get_mut(place), payload) else {
+            let record = stored.and_then(|(_, bytes)| words.unpack(&bytes));
+            let (Some(cell), Some(record)) = (cells.get_mut(place), record) else {
                 self.holds.forget(place, key); // it has made room
                 continue;
             };
-            if !self.publish_record(cell, place, key, payload.metrics, true) {
+            if !self.publish_record(cell, place, key, record.metrics, true) {
                 return Ok(false);
             }
         }
@@ -69,20 +78,27 @@ impl Uplink {
     }
 
     /// What is next in the store, but of cells that are held. False where there is no room for more.
-    fn publish_records(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<bool> {
+    fn publish_records(
+        &mut self,
+        (store, words): (&mut Store, &Words),
+        cells: &mut [Cell],
+        places: &Places,
+    ) -> Result<bool> {
         while self.flight.len() < IN_FLIGHT {
             let records = store.records(self.next, CHUNK)?;
             if records.is_empty() {
                 break;
             }
             for (key, bytes) in records {
-                let record = Record::decode(bytes.as_slice()).unwrap_or_default();
-                let place = places.get(&record.cell).copied().unwrap_or(usize::MAX);
-                if let (Some(cell), Some(payload)) = (cells.get_mut(place), record.payload) {
+                let record = words.unpack(&bytes);
+                let place = record.as_ref().and_then(|record| places.get(&record.cell)).copied();
+                if let (Some(record), Some(place)) = (record, place)
+                    && let Some(cell) = cells.get_mut(place)
+                {
                     // After a hold has ended others are on their way among what was held.
                     if !self.flight.contains_key(&key)
                         && !self.holds.keep(place, key)
-                        && !self.publish_record(cell, place, key, payload.metrics, key < self.live)
+                        && !self.publish_record(cell, place, key, record.metrics, key < self.live)
                     {
                         return Ok(false);
                     }
@@ -105,11 +121,30 @@ impl Uplink {
         is_historical: bool,
     ) -> bool {
         let Phase::Online { session } = &self.phase else { return false };
-        if !cell.is_born && !bear(session, &mut self.node, cell, self.longest) {
+        let alias = self.aliases.then_some(place);
+        if !cell.is_born && !bear(session, &mut self.node, (cell, alias), self.longest) {
             return false;
+        }
+        // A record of before the cell was changed may have others.
+        metrics.retain(|metric| cell.definitions.iter().any(|it| Some(it.name) == metric.name.as_deref()));
+        if let Some(prefix) = &self.json {
+            let (topic, message) =
+                (format!("{prefix}/{}", cell.name), plain::message(&cell.name, &metrics, is_historical));
+            // The broker has it before the record, which is published again if it has not that.
+            if Session::packet_len(&topic, &message, self.acknowledged) <= self.longest
+                && !session.publish(&topic, message, self.acknowledged, None)
+            {
+                return false;
+            }
         }
         if is_historical {
             metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
+        }
+        if self.aliases {
+            for metric in &mut metrics {
+                metric.alias = metric.name.as_deref().and_then(|name| cell.alias(place, name));
+                metric.name.take_if(|_| metric.alias.is_some());
+            }
         }
         let Publication { topic, payload } = self.node.data(&cell.name, metrics);
         let length = Session::packet_len(&topic, &payload, self.acknowledged);
@@ -162,14 +197,20 @@ fn say(session: &Session, Publication { topic, payload }: Publication) -> bool {
 }
 
 /// Publishes the birth of a cell. What happened last is left out where the broker does not take so much; a birth that is too long even
-/// so ends the connection, and nothing follows it.
-fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: usize) -> bool {
+/// so ends the connection, and nothing follows it. With the cell's place its metrics have aliases.
+fn bear(
+    session: &Session,
+    node: &mut Node,
+    (cell, place): (&mut Cell, Option<usize>),
+    longest: usize,
+) -> bool {
+    let alias = |name: &str| cell.alias(place?, name);
     let fits = |birth: &Publication| Session::packet_len(&birth.topic, &birth.payload, false) <= longest;
     let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
-    let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
+    let mut birth = node.device_birth(&cell.name, &cell.definitions, value, alias);
     if !fits(&birth) {
         let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
-        birth = node.device_birth(&cell.name, &cell.definitions, short);
+        birth = node.device_birth(&cell.name, &cell.definitions, short, alias);
     }
     let is_born = fits(&birth);
     if !say(session, birth) || !is_born {

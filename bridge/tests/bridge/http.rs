@@ -2,6 +2,7 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::tool::{DEADLINE, Running};
@@ -141,4 +142,85 @@ fn a_process_without_descriptors_listens_again_once_it_has_some() {
     limit(1024);
     drop(waiting);
     under.is_well();
+}
+
+#[test]
+fn the_page_has_nothing_from_elsewhere_and_its_events_go_on() {
+    let mut under = start();
+    under.bridge.line("\"connected\"");
+    for (path, kind) in [("/", "text/html"), ("/page.css", "text/css"), ("/page.js", "text/javascript")] {
+        let answer = get(&under.bridge, path);
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(
+            head.starts_with("HTTP/1.1 200 ") && head.contains(&format!("content-type: {kind}")),
+            "{head}"
+        );
+        assert!(head.contains("content-security-policy: default-src 'none'; script-src 'self';"), "{head}");
+        // No other host, no way for a text to become markup, nothing that is sent.
+        for never in
+            ["http:", "https:", "//cdn", "innerHTML", "insertAdjacentHTML", "eval(", "<form", "style="]
+        {
+            assert!(!body.contains(never), "{never} in {path}");
+        }
+    }
+    let mut stream = under.connect();
+    stream.write_all(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+    let (start, mut text) = (Instant::now(), String::new());
+    while start.elapsed() < Duration::from_secs(7) {
+        let mut chunk = [0; 4096];
+        let count = stream.read(&mut chunk).unwrap();
+        assert!(count > 0, "it has ended after {:?}: {text}", start.elapsed());
+        text.push_str(&String::from_utf8_lossy(&chunk[..count]));
+    }
+    let events: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("data: ")).collect();
+    assert!((6..10).contains(&events.len()), "{text}");
+    let event = |at: usize| serde_json::from_str::<serde_json::Value>(events[at]).unwrap();
+    let number = |at: usize| event(at)["cells"][0]["number"].as_u64().unwrap();
+    assert!(event(0)["cells"][0]["name"] == "ball" && number(5) > number(0), "{text}");
+}
+
+#[test]
+fn who_does_not_read_the_events_is_dropped_and_blocks_nobody() {
+    let folder = tempfile::tempdir().unwrap();
+    let cells = (0..300)
+        .map(|cell| format!("[cell.\"{cell:>040}\"]\nlink = \"isra-ball\"\naddress = \"127.0.0.1:1\"\n"));
+    let hall = format!(
+        "[broker]\naddress = \"127.0.0.1:1\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
+         [health]\nlisten = \"127.0.0.1:0\"\n{}",
+        cells.collect::<String>()
+    );
+    std::fs::write(folder.path().join("hall.toml"), hall).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    command.arg("--config").arg(folder.path().join("hall.toml"));
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let bridge = Running::start(command);
+    let under = Under { bridge, _ball: ball(), _folder: folder };
+    let slow: Vec<TcpStream> = (0..8)
+        .map(|_| {
+            let socket = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
+            socket.set_recv_buffer_size(4096).unwrap();
+            let place: std::net::SocketAddr = under.bridge.ready["health"].as_str().unwrap().parse().unwrap();
+            socket.connect(&place.into()).unwrap();
+            let mut stream: TcpStream = socket.into();
+            stream.write_all(b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+            stream
+        })
+        .collect();
+    let established = || {
+        let tcp = std::fs::read_to_string("/proc/net/tcp").unwrap();
+        let ours = |stream: &&TcpStream| {
+            // The bridge's end, which has sent to this port.
+            let (port, peer) = (stream.peer_addr().unwrap().port(), stream.local_addr().unwrap().port());
+            tcp.contains(&format!("0100007F:{port:04X} 0100007F:{peer:04X} 01"))
+        };
+        slow.iter().filter(ours).count()
+    };
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(established(), 8);
+    let end = Instant::now() + DEADLINE;
+    while established() > 0 {
+        assert!(Instant::now() < end, "{} are still there", established());
+        under.is_well();
+        std::thread::sleep(Duration::from_millis(300));
+    }
 }

@@ -63,7 +63,11 @@ fn a_record_longer_than_the_broker_takes_is_dropped_and_a_birth_goes_without_its
     let birth = peer.any_message();
     assert_eq!((birth.topic.as_str(), birth.read().seq), ("spBv1.0/g/DBIRTH/n/ball", Some(1)));
     assert!(birth.topic.len() + birth.payload.len() + AROUND <= 1500);
-    assert_eq!(is_null(&birth), ["Event"]);
+    // On a machine that stands still the ball may have had another event since, which is short.
+    match birth.text("Event") {
+        None => assert_eq!(is_null(&birth), ["Event"]),
+        Some(event) => assert!(is_null(&birth).is_empty() && !event.contains("long"), "{event}"),
+    }
     let next = until(&mut peer, "spBv1.0/g/DDATA/n/ball");
     assert_eq!(next.read().seq, Some(2), "what was not sent has no number");
     assert_eq!(figure(&bridge, "connections_total"), 1);

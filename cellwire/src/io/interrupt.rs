@@ -39,8 +39,12 @@ pub fn handle() -> Result<()> {
 /// # Errors
 /// When another handler is installed already.
 pub fn watch(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
-    ctrlc::set_handler(move || handler(COUNT.fetch_add(1, Ordering::Relaxed) + 1))
-        .context("cannot handle interrupts")
+    ctrlc::set_handler(move || handler(count())).context("cannot handle interrupts")
+}
+
+/// Counts an interrupt, for a program that has a handler of its own: the count, from 1.
+pub fn count() -> u32 {
+    COUNT.fetch_add(1, Ordering::Relaxed) + 1
 }
 
 /// From now on the first interrupt is noted: [`requested`] is true then, and the command ends by itself. Another one ends the program.
@@ -60,7 +64,12 @@ pub fn note() -> Result<()> {
 /// # Errors
 /// When another handler is installed already.
 pub fn note_within(limit: Duration, remark: &'static str) -> Result<()> {
-    watch(move |count| {
+    watch(within(limit, remark))
+}
+
+/// The handler of [`note_within`].
+pub fn within(limit: Duration, remark: &'static str) -> impl FnMut(u32) + Send + 'static {
+    move |count| {
         if count == 1 {
             thread::spawn(move || {
                 thread::sleep(limit);
@@ -71,7 +80,7 @@ pub fn note_within(limit: Duration, remark: &'static str) -> Result<()> {
         } else {
             std::process::exit(INTERRUPTED);
         }
-    })
+    }
 }
 
 /// Whether an interrupt was [noted](note), or [handled](watch).

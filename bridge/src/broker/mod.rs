@@ -1,7 +1,9 @@
-//! A connection to an MQTT 5 broker: one attempt, one session, one end.
+//! A connection to an MQTT broker: one attempt, one session, one end.
 //!
 //! A new connection never sends again what an earlier one has not had acknowledged: the caller does, who knows whether it is still
 //! wanted.
+
+mod three;
 
 use std::collections::{HashMap, VecDeque};
 use std::fmt;
@@ -14,9 +16,7 @@ use rumqttc::v5::mqttbytes::v5::{
     DisconnectReasonCode, Filter, LastWill, PubAckReason, RetainForwardRule, SubscribeReasonCode,
 };
 use rumqttc::v5::mqttbytes::{Error as Malformed, QoS};
-use rumqttc::v5::{
-    AsyncClient, ClientError, ConnectionError, Event, EventLoop, Incoming, MqttOptions, StateError,
-};
+use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, Incoming, MqttOptions, StateError};
 use rumqttc::{Outgoing, TlsConfiguration, Transport};
 use tokio::runtime::Builder;
 use tokio_rustls::rustls::pki_types::CertificateDer;
@@ -38,16 +38,32 @@ pub struct Options {
     pub host: String,
     /// Its port.
     pub port: u16,
+    /// Where it is, if it is reached over a WebSocket.
+    pub url: Option<String>,
     /// The client's name: a broker ends the connection of another client that has it.
     pub client: String,
     /// Name and password.
     pub login: Option<(String, Password)>,
     /// Without it everybody on the way reads along.
     pub tls: Option<Tls>,
+    /// The protocol's version.
+    pub version: Version,
     /// Without a message for one and a half times so long the broker counts the client as gone.
     pub keep_alive: Duration,
     /// What the broker publishes then: a topic and its message, with QoS 1.
     pub will: (String, Vec<u8>),
+}
+
+/// A version of MQTT.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize)]
+pub enum Version {
+    /// With reasons.
+    #[default]
+    #[serde(rename = "5")]
+    Five,
+    /// Without.
+    #[serde(rename = "3.1.1")]
+    Three,
 }
 
 /// A password, which nothing prints.
@@ -90,6 +106,8 @@ pub enum Happened {
         /// What it would take.
         refusal: Refusal,
     },
+    /// The broker does not take a message without a token, and why.
+    NotTaken(String),
     /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
     TooLong,
     /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
@@ -112,8 +130,13 @@ pub enum Refusal {
 /// A connection; its end is [`Happened::Closed`].
 #[allow(missing_debug_implementations, reason = "rumqttc's client has none")]
 pub struct Session {
-    client: AsyncClient,
+    client: Client,
     sent: Arc<Mutex<VecDeque<Option<u64>>>>,
+}
+
+enum Client {
+    Five(AsyncClient),
+    Three(rumqttc::AsyncClient),
 }
 
 impl Session {
@@ -122,31 +145,25 @@ impl Session {
     /// # Errors
     /// When the system has no room for a thread, or no descriptor.
     pub fn open(options: &Options, report: impl Fn(Happened) + Send + 'static) -> Result<Self> {
-        let mut mqtt = MqttOptions::new(&options.client, &options.host, options.port);
-        mqtt.set_clean_start(true);
-        mqtt.set_keep_alive(options.keep_alive);
-        mqtt.set_max_packet_size(Some(LONGEST));
-        mqtt.set_outgoing_inflight_upper_limit(IN_FLIGHT);
-        let (topic, message) = options.will.clone();
-        mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false, None));
-        if let Some((name, Password(password))) = &options.login {
-            mqtt.set_credentials(name, password);
-        }
-        if let Some(Tls { authorities, client }) = &options.tls {
-            let client_auth = client.clone().map(|(certificate, key)| (certificate, key.0.into_bytes()));
-            let configuration = TlsConfiguration::Simple { ca: authorities.clone(), alpn: None, client_auth };
-            mqtt.set_transport(Transport::Tls(configuration));
-        }
-        let (client, connection) = AsyncClient::new(mqtt, ROOM);
-        // It opens descriptors, and the system may have none left.
-        let runtime =
-            Builder::new_current_thread().enable_all().build().context("no runtime for the connection")?;
         let sent = Arc::new(Mutex::new(VecDeque::new()));
         let shared = Arc::clone(&sent);
         let thread = thread::Builder::new().name("broker".into());
-        thread
-            .spawn(move || runtime.block_on(run(connection, &shared, report)))
-            .context("cannot start the broker's thread")?;
+        // It opens descriptors, and the system may have none left.
+        let runtime =
+            Builder::new_current_thread().enable_all().build().context("no runtime for the connection")?;
+        let (client, thread) = match options.version {
+            Version::Five => {
+                let (client, connection) = open(options);
+                let run = move || runtime.block_on(run(connection, &shared, report));
+                (Client::Five(client), thread.spawn(run))
+            }
+            Version::Three => {
+                let (client, connection) = three::open(options);
+                let run = move || runtime.block_on(three::run(connection, &shared, report));
+                (Client::Three(client), thread.spawn(run))
+            }
+        };
+        thread.context("cannot start the broker's thread")?;
         Ok(Self { client, sent })
     }
 
@@ -159,8 +176,11 @@ impl Session {
             ..filter(topic)
         };
         let filters = topics.iter().map(fresh).chain(kept.iter().map(filter));
-        // A connection that has ended has reported it.
-        let _ = self.client.try_subscribe_many(filters);
+        match &self.client {
+            // A connection that has ended has reported it.
+            Client::Five(client) => drop(client.try_subscribe_many(filters)),
+            Client::Three(client) => three::subscribe(client, topics.iter().chain(kept)),
+        }
     }
 
     /// Publishes a message: with QoS 0, or with QoS 1. What has a token is reported. False when there is no room yet.
@@ -169,13 +189,17 @@ impl Session {
         // The connection's thread takes the tokens in the order of its publications: that is the order of these calls.
         let mut sent = lock(&self.sent);
         sent.push_back(token);
-        match self.client.try_publish(topic, qos, false, payload) {
-            Ok(()) => true,
-            Err(ClientError::Request(_) | ClientError::TryRequest(_)) => {
-                sent.pop_back();
-                false
+        let is_taken = match &self.client {
+            Client::Five(client) => client.try_publish(topic, qos, false, payload).is_ok(),
+            Client::Three(client) => {
+                let qos = if acknowledged { rumqttc::QoS::AtLeastOnce } else { rumqttc::QoS::AtMostOnce };
+                client.try_publish(topic, qos, false, payload).is_ok()
             }
+        };
+        if !is_taken {
+            sent.pop_back();
         }
+        is_taken
     }
 
     /// The bytes of a message's packet.
@@ -193,7 +217,50 @@ impl Session {
 
     /// Ends it after what was published: the broker keeps the will to itself.
     pub fn close(&self) {
-        let _ = self.client.try_disconnect();
+        match &self.client {
+            Client::Five(client) => drop(client.try_disconnect()),
+            Client::Three(client) => drop(client.try_disconnect()),
+        }
+    }
+}
+
+fn open(options: &Options) -> (AsyncClient, EventLoop) {
+    let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
+    mqtt.set_clean_start(true);
+    mqtt.set_keep_alive(options.keep_alive);
+    mqtt.set_max_packet_size(Some(LONGEST));
+    mqtt.set_outgoing_inflight_upper_limit(IN_FLIGHT);
+    let (topic, message) = options.will.clone();
+    mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false, None));
+    if let Some((name, Password(password))) = &options.login {
+        mqtt.set_credentials(name, password);
+    }
+    if let Some(transport) = transport(options) {
+        mqtt.set_transport(transport);
+    }
+    AsyncClient::new(mqtt, ROOM)
+}
+
+/// How the broker is reached, if it is not by plain TCP.
+fn transport(options: &Options) -> Option<Transport> {
+    let tls = options.tls.as_ref().map(|Tls { authorities, client }| {
+        let client_auth = client.clone().map(|(certificate, key)| (certificate, key.0.into_bytes()));
+        TlsConfiguration::Simple { ca: authorities.clone(), alpn: None, client_auth }
+    });
+    match (tls, &options.url) {
+        (tls, None) => tls.map(Transport::Tls),
+        #[cfg(feature = "websocket")]
+        (None, Some(_)) => Some(Transport::Ws),
+        #[cfg(feature = "websocket")]
+        (Some(tls), Some(_)) => Some(Transport::Wss(tls)),
+        #[cfg(not(feature = "websocket"))]
+        (_, Some(_)) => None, // the hall's file was refused
+    }
+}
+
+impl Options {
+    fn place(&self) -> &str {
+        self.url.as_deref().unwrap_or(&self.host)
     }
 }
 
@@ -261,7 +328,13 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
                 (None, _) => {}
             },
             Event::Incoming(Incoming::PubAck(ack)) => {
-                let Some(token) = flight.remove(&ack.pkid) else { continue };
+                let Some(token) = flight.remove(&ack.pkid) else {
+                    match ack.reason {
+                        PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {}
+                        reason => report(Happened::NotTaken(format!("{reason:?}"))),
+                    }
+                    continue;
+                };
                 report(match ack.reason {
                     PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
                     reason => {
@@ -310,6 +383,11 @@ const CERTIFICATES: [(&str, &str); 5] = [
     ("NotValidForName", "address has another name than the broker's certificate"),
 ];
 
+fn certificate_advice(error: &str) -> String {
+    let advice = CERTIFICATES.iter().find(|(found, _)| error.contains(found));
+    format!("TLS: {error}: {}", advice.map_or("see address and tls, and the broker's certificate", |it| it.1))
+}
+
 /// What has happened, and what to look at.
 fn explain(error: &ConnectionError) -> String {
     match error {
@@ -318,14 +396,7 @@ fn explain(error: &ConnectionError) -> String {
                 "the broker refuses the connection: {code:?}: see user and password_file, and who may connect there"
             )
         }
-        ConnectionError::Tls(error) => {
-            let error = error.to_string();
-            let advice = CERTIFICATES.iter().find(|(found, _)| error.contains(found));
-            format!(
-                "TLS: {error}: {}",
-                advice.map_or("see address and tls, and the broker's certificate", |it| it.1)
-            )
-        }
+        ConnectionError::Tls(error) => certificate_advice(&error.to_string()),
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
         ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(
             TOO_LARGE,

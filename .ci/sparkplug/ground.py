@@ -1,0 +1,98 @@
+"""What the smaller runs have in common: a folder, processes, a broker without a password, simulated cells, a bridge."""
+import json
+import random
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import paho.mqtt.client as mqtt
+from links import LINKS
+from pysparkplug import _protobuf as pb
+
+GROUP, NODE = "hall-3", "bridge-1"
+
+
+def free_port():
+    while True:
+        port = random.randrange(20_000, 30_000)
+        with socket.socket() as found:
+            try:
+                found.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                pass
+
+
+class Ground:
+    def __init__(self, cellwire, folder):
+        self.cellwire, self.folder, self.processes = str(cellwire), folder, []
+        subprocess.run(["rm", "-rf", folder], check=True)
+        folder.mkdir(parents=True)
+        self.broker_port, self.health_port = free_port(), free_port()
+        (folder / "mosquitto.conf").write_text(f"listener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
+        self.start_broker()
+
+    def spawn(self, command, log, **options):
+        process = subprocess.Popen(command, stdout=open(self.folder / log, "a"), **options)
+        self.processes.append(process)
+        return process
+
+    def start_broker(self):
+        self.broker = self.spawn(["mosquitto", "-c", str(self.folder / "mosquitto.conf")], "broker.log", stderr=subprocess.STDOUT)
+
+    def simulate(self, count):
+        kinds = [LINKS[index % len(LINKS)] for index in range(count)]
+        self.cells = [kind(f"{kind.NAME}-{index // len(LINKS) + 1}", self.cellwire, self.folder, self.spawn)
+                      for index, kind in enumerate(kinds)]
+        for cell in self.cells:
+            self.wait(f"the simulator of {cell.name}", cell.ready)
+
+    def write_hall(self, tables, more=""):
+        (self.folder / "hall.toml").write_text(f"""\
+[broker]
+address = "127.0.0.1:{self.broker_port}"
+group = "{GROUP}"
+node = "{NODE}"
+{more}
+[store]
+file = "hall.redb"
+[health]
+listen = "127.0.0.1:{self.health_port}"
+{tables}
+""")
+
+    def start_bridge(self):
+        command = [str(Path(self.cellwire).with_name("cellwire-bridge")), "--config", str(self.folder / "hall.toml")]
+        self.bridge = self.spawn(command, "bridge.log")
+
+    def order(self, name, id, order):
+        payload = pb.Payload(timestamp=int(time.time() * 1000))
+        payload.metrics.add(name="Command/Request", datatype=12, timestamp=payload.timestamp,
+                            string_value=json.dumps({"id": id, **order}))
+        client = mqtt.Client("commander", protocol=mqtt.MQTTv5)
+        client.connect("127.0.0.1", self.broker_port)
+        client.loop_start()
+        client.publish(f"spBv1.0/{GROUP}/DCMD/{NODE}/{name}", payload.SerializeToString(), qos=1).wait_for_publish()
+        client.disconnect()
+        client.loop_stop()
+
+    def wait(self, what, condition, seconds=60):
+        end = time.time() + seconds
+        while time.time() < end:
+            found = condition()
+            if found:
+                return found
+            time.sleep(0.1)
+        self.fail(f"{what}: not within {seconds} s")
+
+    def fail(self, why):
+        print(f"FAILED: {why}")
+        self.stop()
+        sys.exit(1)
+
+    def stop(self):
+        for process in self.processes:
+            process.kill()
+            process.wait()

@@ -1,0 +1,136 @@
+//! Cells begin, and end: at the start, and when the hall's file is read anew.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::thread;
+
+use anyhow::{Context, Result, anyhow};
+use serde_json::json;
+
+use super::{Hub, Turn};
+use crate::cell::{Cell, Next};
+use crate::end::End;
+use crate::hall::{self, Hall};
+use crate::links::{self, Client};
+use crate::metric::{self, CONNECTED, NUMBER, STORE};
+use crate::payload::Value;
+use crate::uplink;
+
+impl Hub<'_> {
+    /// Begins a cell: in its place, if it had one before.
+    pub(super) fn begin(&mut self, name: &str, settings: &hall::Cell, client: Client) -> Result<()> {
+        let place = self.places.get(name).copied().unwrap_or(self.cells.len());
+        let before = self.cells.get(place);
+        let kept = self.numbers.get(name).copied().unwrap_or_default();
+        let number = before.map_or(kept, |cell| cell.number);
+        let now = metric::now();
+        let values = [
+            (STORE, metric::text(&*self.identity)),
+            (NUMBER, uplink::number(number)),
+            (CONNECTED, Value::Boolean(false)),
+        ];
+        let (commands, inbox) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let end = End::new(place, self.sender.clone(), inbox, Arc::clone(&stop), Arc::clone(&self.busy));
+        let mut cell = Cell {
+            name: name.to_owned(),
+            link: settings.link.clone(),
+            definitions: client.definitions().collect(),
+            values: values.into_iter().map(|(name, value)| (name, (now, value))).collect(),
+            is_connected: false,
+            since: now,
+            why: String::new(),
+            is_born: false,
+            number,
+            written: before.map_or(number, |cell| cell.written),
+            kept: before.map_or(0, |cell| cell.kept),
+            last_at: before.map_or(0, |cell| cell.last_at),
+            takes_commands: settings.commands,
+            bands: client.bands.clone(),
+            commands,
+            stop,
+            thread: None,
+            next: Next::Same,
+        };
+        let thread = thread::Builder::new().name(name.to_owned()).spawn(move || client.run(end));
+        cell.thread = Some(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
+        match self.cells.get_mut(place) {
+            Some(before) => *before = cell,
+            None => self.cells.push(cell),
+        }
+        self.places.insert(name.to_owned(), place);
+        Ok(())
+    }
+
+    /// The places of cells whose threads were to end, and have.
+    pub(super) fn over(&self) -> Vec<usize> {
+        let over = self.cells.iter().enumerate().filter(|(_, cell)| cell.is_over());
+        over.map(|(place, _)| place).collect()
+    }
+
+    /// Reads the hall's file anew if that is asked for, and begins cells in places that are [over](Self::over): everything that their
+    /// threads have reported was taken.
+    pub(super) fn renew(&mut self, over: Vec<usize>, turn: &mut Turn) -> Result<()> {
+        if self.reload.swap(false, Ordering::Relaxed)
+            && let Err(error) = self.reload(turn)
+        {
+            (self.log)(
+                json!({"hall": "refused", "why": format!("{error:#}"), "advice": "nothing has changed"}),
+            );
+        }
+        for place in over {
+            let Some(cell) = self.cells.get_mut(place) else { continue };
+            cell.thread = None;
+            let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, Next::Gone));
+            for report in
+                self.commands.interrupt(&name, "the cell was changed before the outcome", &mut turn.batch)
+            {
+                self.count("unknown");
+                self.record(place, metric::now(), report, &mut turn.batch);
+            }
+            if let Next::Another(next) = next {
+                let (settings, client) = *next;
+                self.begin(&name, &settings, client)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What differs is begun and ended; the other cells do not notice. Only a file that is right as a whole changes anything.
+    fn reload(&mut self, turn: &mut Turn) -> Result<()> {
+        let hall = Hall::read(self.hall.path())?;
+        let clients = links::clients(&hall)?;
+        if let Some(table) = self.hall.differs(&hall) {
+            return Err(hall.located(table, anyhow!("[{table}] differs: it is read at the start only")));
+        }
+        let (mut added, mut changed, mut removed) = (Vec::new(), Vec::new(), Vec::new());
+        for ((name, cell), client) in hall.cell.iter().zip(clients) {
+            if self.hall.cell.get(name) == Some(cell) {
+                continue;
+            }
+            self.words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
+            match self.hall.cell.contains_key(name) {
+                true => changed.push(name.clone()),
+                false => added.push(name.clone()),
+            }
+            match self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
+                Some(before) => {
+                    before.stop.store(true, Ordering::Relaxed);
+                    before.next = Next::Another(Box::new((cell.clone(), client)));
+                }
+                None => self.begin(name, cell, client)?,
+            }
+        }
+        for name in self.hall.cell.keys().filter(|name| !hall.cell.contains_key(*name)) {
+            if let Some(cell) = self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
+                cell.stop.store(true, Ordering::Relaxed);
+                cell.next = Next::Gone;
+                removed.push(name.clone());
+            }
+        }
+        (self.log)(json!({"hall": "read", "added": added, "changed": changed, "removed": removed}));
+        self.hall = hall;
+        Ok(())
+    }
+}

@@ -1,0 +1,81 @@
+//! The commands that came last, for whoever looks on.
+
+use std::collections::VecDeque;
+
+use serde::Serialize;
+
+use super::report::Outcome;
+
+/// So many are shown.
+const MOST: usize = 30;
+/// So many bytes of an id or a reason are shown.
+const LONGEST: usize = 200;
+
+/// The latest commands.
+#[derive(Debug, Default)]
+pub struct Commands(VecDeque<Latest>);
+
+/// A command.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Latest {
+    /// The cell.
+    pub cell: String,
+    /// Its id.
+    pub id: String,
+    /// When it came, in milliseconds since 1970 UTC.
+    pub at: u64,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// Why, or nothing.
+    pub detail: String,
+}
+
+impl Commands {
+    /// A command has this outcome now.
+    pub fn note(&mut self, cell: &str, id: &str, at: u64, outcome: Outcome, detail: &str) {
+        let (id, detail) = (cut(id), cut(detail));
+        if let Some(known) = self.0.iter_mut().find(|known| known.cell == cell && known.id == id) {
+            (known.outcome, known.detail) = (outcome, detail);
+            return;
+        }
+        self.0.push_front(Latest { cell: cell.into(), id, at, outcome, detail });
+        if self.0.len() > MOST {
+            // Those under way are shown for as long as they are.
+            let over = self.0.iter().rposition(|known| known.outcome != Outcome::Accepted);
+            self.0.remove(over.unwrap_or(MOST));
+        }
+    }
+
+    /// The latest first.
+    pub fn list(&self) -> Vec<Latest> {
+        self.0.iter().cloned().collect()
+    }
+}
+
+fn cut(text: &str) -> String {
+    if text.len() <= LONGEST {
+        return text.into();
+    }
+    let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= LONGEST).last();
+    format!("{}…", text.get(..end.unwrap_or_default()).unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn those_under_way_stay_and_the_latest_are_first() {
+        let mut commands = Commands::default();
+        commands.note("a", "slow", 1, Outcome::Accepted, "");
+        for number in 0..40 {
+            commands.note("a", &number.to_string(), 2, Outcome::Refused, &"é".repeat(150));
+        }
+        let list = commands.list();
+        assert_eq!((list.len(), list[0].id.as_str(), list[0].detail.len()), (MOST, "39", 200 + "…".len()));
+        assert_eq!((list[MOST - 1].id.as_str(), list[MOST - 2].id.as_str()), ("slow", "11"));
+        commands.note("a", "slow", 9, Outcome::Done, "");
+        let last = commands.list().pop().unwrap();
+        assert_eq!((last.at, last.outcome), (1, Outcome::Done));
+    }
+}

@@ -1,0 +1,45 @@
+//! What the system tells the bridge: to end, or to read the hall's file anew.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use anyhow::Result;
+use cellwire::io::interrupt;
+
+/// From now on SIGINT and SIGTERM are noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the
+/// remark. What is returned is true after each SIGHUP, where the system has that.
+///
+/// # Errors
+/// When the system has no room for a thread.
+#[cfg(unix)]
+pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> {
+    use std::sync::atomic::Ordering;
+
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::iterator::Signals;
+
+    let mut signals = Signals::new([SIGHUP, SIGINT, SIGTERM])?;
+    let (reload, mut end) = (Arc::new(AtomicBool::new(false)), interrupt::within(limit, remark));
+    let shared = Arc::clone(&reload);
+    let run = move || {
+        for signal in signals.forever() {
+            match signal {
+                SIGHUP => shared.store(true, Ordering::Relaxed),
+                _ => end(interrupt::count()),
+            }
+        }
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(run)?;
+    Ok(reload)
+}
+
+/// From now on an interrupt is noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the remark.
+///
+/// # Errors
+/// When another handler is installed already.
+#[cfg(not(unix))]
+pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> {
+    interrupt::note_within(limit, remark)?;
+    Ok(Arc::default())
+}

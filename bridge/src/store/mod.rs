@@ -1,0 +1,404 @@
+//! What outlives the process: records in their order until they are removed, in a [`Ring`]; numbers and texts by their names, in a
+//! database, which also has what is known of the ring.
+//!
+//! What a [`Batch`] with names holds is on the disk as a whole once [`Store::write`] returns, or not at all: its records are bound to the
+//! names. Records alone outlive the process from then on, and a loss of power once [`SYNC`](crate::ring::SYNC) has passed.
+
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::panic::{self, AssertUnwindSafe};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use redb::{Database, ReadableTable, TableDefinition, TableError};
+
+use crate::ring::{Known, Ring};
+
+const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
+/// Where formats 1 and 2 have their records.
+const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
+
+/// The name of the file's format, and the format of this bridge. A file without one has the first.
+const FORMAT_NAME: &str = "format";
+const FORMAT: u32 = 3;
+/// The name of what is known of the ring.
+const RING: &str = "ring";
+
+/// What the database is read through, in bytes.
+const CACHE: usize = 16 << 20;
+/// So many bytes of the ring may be of no use before they are written over.
+const WASTE: u64 = 1 << 20;
+
+const ADVICE: &str =
+    "move it and the file of its records away, and new ones are made; what waits in them is lost";
+
+/// Names and values.
+pub type Names = Vec<(String, Option<String>)>;
+
+/// Records and names.
+#[allow(missing_debug_implementations, reason = "redb's tables have none")]
+pub struct Store {
+    path: PathBuf,
+    /// Both are missing only while they are opened again.
+    open: Option<(Database, Ring)>,
+    /// The key of the next record, and the number of the ring's next frame, after what was written last.
+    next: u64,
+    number: u64,
+    most: u64,
+}
+
+/// The file is open in another process.
+#[derive(Debug)]
+pub struct Busy(String);
+
+/// What is written at once.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// Records to append.
+    pub append: Vec<Vec<u8>>,
+    /// The keys of records to remove.
+    pub remove: Vec<u64>,
+    /// Names and their new values; without one the name is removed.
+    pub names: Names,
+}
+
+/// What a write has done.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    /// So many old records had to make room.
+    pub dropped: u64,
+    /// The names of before the batch are kept, or those with it.
+    pub kept: Option<Kept>,
+}
+
+/// Which names are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// Those of before the batch.
+    Before,
+    /// Those of now.
+    Now,
+}
+
+impl Store {
+    /// Opens the files or makes them. The records have up to `most` bytes: the oldest make room for more.
+    ///
+    /// # Errors
+    /// When another process has them open, or they are no such files.
+    pub fn open(path: &Path, most: u64) -> Result<Self> {
+        Self::open_until(path, most, None)
+    }
+
+    /// The frames of the ring from `cut` on do not count.
+    #[allow(clippy::result_large_err, reason = "it is returned once")]
+    fn open_until(path: &Path, most: u64, cut: Option<u64>) -> Result<Self> {
+        let what = format!("the store {}", path.display());
+        let database = match catch(|| open(path)) {
+            Some(Ok(database)) => database,
+            Some(Err(redb::Error::DatabaseAlreadyOpen)) => return Err(Busy(what).into()),
+            Some(Err(redb::Error::Io(error))) if !is_damage(&error) => return Err(error).context(what),
+            Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
+            None => bail!("{what} is damaged: {ADVICE}"),
+        };
+        let format = get(&database, FORMAT_NAME)?.and_then(|text| text.parse().ok()).unwrap_or(1);
+        if format > FORMAT {
+            bail!(
+                "{what} has format {format}, and this bridge knows up to {FORMAT}: run the bridge that has written it, or {ADVICE}"
+            );
+        }
+        let records = beside(path);
+        let known = match get(&database, RING)? {
+            Some(text) => Some(known_of(&text).with_context(|| format!("{what} is damaged: {ADVICE}"))?),
+            None => None,
+        };
+        let new = Known { seed: fastrand::u64(..), ..Known::default() };
+        let ring = private(&records).and_then(|file| Ring::open(file, known.unwrap_or(new), most, cut));
+        let mut ring = match ring {
+            Err(error) if is_damage(&error) => {
+                bail!("{what} is damaged: {}: {error}: {ADVICE}", records.display())
+            }
+            ring => ring.with_context(|| format!("the store {}", records.display()))?,
+        };
+        if known.is_none() {
+            commit(&database, &mut ring, Vec::new()).with_context(|| what)?;
+        }
+        let (next, number) = (ring.next(), ring.number());
+        Ok(Self { path: path.to_owned(), open: Some((database, ring)), next, number, most })
+    }
+
+    /// Whether the file is of an earlier format: then [`upgrade`](Self::upgrade) makes it one of this format.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn is_older(&self) -> Result<bool> {
+        Ok(self.get(FORMAT_NAME)?.as_deref() != Some(&*FORMAT.to_string()))
+    }
+
+    /// Makes a file of an earlier format one of this format, with these names. `convert` makes its records what they are now; without one
+    /// a record is dropped. Returns how many were dropped.
+    ///
+    /// # Errors
+    /// When the disk does not take it: then nothing has changed.
+    pub fn upgrade(&mut self, mut names: Names, convert: impl Fn(&[u8]) -> Option<Vec<u8>>) -> Result<u64> {
+        names.push((FORMAT_NAME.into(), Some(FORMAT.to_string())));
+        let (mut append, mut dropped) = (Vec::new(), 0);
+        let next = self.earlier(|record| match convert(record) {
+            Some(record) => append.push(record),
+            None => dropped += 1,
+        })?;
+        self.both()?.1.skip_to(next);
+        let written = self.write(&Batch { append, remove: Vec::new(), names }, &|_| Vec::new())?;
+        let transaction = self.both()?.0.begin_write()?;
+        transaction.delete_table(RECORDS)?;
+        transaction.commit()?;
+        Ok(dropped + written.dropped)
+    }
+
+    /// The records of a file of an earlier format. Returns the key that its next record would have had.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn earlier(&self, mut see: impl FnMut(&[u8])) -> Result<u64> {
+        match self.database()?.begin_read()?.open_table(RECORDS) {
+            Ok(records) => {
+                for record in records.iter()? {
+                    see(record?.1.value());
+                }
+                Ok(records.last()?.map_or(0, |(key, _)| key.value() + 1))
+            }
+            Err(TableError::TableDoesNotExist(_)) => Ok(0),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Opens the files again: after an error of the disk nothing else makes them usable. What was written last counts, and nothing after it.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn reopen(&mut self) -> Result<()> {
+        self.open = None; // it holds a lock
+        let mut again = Self::open_until(&self.path, self.most, Some(self.number))?;
+        again.both()?.1.skip_to(self.next);
+        self.open = again.open;
+        Ok(())
+    }
+
+    fn both(&mut self) -> Result<(&mut Database, &mut Ring)> {
+        self.open.as_mut().map(|(database, ring)| (database, ring)).context("it could not be opened again")
+    }
+
+    fn database(&self) -> Result<&Database> {
+        self.open.as_ref().map(|open| &open.0).context("it could not be opened again")
+    }
+
+    /// The key that the next record gets: each is more than the one before.
+    pub fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// How many records there are.
+    pub fn len(&self) -> u64 {
+        self.open.as_ref().map_or(0, |open| open.1.count())
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The bytes of the records, and the most that they may have.
+    pub fn bytes(&self) -> (u64, u64) {
+        (self.open.as_ref().map_or(0, |open| open.1.used()), self.most)
+    }
+
+    /// Writes all of it. `more` are names that are kept whenever any are: as of before the batch, or with it.
+    ///
+    /// # Errors
+    /// When the disk does not take it: then [`reopen`](Self::reopen) it, and nothing has changed.
+    pub fn write(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
+        let written =
+            self.write_all(batch, more).with_context(|| format!("the store {}", self.path.display()))?;
+        if let Some((_, ring)) = &self.open {
+            (self.next, self.number) = (ring.next(), ring.number());
+        }
+        Ok(written)
+    }
+
+    fn write_all(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
+        let most = self.most;
+        let (database, ring) = self.both()?;
+        let (mut written, is_bound) = (Written::default(), !batch.names.is_empty());
+        let removed: Vec<u64> = batch.remove.iter().copied().filter(|key| ring.remove(*key)).collect();
+        if ring.wasted() >= WASTE.min(most / 4) {
+            commit(database, ring, more(Kept::Before))?;
+            written.kept = Some(Kept::Before);
+        }
+        // More than the half of the file at once is no batch of a hall.
+        let mut append = batch.append.as_slice();
+        let mut frames = ring.frames(append, &removed, is_bound);
+        while frames.iter().map(|frame| frame.len() as u64).sum::<u64>() > most / 2 {
+            let gone = append.len().div_ceil(2);
+            written.dropped += gone as u64;
+            append = append.get(gone..).unwrap_or_default();
+            frames = ring.frames(append, &removed, is_bound);
+        }
+        let (dropped, has_to_be_kept) = ring.make_room(frames.iter().map(|frame| frame.len() as u64).sum());
+        written.dropped += dropped;
+        if has_to_be_kept {
+            commit(database, ring, more(Kept::Before))?;
+            written.kept = Some(Kept::Before);
+        }
+        ring.write(&frames, append.len())?;
+        if is_bound {
+            commit(database, ring, more(Kept::Now).into_iter().chain(batch.names.iter().cloned()).collect())?;
+            written.kept = Some(Kept::Now);
+        } else if ring.sync_due().is_some_and(|due| due <= Instant::now()) {
+            ring.sync()?;
+        }
+        Ok(written)
+    }
+
+    /// When an empty [`write`](Self::write) has something to do.
+    pub fn due(&self) -> Option<Instant> {
+        self.open.as_ref().and_then(|open| open.1.sync_due())
+    }
+
+    /// Up to `count` records from this key on, with their keys.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn records(&mut self, from: u64, count: usize) -> Result<Vec<(u64, Vec<u8>)>> {
+        let path = self.path.clone();
+        let found = self.both()?.1.records(from, count);
+        found.with_context(|| format!("the records of the store {}", path.display()))
+    }
+
+    /// Every record that was written since names were kept, also what was removed.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn each(&mut self, see: impl FnMut(&[u8])) -> Result<()> {
+        let path = self.path.clone();
+        let seen = self.both()?.1.each(see);
+        seen.with_context(|| format!("the records of the store {}", path.display()))
+    }
+
+    /// The value of a name.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn get(&self, name: &str) -> Result<Option<String>> {
+        get(self.database()?, name).with_context(|| format!("the store {}", self.path.display()))
+    }
+
+    /// Every name that begins so, with its value, in order.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn names(&self, prefix: &str) -> Result<Vec<(String, String)>> {
+        let read = || -> Result<_> {
+            let names = self.database()?.begin_read()?.open_table(NAMES)?;
+            let mut found = Vec::new();
+            for entry in names.range(prefix..)? {
+                let (name, value) = entry?;
+                if !name.value().starts_with(prefix) {
+                    break;
+                }
+                found.push((name.value().to_owned(), value.value().to_owned()));
+            }
+            Ok(found)
+        };
+        read().with_context(|| format!("the store {}", self.path.display()))
+    }
+}
+
+impl fmt::Display for Busy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is open in another process: one bridge, one store", self.0)
+    }
+}
+
+impl std::error::Error for Busy {}
+
+/// Keeps names, and what is known of the ring: what was written to it before is on the disk then.
+fn commit(database: &Database, ring: &mut Ring, changed: Names) -> Result<()> {
+    ring.sync()?;
+    let known = ring.known();
+    let transaction = database.begin_write()?;
+    {
+        let mut names = transaction.open_table(NAMES)?;
+        for (name, value) in &changed {
+            match value {
+                Some(value) => names.insert(name.as_str(), value.as_str())?,
+                None => names.remove(name.as_str())?,
+            };
+        }
+        let Known { seed, first, end, next } = known;
+        names.insert(RING, format!("{seed} {first} {end} {next}").as_str())?;
+    }
+    transaction.commit()?;
+    ring.set_known(known);
+    Ok(())
+}
+
+fn known_of(text: &str) -> Option<Known> {
+    let mut numbers = text.split(' ').map(str::parse::<u64>);
+    let mut number = || numbers.next()?.ok();
+    Some(Known { seed: number()?, first: number()?, end: number()?, next: number()? })
+}
+
+fn get(database: &Database, name: &str) -> Result<Option<String>> {
+    let names = database.begin_read()?.open_table(NAMES)?;
+    Ok(names.get(name)?.map(|value| value.value().to_owned()))
+}
+
+/// The file of the records.
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".records");
+    name.into()
+}
+
+fn is_damage(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::UnexpectedEof)
+}
+
+#[allow(clippy::result_large_err, reason = "it is returned once")]
+fn open(path: &Path) -> Result<Database, redb::Error> {
+    let file = private(path)?;
+    let mut database = Database::builder().set_cache_size(CACHE).create_file(file)?;
+    database.check_integrity()?;
+    let transaction = database.begin_write()?;
+    transaction.open_table(NAMES)?;
+    transaction.commit()?;
+    Ok(database)
+}
+
+/// The file, which nobody else can read, also where an earlier version has made it.
+fn private(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
+        let file = options.mode(0o600).open(path)?;
+        file.set_permissions(std::fs::Permissions::from_mode(0o600))?;
+        Ok(file)
+    }
+    #[cfg(not(unix))]
+    options.open(path)
+}
+
+/// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
+fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let outcome = panic::catch_unwind(AssertUnwindSafe(open));
+    panic::set_hook(hook);
+    outcome.ok()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,289 @@
+use std::os::unix::fs::PermissionsExt as _;
+
+use super::*;
+
+const MOST: u64 = 64 << 10;
+
+fn append(records: &[&str]) -> Batch {
+    Batch { append: records.iter().map(|text| text.as_bytes().to_vec()).collect(), ..Batch::default() }
+}
+
+fn named(name: &str) -> Batch {
+    Batch { names: vec![(name.into(), Some("1".into()))], ..Batch::default() }
+}
+
+fn write(store: &mut Store, batch: &Batch) -> Written {
+    store.write(batch, &|_| Vec::new()).unwrap()
+}
+
+fn texts(store: &mut Store) -> Vec<(u64, String)> {
+    let text = |(key, bytes)| (key, String::from_utf8(bytes).unwrap());
+    store.records(0, 10_000).unwrap().into_iter().map(text).collect()
+}
+
+fn keyed(texts: &[(u64, &str)]) -> Vec<(u64, String)> {
+    texts.iter().map(|(key, text)| (*key, (*text).to_owned())).collect()
+}
+
+fn fault(path: &Path) -> String {
+    format!("{:#}", Store::open(path, MOST).err().unwrap())
+}
+
+#[test]
+fn records_are_there_until_they_are_removed_and_keys_are_not_used_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    for file in [&path, &beside(&path)] {
+        std::fs::write(file, "").unwrap();
+        std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o644)).unwrap();
+    }
+    let mut store = Store::open(&path, MOST).unwrap();
+    for file in [&path, &beside(&path)] {
+        assert_eq!(std::fs::metadata(file).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+    write(&mut store, &append(&["a", "b"]));
+    write(&mut store, &Batch { remove: vec![0, 0, 99], ..append(&["c", "d", "e"]) });
+    write(&mut store, &Batch { remove: vec![3, 2], ..Batch::default() });
+    assert_eq!((store.len(), texts(&mut store)), (2, keyed(&[(1, "b"), (4, "e")])));
+    let busy = Store::open(&path, MOST).err().unwrap().to_string();
+    assert!(busy.ends_with("is open in another process: one bridge, one store"), "{busy}");
+    // As after a kill.
+    drop(store);
+    let mut store = Store::open(&path, MOST).unwrap();
+    assert_eq!((store.len(), texts(&mut store)), (2, keyed(&[(1, "b"), (4, "e")])));
+    write(&mut store, &Batch { remove: vec![1, 4], ..named("n") });
+    assert!(store.is_empty());
+    drop(store);
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &append(&["f"]));
+    assert_eq!(texts(&mut store), keyed(&[(5, "f")]));
+    store.reopen().unwrap();
+    write(&mut store, &append(&["g"]));
+    assert_eq!(texts(&mut store), keyed(&[(5, "f"), (6, "g")]));
+}
+
+#[test]
+fn the_oldest_make_room_and_the_file_does_not_grow() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    let (mut dropped, mut made) = (0, 0);
+    for turn in 0..3000 {
+        let record = "x".repeat(turn % 97 + 1);
+        let remove = if turn % 3 == 0 { vec![store.next() - store.next().min(9)] } else { Vec::new() };
+        let before = store.len();
+        let written = write(&mut store, &Batch { remove, ..append(&[&*record; 3]) });
+        (dropped, made) = (dropped + written.dropped, made + 3);
+        assert!(store.len() + written.dropped >= before + 2);
+    }
+    assert!(dropped > 5000 && std::fs::metadata(beside(&path)).unwrap().len() <= MOST);
+    let left = texts(&mut store);
+    let oldest = left[0].0;
+    assert!(left.len() as u64 == store.len() && left.len() as u64 > (made - oldest) / 2);
+    assert_eq!(left.last().unwrap().0, made - 1);
+    assert!(store.bytes().0 <= MOST && store.bytes().0 > MOST / 2, "{:?}", store.bytes());
+    drop(store);
+    assert!(texts(&mut Store::open(&path, MOST).unwrap()) == left);
+}
+
+#[test]
+fn a_store_that_is_emptied_again_and_again_stays_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, 64 << 20).unwrap();
+    let mut kept = 0;
+    for turn in 0..200_u64 {
+        let remove = turn.checked_sub(1).into_iter().collect();
+        let written = write(&mut store, &Batch { remove, ..append(&["x".repeat(50_000).as_str()]) });
+        kept += u64::from(written.kept == Some(Kept::Before));
+    }
+    assert!((8..11).contains(&kept), "{kept}");
+    assert!(std::fs::metadata(beside(&path)).unwrap().len() < 2 * WASTE);
+    drop(store);
+    assert_eq!(texts(&mut Store::open(&path, 64 << 20).unwrap())[0].0, 199);
+}
+
+#[test]
+fn names_are_found_by_how_they_begin() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Store::open(&folder.path().join("store"), MOST).unwrap();
+    let names = [("a/1", "x"), ("b/1", "y"), ("b/2", "z"), ("c", "w")];
+    let names = names.map(|(name, value)| (name.to_owned(), Some(value.to_owned()))).to_vec();
+    write(&mut store, &Batch { names, ..Batch::default() });
+    write(&mut store, &Batch { names: vec![("b/1".into(), None)], ..Batch::default() });
+    assert_eq!(store.names("b/").unwrap(), [("b/2".to_owned(), "z".to_owned())]);
+    assert_eq!((store.get("c").unwrap().as_deref(), store.get("d").unwrap()), (Some("w"), None));
+}
+
+#[test]
+fn a_file_of_an_earlier_format_is_upgraded_and_one_of_a_later_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let earlier = Database::create(&path).unwrap();
+    let transaction = earlier.begin_write().unwrap();
+    transaction.open_table(NAMES).unwrap().insert("format", "2").unwrap();
+    for (key, record) in [(7, "a"), (8, "drop"), (12, "b")] {
+        transaction.open_table(RECORDS).unwrap().insert(key, record.as_bytes()).unwrap();
+    }
+    transaction.commit().unwrap();
+    drop(earlier);
+    let mut store = Store::open(&path, MOST).unwrap();
+    assert!(store.is_older().unwrap());
+    let convert = |record: &[u8]| (record != b"drop").then(|| [record, b"!"].concat());
+    assert_eq!(store.upgrade(Vec::new(), convert).unwrap(), 1);
+    assert_eq!(texts(&mut store), keyed(&[(13, "a!"), (14, "b!")]));
+    drop(store);
+    let mut store = Store::open(&path, MOST).unwrap();
+    assert!(!store.is_older().unwrap() && store.earlier(|_| panic!()).unwrap() == 0);
+    assert_eq!(texts(&mut store), keyed(&[(13, "a!"), (14, "b!")]));
+    let later = Batch { names: vec![("format".into(), Some("4".into()))], ..Batch::default() };
+    write(&mut store, &later);
+    drop(store);
+    let why = "has format 4, and this bridge knows up to 3: run the bridge that has written it, or move it";
+    assert!(fault(&path).contains(why), "{}", fault(&path));
+}
+
+#[test]
+fn records_are_bound_to_the_names_of_their_batch() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &Batch { names: named("first").names, ..append(&["a"]) });
+    drop(store);
+    let before = std::fs::read(&path).unwrap();
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &append(&["telemetry"]));
+    write(&mut store, &Batch { names: named("second").names, ..append(&["accepted"]) });
+    drop(store);
+    // The power has gone before the names were written.
+    std::fs::write(&path, before).unwrap();
+    let mut store = Store::open(&path, MOST).unwrap();
+    assert_eq!(texts(&mut store), keyed(&[(0, "a"), (1, "telemetry")]));
+    write(&mut store, &append(&["next"]));
+    drop(store);
+    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap())[2], (2, "next".into()));
+}
+
+#[test]
+fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &append(&["a"]));
+    write(&mut store, &named("n"));
+    for record in ["lost", "lost, too"] {
+        write(&mut store, &append(&[record]));
+    }
+    drop(store);
+    let good = std::fs::read(beside(&path)).unwrap();
+    let at = |text: &str| good.windows(text.len()).position(|found| found == text.as_bytes()).unwrap();
+    let without = |text: &str| {
+        let mut bytes = good.clone();
+        bytes[at(text)] ^= 1;
+        std::fs::write(beside(&path), bytes).unwrap();
+    };
+    // The later one came to the disk before the other.
+    without("lost");
+    let mut store = Store::open(&path, MOST).unwrap();
+    assert_eq!(texts(&mut store), keyed(&[(0, "a")]));
+    for record in ["b", "c"] {
+        write(&mut store, &append(&[record]));
+    }
+    drop(store);
+    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a"), (1, "b"), (2, "c")]));
+    // What was on the disk when something later was written is damaged.
+    std::fs::write(beside(&path), &good).unwrap();
+    let mut store = Store::open(&path, MOST).unwrap();
+    std::thread::sleep(crate::ring::SYNC);
+    write(&mut store, &Batch::default());
+    assert_eq!(store.due(), None);
+    write(&mut store, &append(&["later"]));
+    drop(store);
+    let good = std::fs::read(beside(&path)).unwrap();
+    let mut bytes = good.clone();
+    bytes[at("lost")] ^= 1;
+    std::fs::write(beside(&path), bytes).unwrap();
+    assert!(fault(&path).contains("store.records: its frame 1 is damaged or missing"), "{}", fault(&path));
+    std::fs::remove_file(beside(&path)).unwrap();
+    assert!(fault(&path).contains("store.records: its frame 0 is damaged or missing"), "{}", fault(&path));
+    std::fs::write(beside(&path), &good).unwrap();
+    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()).len(), 4);
+}
+
+#[test]
+fn what_is_no_store_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    std::fs::write(&path, "a file of somebody else, longer than the header of a database is").unwrap();
+    let error = fault(&path);
+    assert!(error.starts_with(&format!("the store {} is damaged", path.display())), "{error}");
+    assert!(error.ends_with(ADVICE), "{error}");
+}
+
+#[test]
+fn a_damaged_file_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, 1 << 20).unwrap();
+    let text = "a record of some length ".repeat(100);
+    write(&mut store, &Batch { names: named("n").names, ..append(&[text.as_str(); 200]) });
+    drop(store);
+    for file in [path.clone(), beside(&path)] {
+        let good = std::fs::read(&file).unwrap();
+        let zeros = |from: usize| {
+            let mut bytes = good.clone();
+            bytes[from..].fill(0);
+            bytes
+        };
+        let mut version = good.clone();
+        (version[64], version[192]) = (9, 9);
+        for damaged in
+            [good[..good.len() / 2].to_vec(), good[..5000].to_vec(), zeros(4096), zeros(64), version]
+        {
+            std::fs::write(&file, damaged).unwrap();
+            let error = fault(&path);
+            assert!(error.starts_with(&format!("the store {} is damaged", path.display())), "{error}");
+        }
+        std::fs::write(&file, good).unwrap();
+    }
+    assert_eq!(Store::open(&path, 1 << 20).unwrap().len(), 200);
+}
+
+#[test]
+fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, 1 << 20).unwrap();
+    let mut batch = append(&["a record of some length".repeat(9).as_str(); 90]);
+    batch.names = vec![("number/cell".into(), Some("90".into()))];
+    write(&mut store, &batch);
+    let content = |store: &mut Store| (texts(store), store.names("").unwrap(), store.len());
+    let whole = content(&mut store);
+    drop(store);
+    let both = [path.clone(), beside(&path)];
+    let goods = both.clone().map(|file| std::fs::read(file).unwrap());
+    for (file, good) in both.iter().zip(&goods) {
+        let used: Vec<usize> = (0..good.len()).filter(|at| good[*at] != 0).collect();
+        let mut damaged = 0;
+        for at in used.iter().step_by(used.len() / 60) {
+            both.iter().zip(&goods).for_each(|(file, good)| std::fs::write(file, good).unwrap());
+            let mut bytes = good.clone();
+            bytes[*at] ^= 1 << (at % 8);
+            std::fs::write(file, bytes).unwrap();
+            match Store::open(&path, 1 << 20) {
+                Ok(mut store) => {
+                    assert!(content(&mut store) == whole, "byte {at}");
+                    write(&mut store, &append(&["one more"]));
+                    assert_eq!(store.len(), 91);
+                }
+                Err(error) => {
+                    let error = format!("{error:#}");
+                    let why = format!("the store {} is damaged", path.display());
+                    assert!(error.starts_with(&why), "{at}: {error}");
+                    damaged += 1;
+                }
+            }
+        }
+        assert!(damaged > 0);
+    }
+}

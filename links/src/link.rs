@@ -44,13 +44,16 @@ pub struct Link {
     pub ends: &'static [EndRow],
 }
 
+/// The fields of a configuration, or why one that was given is refused.
+pub type Listed = Result<Vec<Setting>, Refused>;
+
 /// A configuration.
 #[derive(Debug, Clone, Copy)]
 pub struct Config {
     /// The name of its type.
     pub name: &'static str,
     /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
-    pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>, Refused>,
+    pub fields: fn(given: &Map<String, Value>) -> Listed,
 }
 
 /// What the source of a link leaves open of its bytes, and a capture may decide.

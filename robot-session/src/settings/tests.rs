@@ -1,8 +1,8 @@
+use core::time::Duration;
+
 use serde_json::json;
-use std::{println, vec};
 
 use super::*;
-use std::time::Duration;
 
 #[derive(Debug, Clone, PartialEq)]
 struct Config {

@@ -16,6 +16,7 @@ mod outlet;
 pub mod output;
 pub mod pauses;
 pub mod port;
+pub mod ports;
 pub mod priority;
 pub mod samples;
 pub mod serial;

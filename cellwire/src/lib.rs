@@ -77,6 +77,8 @@ enum Command {
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
 /// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded, 6 a Modbus server has refused a request.
 pub fn main() -> ExitCode {
+    #[cfg(windows)]
+    io::windows::exact_waits();
     let outcome = match parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Decode(args) => decode::run(&args),

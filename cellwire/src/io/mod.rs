@@ -28,3 +28,5 @@ pub mod tcp;
 pub mod terminal;
 pub mod trace;
 pub mod udp;
+#[cfg(windows)]
+pub mod windows;

@@ -1,0 +1,49 @@
+//! What Windows alone asks for: waits that are exact, and the end of a console.
+
+use std::sync::OnceLock;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use windows_sys::Win32::Foundation::FALSE;
+use windows_sys::Win32::Media::timeBeginPeriod;
+use windows_sys::Win32::System::Console::{
+    CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT, CTRL_SHUTDOWN_EVENT, SetConsoleCtrlHandler,
+};
+use windows_sys::core::BOOL;
+
+/// From now on waits of this process end at the millisecond, and not at the system's clock of 15.6 ms: for sockets, ports and other
+/// threads. A thread that sleeps has a timer of its own, which is exact anyway.
+pub fn exact_waits() {
+    // SAFETY: it takes a number, and changes the clock alone, until the process ends.
+    unsafe { timeBeginPeriod(1) };
+}
+
+static CLOSED: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();
+
+/// Calls `handler` when the console is closed, the user logs off, or the machine is shut down. The system ends the process five
+/// seconds later, if it has not ended by itself.
+///
+/// # Errors
+/// When there is a handler already.
+pub fn when_closed(handler: impl Fn() + Send + Sync + 'static) -> Result<()> {
+    ensure!(CLOSED.set(Box::new(handler)).is_ok(), "cannot handle interrupts twice");
+    // SAFETY: `closed` is a function of the kind that is asked for, and stays.
+    let set = unsafe { SetConsoleCtrlHandler(Some(closed), 1) };
+    ensure!(set != FALSE, std::io::Error::last_os_error());
+    Ok(())
+}
+
+/// On a thread of its own, which the system makes for it.
+unsafe extern "system" fn closed(event: u32) -> BOOL {
+    if !matches!(event, CTRL_CLOSE_EVENT | CTRL_LOGOFF_EVENT | CTRL_SHUTDOWN_EVENT) {
+        return FALSE;
+    }
+    if let Some(handler) = CLOSED.get() {
+        handler();
+    }
+    // When this returns, the process is ended at once.
+    loop {
+        thread::sleep(Duration::from_secs(60));
+    }
+}

@@ -128,9 +128,13 @@ fn absent(path: &str) -> String {
 ///
 /// FTDI's chips wait 16 ms by default for more bytes: a reply that is due in 15 ms comes too late over each of them.
 pub fn latency_timer(path: &Path) -> Option<u32> {
-    latency_timer_in(Path::new("/sys/class/tty"), path)
+    #[cfg(windows)]
+    return super::windows::latency_timer(path.to_str()?);
+    #[cfg(not(windows))]
+    return latency_timer_in(Path::new("/sys/class/tty"), path);
 }
 
+#[cfg(not(windows))]
 fn latency_timer_in(class: &Path, path: &Path) -> Option<u32> {
     // A port may be named by a link, as in /dev/serial/by-id.
     let port = path.canonicalize().ok()?;

@@ -1,10 +1,11 @@
-//! What Windows alone asks for: waits that are exact, and the end of a console.
+//! What Windows alone asks for: waits that are exact, the end of a console, and what an adapter is set to.
 
 use std::sync::OnceLock;
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
+use windows_registry::LOCAL_MACHINE;
 use windows_sys::Win32::Foundation::FALSE;
 use windows_sys::Win32::Media::timeBeginPeriod;
 use windows_sys::Win32::System::Console::{
@@ -17,6 +18,17 @@ use windows_sys::core::BOOL;
 pub fn exact_waits() {
     // SAFETY: it takes a number, and changes the clock alone, until the process ends.
     unsafe { timeBeginPeriod(1) };
+}
+
+/// How long the chip of an FTDI adapter collects bytes, as its driver is set: nothing else says which port has such a chip.
+pub fn latency_timer(port: &str) -> Option<u32> {
+    let name = port.trim_start_matches(r"\\.\");
+    let adapters = LOCAL_MACHINE.open(r"SYSTEM\CurrentControlSet\Enum\FTDIBUS").ok()?;
+    adapters.keys().ok()?.find_map(|adapter| {
+        let parameters = adapters.open(format!(r"{adapter}\0000\Device Parameters")).ok()?;
+        let is_this = parameters.get_string("PortName").ok()?.eq_ignore_ascii_case(name);
+        is_this.then(|| parameters.get_u32("LatencyTimer").ok()).flatten()
+    })
 }
 
 static CLOSED: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();

@@ -16,7 +16,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
     alter, capture, decode, demo, encode, extcap, fanuc, identify, kawasaki, laser, ls, manual, mma, modbus,
-    replay, settings, simulate, tap, vectors,
+    ports, replay, settings, simulate, tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -41,7 +41,8 @@ Examples:
   cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
   cellwire identify --format pcap capture.pcapng       which link it is, and which of its options explain the bytes
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
-  cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
+  cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell; COM1, COM2 on Windows
+  cellwire ports                                       the serial ports of this machine, and their adapters
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
 
 Exit status:
@@ -61,6 +62,7 @@ enum Command {
     Capture(capture::Args),
     Extcap(extcap::Args),
     Modbus(modbus::Args),
+    Ports(ports::Args),
     Fanuc(fanuc::Args),
     Kawasaki(kawasaki::Args),
     Laser(laser::Args),
@@ -75,6 +77,8 @@ enum Command {
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
 /// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded, 6 a Modbus server has refused a request.
 pub fn main() -> ExitCode {
+    #[cfg(windows)]
+    io::windows::exact_waits();
     let outcome = match parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Decode(args) => decode::run(&args),
@@ -86,6 +90,7 @@ pub fn main() -> ExitCode {
         Command::Capture(args) => capture::run(&args),
         Command::Extcap(args) => extcap::run(&args),
         Command::Modbus(args) => modbus::run(&args),
+        Command::Ports(args) => ports::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
         Command::Kawasaki(args) => kawasaki::run(&args),
         Command::Laser(args) => laser::run(&args),

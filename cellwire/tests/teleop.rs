@@ -22,7 +22,7 @@ use cellwire::cell::teleop::input::InputConfig;
 use cellwire::cell::teleop::{
     LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
 };
-use cellwire::io::line::{Clock, Line};
+use cellwire::io::line::{Clock, Line, Lines};
 use cellwire::io::serial;
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::isra_ball::ball;
@@ -137,6 +137,16 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
 /// §9.2: "so daß in keinem Fall höhere Beschleunigungen auftreten", however the lines and the host misbehave.
 #[test]
 fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
+    whatever_goes_wrong(Lines::PseudoTerminals);
+}
+
+/// The lines of a platform without pseudo-terminals.
+#[test]
+fn nor_over_tcp() {
+    whatever_goes_wrong(Lines::Tcp);
+}
+
+fn whatever_goes_wrong(lines: Lines) {
     in_real_time(|| {
         let config = CellConfig {
             time: Duration::from_millis(4500),
@@ -149,6 +159,7 @@ fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
             faults: true,
             seed: 5,
             trace: TraceArgs::off(),
+            lines,
         };
         let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
         assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");

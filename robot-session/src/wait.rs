@@ -58,7 +58,35 @@ impl<'a> Wait<'a> {
     }
 
     /// What of it the socket is ready for.
+    #[cfg(not(windows))]
     fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
+        self.poll_once(socket, flags)
+    }
+
+    /// What of it the socket is ready for. The system's own wait ends with a clock of up to 15.6 ms; a sleep ends when it should. So the
+    /// last of a wait is short sleeps, and a look at the socket after each.
+    #[cfg(windows)]
+    fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
+        const CLOCK: Duration = Duration::from_millis(16);
+        const LOOK: Duration = Duration::from_micros(500);
+        let end = self.limit.and_then(|limit| std::time::Instant::now().checked_add(limit));
+        let left =
+            || end.map_or(Duration::MAX, |end| end.saturating_duration_since(std::time::Instant::now()));
+        loop {
+            let rest = left();
+            let limit = end.map(|_| rest.saturating_sub(CLOCK));
+            let ready = Self { limit, ..self }.poll_once(socket.as_fd(), flags)?;
+            let is_woken = self.waker.is_some_and(|Waker(waker)| waker.pending.load(Ordering::Acquire));
+            if !ready.is_empty() || is_woken || rest.is_zero() {
+                return Ok(ready);
+            }
+            if rest <= CLOCK {
+                thread::sleep(left().min(LOOK));
+            }
+        }
+    }
+
+    fn poll_once(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
         // What no system can express is as good as no limit.
         let limit = self.limit.and_then(|limit| Timespec::try_from(limit).ok());
         let of = PollFd::from_borrowed_fd;

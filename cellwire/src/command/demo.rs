@@ -11,6 +11,7 @@ use super::settings::SetArgs;
 use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::seconds;
 use crate::io::interrupt;
+use crate::io::line::Lines;
 use crate::io::trace::TraceArgs;
 use crate::links::link_parser;
 use cellwire_links::LINKS;
@@ -86,6 +87,7 @@ pub fn run(args: &Args) -> Result<bool> {
             drawing: args.drawing.clone(),
             trace: args.trace.clone(),
             settings: settings.clone(),
+            lines: Lines::HERE,
             progress: progress.clone(),
         };
         let report = demo::run(link.name, &options).map_err(|error| args.set.located(error))?;

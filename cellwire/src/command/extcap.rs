@@ -67,8 +67,8 @@ const OPTIONS: &str = "\
 arg {number=0}{call=--listen}{display=Listen on}{type=string}{tooltip=The address for clients, such as 0.0.0.0:9105}{group=Network}
 arg {number=1}{call=--connect}{display=Connect to}{type=string}{tooltip=The server, such as 192.168.0.10:9105}{group=Network}
 arg {number=2}{call=--udp}{display=Datagrams}{type=boolflag}{tooltip=UDP in place of TCP}{group=Network}
-arg {number=3}{call=--a}{display=Port of one end}{type=string}{tooltip=The PC, such as /dev/ttyUSB0}{group=Serial}
-arg {number=4}{call=--b}{display=Port of the other end}{type=string}{tooltip=The device, such as /dev/ttyUSB1}{group=Serial}
+arg {number=3}{call=--a}{display=Port of one end}{type=string}{tooltip=The PC, such as /dev/ttyUSB0 or COM5}{group=Serial}
+arg {number=4}{call=--b}{display=Port of the other end}{type=string}{tooltip=The device, such as /dev/ttyUSB1 or COM6}{group=Serial}
 arg {number=5}{call=--baud}{display=Baud rate}{type=unsigned}{range=50,4000000}{default=9600}{group=Serial}
 arg {number=6}{call=--mode}{display=Bits}{type=string}{default=8N1}{tooltip=Data bits, parity, stop bits}{group=Serial}
 arg {number=7}{call=--listen-only}{display=Only listen}{type=boolflag}{tooltip=The receive lines of a Y cable}{group=Serial}

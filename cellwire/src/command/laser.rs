@@ -28,7 +28,7 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire laser run part.nc --dry-run --draw part.svg        what would be cut
-  cellwire laser run part.nc --port /dev/ttyS0 --settings hall3.toml
+  cellwire laser run part.nc --port /dev/ttyS0 --settings hall3.toml     on Windows: --port COM1
   cellwire simulate laser --pty /tmp/laser                    a robot to try it on";
 
 #[derive(Debug, Subcommand)]
@@ -50,7 +50,7 @@ enum Command {
 struct RunArgs {
     /// The program: .csv, .dxf, or G-code
     file: PathBuf,
-    /// The controller: the path of a serial port, or HOST:PORT of a serial device server
+    /// The controller: the name of a serial port, or HOST:PORT of a serial device server
     #[arg(long, value_name = "PORT", required_unless_present = "dry_run")]
     port: Option<String>,
     #[command(flatten)]

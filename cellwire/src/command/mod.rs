@@ -16,6 +16,7 @@ pub mod ls;
 pub mod manual;
 pub mod mma;
 pub mod modbus;
+pub mod ports;
 mod recorded;
 pub mod replay;
 pub mod settings;

@@ -1,7 +1,7 @@
 //! Files that are written whole or not at all, and files that never take another's place.
 
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     builder.prefix(".cellwire-");
     let mut file = match &earlier {
         Some(earlier) => builder.permissions(earlier.permissions()).tempfile_in(folder)?,
-        None => builder.permissions(ordinary()).tempfile_in(folder)?,
+        None => ordinary(&mut builder).tempfile_in(folder)?,
     };
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
@@ -36,10 +36,19 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// Those of a file that any program makes, less the user's mask.
+/// With the rights of a file that any program makes, less the user's mask; elsewhere than on Unix those of its folder.
 #[cfg(unix)]
-fn ordinary() -> Permissions {
-    std::os::unix::fs::PermissionsExt::from_mode(0o666)
+fn ordinary<'a, 'b>(
+    builder: &'a mut tempfile::Builder<'b, 'static>,
+) -> &'a mut tempfile::Builder<'b, 'static> {
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
+}
+
+#[cfg(not(unix))]
+fn ordinary<'a, 'b>(
+    builder: &'a mut tempfile::Builder<'b, 'static>,
+) -> &'a mut tempfile::Builder<'b, 'static> {
+    builder
 }
 
 /// A new file with this name, or if there is something of that name, with a number: `run.csv`, `run-2.csv`.
@@ -80,7 +89,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (file, link) = (folder.path().join("a.txt"), folder.path().join("link"));
         write(&file, b"one").unwrap();
-        fs::set_permissions(&file, Permissions::from_mode(0o640)).unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
         symlink(&file, &link).unwrap();
         write(&link, b"two").unwrap();
         assert!(link.is_symlink());

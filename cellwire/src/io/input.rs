@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read as _};
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -41,7 +41,9 @@ pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
 pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>> {
     let mut reader = csv::ReaderBuilder::new();
     reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
-    let mut records = reader.from_reader(text.as_bytes().chain(&b"\n"[..])).into_records();
+    // The reader counts CR LF one record late.
+    let text = text.replace("\r\n", "\n") + "\n";
+    let mut records = reader.from_reader(io::Cursor::new(text)).into_records();
     core::iter::from_fn(move || {
         let record = records.next()?.context("no table");
         // The line before the one that is read next: a record's own position is that of the remarks before it.
@@ -50,12 +52,13 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>
     })
 }
 
-/// The text of a file.
+/// The text of a file, without the mark that editors of Windows begin one with.
 ///
 /// # Errors
 /// When the file cannot be read, or is no UTF-8.
 pub fn text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// The bytes of a file.

@@ -1,4 +1,4 @@
-//! What is done when the user interrupts a device or a demo: a running session writes its trace, and the link of a
+//! What is done when the user interrupts a device or a demo, or closes its console: a running session writes its trace, and the link of a
 //! pseudo-terminal is removed.
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -24,13 +24,12 @@ pub const INTERRUPTED: i32 = 130;
 /// When another handler is installed already.
 pub fn handle() -> Result<()> {
     lock().get_or_insert_default();
-    ctrlc::set_handler(|| {
+    install(|| {
         let actions = lock().take().unwrap_or_default();
         actions.into_iter().for_each(|action| action());
         output::finish();
         std::process::exit(INTERRUPTED);
     })
-    .context("cannot handle interrupts")
 }
 
 /// From now on an interrupt, a termination signal and the end of the terminal are counted, and do nothing but call `handler` with
@@ -39,12 +38,26 @@ pub fn handle() -> Result<()> {
 /// # Errors
 /// When another handler is installed already.
 pub fn watch(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
-    ctrlc::set_handler(move || handler(count())).context("cannot handle interrupts")
+    install(move || handler(count()))
 }
 
 /// Counts an interrupt, for a program that has a handler of its own: the count, from 1.
 pub fn count() -> u32 {
     COUNT.fetch_add(1, Ordering::Relaxed) + 1
+}
+
+#[cfg(not(windows))]
+fn install(handler: impl FnMut() + Send + 'static) -> Result<()> {
+    ctrlc::set_handler(handler).context("cannot handle interrupts")
+}
+
+/// Also of a console that is closed, of a user who logs off, and of a machine that is shut down.
+#[cfg(windows)]
+fn install(handler: impl FnMut() + Send + 'static) -> Result<()> {
+    let handler = std::sync::Arc::new(Mutex::new(handler));
+    let call = move || handler.lock().unwrap_or_else(PoisonError::into_inner)();
+    ctrlc::set_handler(call.clone()).context("cannot handle interrupts")?;
+    super::windows::when_closed(call)
 }
 
 /// From now on the first interrupt is noted: [`requested`] is true then, and the command ends by itself. Another one ends the program.

@@ -16,6 +16,7 @@ mod outlet;
 pub mod output;
 pub mod pauses;
 pub mod port;
+pub mod ports;
 pub mod priority;
 pub mod samples;
 pub mod serial;
@@ -27,3 +28,5 @@ pub mod tcp;
 pub mod terminal;
 pub mod trace;
 pub mod udp;
+#[cfg(windows)]
+pub mod windows;

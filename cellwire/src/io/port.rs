@@ -35,6 +35,25 @@ impl AnyPort {
         name.contains('/') || !name.contains(':')
     }
 
+    /// Whether there is something to read at once.
+    pub fn is_waiting(&self) -> bool {
+        match self {
+            Self::Serial(port) => port.0.bytes_to_read().is_ok_and(|waiting| waiting > 0),
+            Self::Tcp(stream) => stream.is_waiting(),
+        }
+    }
+
+    /// Sends all of `bytes`; of those that a peer does not take some wait in memory.
+    ///
+    /// # Errors
+    /// When the port is gone, or takes nothing for the time of the last wait.
+    pub fn send_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.0.write_all(bytes),
+            Self::Tcp(stream) => stream.send(bytes).map(drop),
+        }
+    }
+
     /// Ends a connection, before another takes its place.
     pub fn close(&mut self) {
         if let Self::Tcp(stream) = self {

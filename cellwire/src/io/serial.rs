@@ -7,11 +7,13 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+#[cfg(unix)]
+use anyhow::Context as _;
+use anyhow::Result;
 use clap::builder::TypedValueParser;
 use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
 
-use crate::io::interrupt;
+use super::ports;
 
 /// The timeout of a blocking read, after which the reader checks whether it should end.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
@@ -96,23 +98,43 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
     let port = builder.data_bits(data_bits).parity(parity).stop_bits(stop_bits).open();
     port.map_err(|error| {
         let advice = match error.kind() {
-            serialport::ErrorKind::NoDevice => ": no such port, or another program uses it",
+            serialport::ErrorKind::NoDevice => absent(path),
             serialport::ErrorKind::InvalidInput => {
-                ": it is not a serial port, or does not support this baud rate"
+                ": it is not a serial port, or does not support this baud rate".to_owned()
             }
-            _ => "",
+            serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
+                ": it is not this user's; on Linux add them to the group dialout, and log in again".to_owned()
+            }
+            _ => String::new(),
         };
         anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
     })
+}
+
+/// Why a port that nobody gets is not there. Systems do not tell one that is in use from one that does not exist.
+fn absent(path: &str) -> String {
+    let names: Vec<String> = ports::list().unwrap_or_default().into_iter().map(|port| port.port).collect();
+    if Path::new(path).exists() || names.iter().any(|name| name.eq_ignore_ascii_case(path)) {
+        return ": another program uses it; close that, a terminal program perhaps".to_owned();
+    }
+    let there = match names.as_slice() {
+        [] => "there is no serial port; is the adapter plugged in, and its driver installed?".to_owned(),
+        names => format!("there is {}, see cellwire ports", names.join(", ")),
+    };
+    format!(": no such port, {there}")
 }
 
 /// How long the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.
 ///
 /// FTDI's chips wait 16 ms by default for more bytes: a reply that is due in 15 ms comes too late over each of them.
 pub fn latency_timer(path: &Path) -> Option<u32> {
-    latency_timer_in(Path::new("/sys/class/tty"), path)
+    #[cfg(windows)]
+    return super::windows::latency_timer(path.to_str()?);
+    #[cfg(not(windows))]
+    return latency_timer_in(Path::new("/sys/class/tty"), path);
 }
 
+#[cfg(not(windows))]
 fn latency_timer_in(class: &Path, path: &Path) -> Option<u32> {
     // A port may be named by a link, as in /dev/serial/by-id.
     let port = path.canonicalize().ok()?;
@@ -158,7 +180,7 @@ impl PtyLink {
         if let Ok(earlier) = std::fs::read_link(path) {
             // That of a simulator that was killed leads nowhere any more.
             let is_left = earlier.starts_with("/dev/pts") && !earlier.exists();
-            ensure!(
+            anyhow::ensure!(
                 is_left,
                 "{} is a link to {}, which is there: another simulator may be running; remove the link if none is",
                 path.display(),
@@ -172,13 +194,21 @@ impl PtyLink {
             .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
         let link = Self { path: path.into(), name: name.into() };
         let kept = Self { path: link.path.clone(), name: link.name.clone() };
-        interrupt::before_exit(move || drop(kept));
+        crate::io::interrupt::before_exit(move || drop(kept));
         Ok((link, device))
     }
 
+    /// There are none.
+    ///
+    /// # Errors
+    /// Always.
     #[cfg(not(unix))]
-    pub fn create(_path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
-        anyhow::bail!("pseudo-terminals need Unix; use --listen")
+    pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        anyhow::bail!(
+            "{} cannot be made: pseudo-terminals need Unix; use --listen ADDRESS, or with a pair of virtual COM ports (com0com) a \
+             serial device server between one of them and --listen",
+            path.display()
+        )
     }
 }
 
@@ -205,6 +235,10 @@ pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
     Ok((Box::new(device), name))
 }
 
+/// There are none: see [`Lines`](crate::io::line::Lines).
+///
+/// # Errors
+/// Always.
 #[cfg(not(unix))]
 pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
     anyhow::bail!("pseudo-terminals need Unix")

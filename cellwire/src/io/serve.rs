@@ -278,8 +278,9 @@ impl<S: Session> Client<S> {
             match self.stream.read(input) {
                 Ok(0) => return Err("the client closed the connection".into()),
                 Ok(length) => {
-                    // What comes after a read that was not filled is an event again; an end that was reported is not.
-                    self.is_readable = length == input.len() || self.is_ended;
+                    // On Unix what comes after a read that was not filled is an event again; an end that was reported is not. On
+                    // Windows nothing is until a read would have to wait.
+                    self.is_readable = length == input.len() || self.is_ended || cfg!(windows);
                     self.active = steps.now;
                     let bytes = input.get(..length).unwrap_or_default();
                     steps.service.trace.add(steps.now, Way::Received, bytes);

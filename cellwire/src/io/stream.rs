@@ -32,6 +32,11 @@ impl Stream {
         let _ = self.stream.shutdown(Shutdown::Both);
     }
 
+    /// Whether there is something to read at once, the end of the connection too.
+    pub fn is_waiting(&self) -> bool {
+        Wait::limited(Duration::ZERO).readable(&self.stream).unwrap_or(true)
+    }
+
     fn flush(&mut self) -> io::Result<()> {
         if self.unsent.is_empty() {
             return Ok(());

@@ -6,6 +6,7 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 use serde_json::{Map, Value};
 
+use crate::io::line::Lines;
 use crate::io::trace::TraceArgs;
 
 /// The options of a link's demo.
@@ -27,6 +28,8 @@ pub struct DemoOptions {
     pub trace: TraceArgs,
     /// Settings other than the demo's defaults.
     pub settings: Map<String, Value>,
+    /// What stands for serial lines.
+    pub lines: Lines,
     /// The progress line, on standard error.
     pub progress: ProgressBar,
 }
@@ -57,6 +60,7 @@ impl DemoOptions {
             drawing: None,
             trace: TraceArgs::off(),
             settings: Map::new(),
+            lines: Lines::HERE,
             progress: ProgressBar::hidden(),
         }
     }

@@ -173,7 +173,7 @@ impl Model {
         match notification {
             Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
             Notification::Latency(name, ms) => self.show(format!(
-                "{name}: its USB adapter collects bytes for {ms} ms: set latency_timer to 1, docs/alter.md"
+                "{name}: its USB adapter collects bytes for {ms} ms: set its latency timer to 1 ms, docs/alter.md"
             )),
             Notification::PortLost(name, why) => {
                 if name == "robot" {

@@ -1,22 +1,24 @@
-//! A serial port that may go away and come back. Nobody waits for it: a thread of its own closes and opens it.
+//! A serial port, or a serial device server, that may go away and come back. Nobody waits for it: a thread of its own closes and
+//! opens it.
 
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Session, Transport, Wait};
-use serialport::SerialPort;
+use robot_session::{Received, Sent, Serial, Session, Transport, Wait};
 
 use super::context::Context;
 use super::messages::Notification;
+use crate::io::port::AnyPort;
 use crate::io::serial;
+use crate::io::tcp::CONNECT_TIMEOUT;
 use crate::io::trace::Way;
 
-/// A serial port by its path.
+/// A serial port by its path, or `HOST:PORT`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PortConfig {
     /// The path or name.
@@ -32,7 +34,7 @@ const LEAST_WAIT: Duration = Duration::from_micros(50);
 /// What waits for the trace: more is not kept there either.
 const UNTRACED: usize = 256;
 
-type Opened = Box<dyn SerialPort>;
+type Opened = AnyPort;
 
 pub(super) struct Port {
     name: &'static str,
@@ -53,7 +55,7 @@ pub(super) struct Port {
 impl Port {
     /// Opens it for the first time: without it there is no host.
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
-        let port = serial::open(&config.path, config.baud)?;
+        let port = AnyPort::open(&config.path, config.baud, CONNECT_TIMEOUT)?;
         context.notify(Notification::PortOpen(name, config.path.clone()));
         if let Some(ms) = serial::latency_timer(Path::new(&config.path)).filter(|ms| *ms > 1) {
             context.notify(Notification::Latency(name, ms));
@@ -96,16 +98,19 @@ impl Port {
         };
         let (mut length, mut wait) = (0, wait.max(LEAST_WAIT));
         while let Some(rest) = buffer.get_mut(length..).filter(|rest| !rest.is_empty()) {
-            let outcome = port.set_timeout(wait).map_err(io::Error::from).and_then(|()| port.read(rest));
-            match outcome {
-                Ok(n) => length += n,
-                Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            match port.receive(rest, Wait::limited(wait)) {
+                Ok(Received::Bytes(n)) => length += n,
+                Ok(Received::Nothing) => {}
+                Ok(Received::Closed) => {
+                    self.lose(&ErrorKind::UnexpectedEof.into());
+                    break;
+                }
                 Err(e) => {
                     self.lose(&e);
                     break;
                 }
             }
-            if !port.bytes_to_read().is_ok_and(|waiting| waiting > 0) {
+            if !port.is_waiting() {
                 break;
             }
             wait = LEAST_WAIT;
@@ -125,7 +130,7 @@ impl Port {
     /// Writes all of `bytes`; false when the port is gone.
     pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
         let Some(port) = &mut self.open else { return false };
-        if let Err(e) = port.write_all(bytes) {
+        if let Err(e) = port.send_all(bytes) {
             self.lose(&e);
             return false;
         }
@@ -154,7 +159,7 @@ impl Port {
     /// Listens at another baud rate for so long, after sending `ask`; what was received. `None` when the port is gone or does not
     /// know the rate.
     pub(super) fn listen(&mut self, baud: u32, ask: &[u8], time: Duration) -> Option<Vec<u8>> {
-        let port = self.open.as_mut()?;
+        let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return None };
         port.set_baud_rate(baud).ok()?;
         port.write_all(ask).ok()?;
         serial::listen(port.as_mut(), time).ok()
@@ -162,7 +167,8 @@ impl Port {
 
     /// Back to the rate of its own.
     pub(super) fn end_listening(&mut self) {
-        if let Some(Err(e)) = self.open.as_mut().map(|port| port.set_baud_rate(self.config.baud)) {
+        let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return };
+        if let Err(e) = port.set_baud_rate(self.config.baud) {
             self.lose(&e.into());
         }
     }
@@ -192,7 +198,7 @@ fn reopen(config: &PortConfig, context: &Context, lost: &Receiver<Opened>, opene
             if context.is_stopped() {
                 return;
             }
-            let Ok(port) = serial::open(&config.path, config.baud) else { continue };
+            let Ok(port) = AnyPort::open(&config.path, config.baud, CONNECT_TIMEOUT) else { continue };
             if opened.send(port).is_err() {
                 return;
             }

@@ -30,7 +30,7 @@ use cellwire_links::settings;
 pub struct Args {
     #[command(subcommand)]
     command: Option<Command>,
-    /// The server: HOST:PORT, or the path of a serial port
+    /// The server: HOST:PORT, or the name of a serial port
     #[arg(required = true)]
     server: Option<String>,
     /// The requests; - is standard input [default: -]
@@ -46,7 +46,7 @@ const EXAMPLES: &str = "\
 Examples:
   echo '{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus 192.168.0.10:502
   cellwire modbus --confirm 192.168.0.10:502 writes.jsonl        each write is read back
-  cellwire modbus scan /dev/ttyUSB0 --parity even                which units are there
+  cellwire modbus scan /dev/ttyUSB0 --parity even                which units are there; on Windows: COM5
   cellwire modbus scan 192.168.0.10:502 --ranges --unit 1        which addresses of its tables can be read
   cellwire modbus poll 192.168.0.10:502 holding:0-36 coils:0-15  what changes, one line a value
 

@@ -21,7 +21,7 @@ use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 /// a connection that is lost, which is opened again. Runs until --seconds have passed, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The server: HOST:PORT, or the path of a serial port
+    /// The server: HOST:PORT, or the name of a serial port
     server: String,
     /// What to read, by PDU addresses: TABLE:FIRST-LAST, with coils, discrete, input or holding
     #[arg(required = true, value_name = "RANGE")]

@@ -22,7 +22,7 @@ use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 /// A table with few addresses takes many requests: narrow it with --from and --to.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The server: HOST:PORT, or the path of a serial port
+    /// The server: HOST:PORT, or the name of a serial port
     server: String,
     /// The units to look for
     #[arg(long, value_name = "A-B", default_value = "1-247", value_parser = units)]

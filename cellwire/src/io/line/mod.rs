@@ -21,8 +21,8 @@ use serialport::SerialPort;
 use crate::io::listener::Listener;
 use crate::io::output::remark;
 use crate::io::priority::{self, Rank};
-use crate::io::serial::READ_TIMEOUT;
-use crate::io::tcp::is_silence;
+use crate::io::serial::{self, READ_TIMEOUT};
+use crate::io::tcp::{self, is_silence};
 use crate::io::trace::{Trace, Way};
 
 pub use faults::LineFaults;
@@ -120,7 +120,39 @@ struct Direction {
     free_at: Duration,
 }
 
+/// What stands for a serial line between two parts of this process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lines {
+    /// A pseudo-terminal.
+    PseudoTerminals,
+    /// A TCP connection, as of a serial device server.
+    Tcp,
+}
+
+impl Lines {
+    /// What is nearest to a serial line on this platform.
+    pub const HERE: Self = if cfg!(unix) { Self::PseudoTerminals } else { Self::Tcp };
+}
+
 impl Line {
+    /// A line, and where its other end is opened: the path of a port, or `HOST:PORT`.
+    ///
+    /// # Errors
+    /// When the system cannot create another one.
+    pub fn simulated(lines: Lines, clock: Clock, baud: u32, trace: Trace) -> Result<(Self, String)> {
+        Ok(match lines {
+            Lines::PseudoTerminals => {
+                let (device, path) = serial::pair()?;
+                (Self::over_port(device, clock, baud, trace)?, path)
+            }
+            Lines::Tcp => {
+                let listener = tcp::listen("127.0.0.1:0")?;
+                let address = listener.local_addr()?.to_string();
+                (Self::over_tcp(Listener::new(listener)?, None, clock, baud, trace)?, address)
+            }
+        })
+    }
+
     /// Over a port: the device's end of a pseudo-terminal, or a real port.
     ///
     /// # Errors

@@ -9,12 +9,12 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
-use robot_session::{Driver, Received, Sent, Serial, Session as _, Transport, Wait, now};
-use serialport::SerialPort;
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
 
 use super::path::Cut;
 use super::tally::Known;
 use crate::io::drive::turn;
+use crate::io::port::AnyPort;
 use crate::io::samples::Samples;
 use crate::io::serial;
 use crate::links::laser_eb90::controller::STATUS;
@@ -62,7 +62,7 @@ pub struct Plan<'a> {
 }
 
 /// A port that notes when a frame was sent.
-struct Port(Serial, Rc<Cell<Duration>>);
+struct Port(AnyPort, Rc<Cell<Duration>>);
 
 impl Transport for Port {
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
@@ -97,7 +97,7 @@ impl<'a> Cutter<'a> {
     ///
     /// # Errors
     /// A configuration that cannot work.
-    pub fn new(port: Box<dyn SerialPort>, path: &'a [Cut], config: HostConfig) -> Result<Self> {
+    pub fn new(port: AnyPort, path: &'a [Cut], config: HostConfig) -> Result<Self> {
         let sent = Rc::new(Cell::new(now()));
         let mut host = Host::new(config)?;
         host.handle_connected(now());
@@ -116,7 +116,7 @@ impl<'a> Cutter<'a> {
             known: vec![None; path.len()],
             counts: HostCounts::default(),
         };
-        Ok(Self { driver: Driver::new(Port(Serial(port), sent)), host, plan })
+        Ok(Self { driver: Driver::new(Port(port, sent)), host, plan })
     }
 
     /// Cuts for `time` or to the end of the path, `batch` instructions in a frame, and lets the last frame find its outcome, if

@@ -18,7 +18,9 @@ use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
-use crate::io::{serial, sheet};
+use crate::io::port::AnyPort;
+use crate::io::sheet;
+use crate::io::tcp::CONNECT_TIMEOUT;
 use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
 use cellwire_links::settings::{self, Configure, Fields};
 
@@ -91,7 +93,7 @@ impl Configure for Settings {
     }
 }
 
-/// A host sends a cutting path to the simulated robot over a pseudo-terminal whose bytes take their time: for the first third of
+/// A host sends a cutting path to the simulated robot over a serial line whose bytes take their time: for the first third of
 /// the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and started again.
 ///
 /// # Errors
@@ -104,9 +106,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let settings = settings::read("laser-eb90", settings, &options.settings)?;
     let (Settings { host: config, robot: settings }, baud) = (settings, first.host.baud);
     let path = path::path()?;
-    let (device, port) = serial::pair()?;
     let clock = Clock::start();
-    let mut line = Line::over_port(device, clock, baud, options.trace.start("laser"))?;
+    let (mut line, port) = Line::simulated(options.lines, clock, baud, options.trace.start("laser"))?;
     if options.faults {
         line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
     }
@@ -144,7 +145,7 @@ fn cut<'a>(
     options: &DemoOptions,
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
-    let mut cutter = Cutter::new(serial::open(port, config.baud)?, path, config)?;
+    let mut cutter = Cutter::new(AnyPort::open(port, config.baud, CONNECT_TIMEOUT)?, path, config)?;
     // A new host waits until what an earlier one may have sent has passed: that is no part of the rate.
     cutter.cut(Duration::ZERO, 1, |_| ())?;
     let start = clock.now();
@@ -269,12 +270,23 @@ fn tenths(rate: f64) -> f64 {
 #[cfg(unix)]
 mod tests {
     use super::*;
+    use crate::io::line::Lines;
     use crate::io::trace::TraceArgs;
     use indicatif::ProgressBar;
 
     /// Noise, and a robot that is killed and started again in the middle of it.
     #[test]
     fn over_a_bad_line_nothing_is_lost_unreported_or_repeated() {
+        bad_line(Lines::PseudoTerminals);
+    }
+
+    /// What stands for the line where there are no pseudo-terminals.
+    #[test]
+    fn nor_over_tcp() {
+        bad_line(Lines::Tcp);
+    }
+
+    fn bad_line(lines: Lines) {
         let options = DemoOptions {
             seconds: Some(Duration::from_secs(3)),
             faults: true,
@@ -284,6 +296,7 @@ mod tests {
             drawing: None,
             trace: TraceArgs::off(),
             settings: serde_json::Map::new(),
+            lines,
             progress: ProgressBar::hidden(),
         };
         let object = demo(&options).unwrap().to_json();

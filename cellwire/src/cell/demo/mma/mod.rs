@@ -356,6 +356,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::io::line::Lines;
     use crate::io::trace::TraceArgs;
 
     fn options(faults: bool, set: &[&str]) -> DemoOptions {
@@ -368,6 +369,7 @@ mod tests {
             drawing: None,
             trace: TraceArgs::off(),
             settings: set.iter().filter_map(|text| cellwire_links::settings::parse(text).ok()).collect(),
+            lines: Lines::HERE,
             progress: ProgressBar::hidden(),
         }
     }

@@ -1,4 +1,4 @@
-//! The whole cell in one process: simulated ball, robot and workstation, and the host between them, on three pseudo-terminals.
+//! The whole cell in one process: simulated ball, robot and workstation, and the host between them, on three serial lines.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -16,10 +16,9 @@ use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::{
     LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
 };
-use crate::io::line::{Clock, Line, LineFaults};
+use crate::io::line::{Clock, Line, LineFaults, Lines};
 use crate::io::pauses::{Pauses, Watch};
 use crate::io::samples::Samples;
-use crate::io::serial;
 use crate::io::trace::TraceArgs;
 use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
@@ -60,6 +59,8 @@ pub struct CellConfig {
     pub seed: u64,
     /// What becomes of the last bytes of a session.
     pub trace: TraceArgs,
+    /// What stands for the lines.
+    pub lines: Lines,
 }
 
 impl CellConfig {
@@ -76,6 +77,7 @@ impl CellConfig {
             faults: options.faults,
             seed: options.seed,
             trace: options.trace.clone(),
+            lines: options.lines,
         }
     }
 }
@@ -209,7 +211,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     })
 }
 
-/// A simulated device's line on a pseudo-terminal, and the path of its other end.
+/// A simulated device's line, and where its other end is.
 struct Wire {
     line: Line,
     path: String,
@@ -217,8 +219,7 @@ struct Wire {
 
 impl Wire {
     fn new(name: &str, clock: Clock, baud: u32, number: u64, config: &CellConfig) -> Result<Self> {
-        let (device, path) = serial::pair()?;
-        let line = Line::over_port(device, clock, baud, config.trace.start(name))?;
+        let (line, path) = Line::simulated(config.lines, clock, baud, config.trace.start(name))?;
         let faults = match config.faults {
             true => LineFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
             false => LineFaults::none(),

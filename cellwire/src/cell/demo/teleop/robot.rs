@@ -245,6 +245,7 @@ mod tests {
             faults: false,
             seed: 1,
             trace: TraceArgs::off(),
+            lines: crate::io::line::Lines::HERE,
         };
         let mut record = CellRecord { stopped_at: 10_000 * MS, ..CellRecord::default() };
         record.puma.starts = 1;

@@ -10,6 +10,7 @@ pub(super) use linux::Evdev;
 pub(super) use elsewhere::Evdev;
 
 /// An axis as the device describes it.
+#[cfg(any(target_os = "linux", test))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Range {
     least: i32,
@@ -18,6 +19,7 @@ struct Range {
     rest: i32,
 }
 
+#[cfg(any(target_os = "linux", test))]
 impl Range {
     /// The range of an axis that was at `value` when the device was opened.
     fn of(least: i32, most: i32, value: i32) -> Self {

@@ -1,0 +1,64 @@
+//! `cellwire ports`.
+
+use std::io::Write as _;
+
+use anyhow::Result;
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use serde_json::json;
+
+use crate::io::output::{log, remark};
+use crate::io::ports;
+
+/// Lists the serial ports of this machine: the names under which other commands open them, and the adapter behind each.
+///
+/// Two adapters of one kind differ in their serial number alone; on Windows one keeps its COM port as long as it is in the same socket.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// One JSON object a line
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints them; false: there are none.
+///
+/// # Errors
+/// When the system does not say, or standard output is closed.
+pub fn run(args: &Args) -> Result<bool> {
+    let found = ports::list()?;
+    if found.is_empty() {
+        remark("no serial ports");
+        return Ok(false);
+    }
+    if args.json {
+        for port in &found {
+            log(&json!(port))?;
+        }
+        return Ok(true);
+    }
+    let mut table = Table::new();
+    table.load_style(NOTHING).set_header([
+        "port",
+        "adapter",
+        "maker",
+        "serial number",
+        "usb",
+        "latency timer",
+    ]);
+    for port in &found {
+        let text = |text: &Option<String>| text.clone().unwrap_or_default();
+        let latency = port.latency_timer_ms.map(|ms| format!("{ms} ms")).unwrap_or_default();
+        let adapter = port.adapter.clone().unwrap_or_else(|| port.kind.replace('_', "-"));
+        let row = [
+            port.port.clone(),
+            adapter,
+            text(&port.maker),
+            text(&port.serial_number),
+            text(&port.usb),
+            latency,
+        ];
+        table.add_row(row);
+    }
+    let lines = table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n");
+    Ok(writeln!(std::io::stdout(), "{lines}").map(|()| true)?)
+}

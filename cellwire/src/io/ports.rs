@@ -1,0 +1,94 @@
+//! The serial ports that there are, by the names under which they are opened.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use serialport::{SerialPortInfo, SerialPortType};
+
+use super::serial;
+
+/// A serial port.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Port {
+    /// Its name: `/dev/ttyUSB0`, `COM5`.
+    pub port: String,
+    /// `usb`, `bluetooth`, or `built_in` for what is in the machine.
+    pub kind: &'static str,
+    /// What the adapter calls itself.
+    pub adapter: Option<String>,
+    /// Who has made it.
+    pub maker: Option<String>,
+    /// Its serial number: two adapters of one kind differ in it alone.
+    pub serial_number: Option<String>,
+    /// The USB numbers of maker and product, such as `0403:6001`.
+    pub usb: Option<String>,
+    /// How long its chip collects bytes, where the system says it.
+    pub latency_timer_ms: Option<u32>,
+}
+
+/// Every port, by its name, `COM5` before `COM12`.
+///
+/// # Errors
+/// When the system does not say.
+pub fn list() -> Result<Vec<Port>> {
+    // The library expects the folder, which is missing where no terminals are known at all.
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Ok(Vec::new());
+    }
+    let found =
+        serialport::available_ports().context("the system does not say which serial ports there are")?;
+    let mut ports: Vec<Port> = found.into_iter().map(of).collect();
+    ports.sort_by(|one, other| key(&one.port).cmp(&key(&other.port)));
+    Ok(ports)
+}
+
+fn of(info: SerialPortInfo) -> Port {
+    let (kind, usb) = match info.port_type {
+        SerialPortType::UsbPort(usb) => ("usb", Some(usb)),
+        SerialPortType::BluetoothPort => ("bluetooth", None),
+        SerialPortType::PciPort | SerialPortType::Unknown => ("built_in", None),
+    };
+    let numbers = usb.as_ref().map(|usb| format!("{:04x}:{:04x}", usb.vid, usb.pid));
+    let (adapter, maker, serial_number) =
+        usb.map_or((None, None, None), |usb| (usb.product, usb.manufacturer, usb.serial_number));
+    let latency_timer_ms = serial::latency_timer(Path::new(&info.port_name));
+    Port { port: info.port_name, kind, adapter, maker, serial_number, usb: numbers, latency_timer_ms }
+}
+
+/// A name and the number at its end.
+fn key(name: &str) -> (&str, u32) {
+    let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    (letters, name.get(letters.len()..).and_then(|number| number.parse().ok()).unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use serialport::UsbPortInfo;
+
+    use super::*;
+
+    #[test]
+    fn a_port_has_what_its_adapter_says_of_itself() {
+        let usb = UsbPortInfo {
+            vid: 0x0403,
+            pid: 0x6001,
+            serial_number: Some("A600DXXY".into()),
+            manufacturer: Some("FTDI".into()),
+            product: Some("FT232R USB UART".into()),
+        };
+        let info = SerialPortInfo { port_name: "COM12".into(), port_type: SerialPortType::UsbPort(usb) };
+        assert_eq!(
+            serde_json::to_string(&of(info)).unwrap(),
+            r#"{"port":"COM12","kind":"usb","adapter":"FT232R USB UART","maker":"FTDI","serial_number":"A600DXXY","usb":"0403:6001","latency_timer_ms":null}"#
+        );
+        let info = SerialPortInfo { port_name: "/dev/ttyS0".into(), port_type: SerialPortType::PciPort };
+        assert_eq!(of(info).kind, "built_in");
+    }
+
+    #[test]
+    fn numbers_are_in_their_order() {
+        let mut names = ["COM12", "COM5", "/dev/ttyUSB1", "COM", "/dev/ttyUSB0"];
+        names.sort_by(|one, other| key(one).cmp(&key(other)));
+        assert_eq!(names, ["/dev/ttyUSB0", "/dev/ttyUSB1", "COM", "COM5", "COM12"]);
+    }
+}

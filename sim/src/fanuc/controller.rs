@@ -1,0 +1,196 @@
+//! The simulated FANUC controller: the tables of the source's Table 1, and the background task of its Fig. 8.
+
+use core::ops::Range;
+use core::time::Duration;
+
+use fanuc_hmi_modbus::{Bits, BitsMut, Exception, Registers, TelemetryBlock, WordOrder, Words, WordsMut};
+
+use super::background::{PERIOD, Pose, background_task};
+use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
+use super::tables::Tables;
+
+/// Where the tool is at a time since the start of the program.
+pub type Motion = Box<dyn Fn(Duration) -> Pose + Send>;
+
+/// A circle of 200 mm at 100 mm/s, the tool pointing down and swaying.
+pub fn circle(at: Duration) -> Pose {
+    let t = at.as_secs_f64();
+    Pose {
+        position: [500.0 + 100.0 * t.cos(), 100.0 * t.sin(), 300.0 + 20.0 * (0.5 * t).sin()],
+        wpr: [180.0 - 10.0 * (0.7 * t).sin(), 5.0 * t.sin(), 45.0 + 20.0 * (0.3 * t).cos()],
+    }
+}
+
+/// What the controller shows over Modbus: the [`Tables`], and in the holding registers what the robot does.
+#[allow(missing_debug_implementations, reason = "a motion is a function")]
+pub struct Controller {
+    source: Source,
+    faults: Faults,
+    now: Duration,
+    /// The run that the background task has done last.
+    run: Option<u32>,
+    tables: Tables,
+    order: WordOrder,
+}
+
+/// What moves.
+enum Source {
+    Motion(Motion),
+    Program(Box<dyn Program>),
+}
+
+/// A robot that runs a program, and keeps the controller's tables.
+pub trait Program: Send {
+    /// Goes on for one period of the background task, which ends at `at`, its run of this number.
+    fn run(&mut self, at: Duration, number: u32, faults: &Faults, tables: &mut Tables);
+
+    /// A client has written to these holding registers, from PDU address 0 on.
+    fn written(&mut self, registers: Range<usize>, tables: &Tables);
+
+    /// Puts what it shows into the holding registers.
+    fn show(&mut self, tables: &mut Tables);
+}
+
+impl Controller {
+    /// A controller that has just been switched on, whose robot moves by itself.
+    pub fn new(motion: Motion, order: WordOrder) -> Self {
+        Self::with(Source::Motion(motion), Tables::numbered(), order)
+    }
+
+    /// A controller whose robot runs a program.
+    pub fn running(program: Box<dyn Program>, order: WordOrder) -> Self {
+        Self::with(Source::Program(program), Tables::empty(), order)
+    }
+
+    fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
+        Self { source, faults: Faults::default(), now: Duration::ZERO, run: None, tables, order }
+    }
+
+    /// The same with faults.
+    #[must_use]
+    pub fn with_faults(mut self, faults: Faults) -> Self {
+        self.faults = faults;
+        self
+    }
+
+    /// Whether clients cannot reach it now.
+    pub fn is_away(&self, now: Duration) -> bool {
+        self.faults.has(Fault::Disconnect, now)
+    }
+
+    /// The registers and signals, to look at them and to set what comes from outside.
+    pub fn tables_mut(&mut self) -> &mut Tables {
+        &mut self.tables
+    }
+
+    /// Its power was gone: the background task begins anew, and what clients have written is gone.
+    pub(super) fn restart(&mut self) {
+        self.run = None;
+        self.tables = match self.source {
+            Source::Motion(_) => Tables::numbered(),
+            Source::Program(_) => Tables::empty(),
+        };
+    }
+
+    /// Lets the background task run as often as it is due. What a client wrote to its registers is gone then.
+    pub fn tick(&mut self, now: Duration) {
+        self.now = now;
+        let (run, last) = (runs(now), self.run);
+        if last.is_some_and(|last| last >= run) {
+            return;
+        }
+        self.run = Some(run);
+        match &mut self.source {
+            Source::Motion(_) if self.faults.has(Fault::Standstill, now) && last.is_some() => {}
+            Source::Motion(motion) => {
+                let registers = block(motion, &self.faults, run).to_registers(self.order);
+                if let Some(area) = self.tables.holding_registers.first_chunk_mut() {
+                    *area = registers;
+                }
+            }
+            Source::Program(program) => {
+                for run in last.map_or(0, |last| last + 1)..=run {
+                    let at = PERIOD * run;
+                    program.run(at, runs(self.faults.task_time(at)), &self.faults, &mut self.tables);
+                }
+                program.show(&mut self.tables);
+            }
+        }
+    }
+
+    /// The exception of a controller that is busy.
+    fn ready(&self) -> Result<(), Exception> {
+        if self.faults.has(Fault::Busy, self.now) { Err(Exception::ServerDeviceBusy) } else { Ok(()) }
+    }
+}
+
+/// What the background task writes at the period `run` since the start.
+fn block(motion: &Motion, faults: &Faults, run: u32) -> TelemetryBlock {
+    let at = PERIOD * run;
+    let pose = |run: u32| motion(PERIOD * run);
+    let counter = runs(faults.task_time(at));
+    let mut block = background_task(counter, &pose(run), &pose(run.saturating_sub(1)));
+    faults.spoil(&mut block, at);
+    block
+}
+
+/// The periods in this time.
+fn runs(time: Duration) -> u32 {
+    u32::try_from(time.as_millis() / PERIOD.as_millis()).unwrap_or(u32::MAX)
+}
+
+impl Registers for Controller {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.tables.read_coils(address, out)
+    }
+
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.tables.read_discrete_inputs(address, out)
+    }
+
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.tables.read_holding_registers(address, out)
+    }
+
+    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.tables.read_input_registers(address, out)
+    }
+
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.tables.write_coils(address, values)
+    }
+
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        let written = usize::from(address)..usize::from(address) + values.len();
+        self.tables.write_registers(address, values)?;
+        if let Source::Program(program) = &mut self.source {
+            program.written(written, &self.tables);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_task_overwrites_its_registers_at_its_next_run_and_no_others() {
+        let mut controller = Controller::new(Box::new(circle), WordOrder::LowFirst);
+        controller.tick(Duration::from_millis(80));
+        controller.write_registers(35, Words::from(&[1, 2, 3, 4])).unwrap();
+        controller.tick(Duration::from_millis(87));
+        assert_eq!(controller.tables.holding_registers[35..39], [1, 2, 3, 4]);
+        controller.tick(Duration::from_millis(88));
+        assert_ne!(controller.tables.holding_registers[35..37], [1, 2]);
+        assert_eq!(controller.tables.holding_registers[37..39], [3, 4]);
+        assert_eq!(controller.tables.holding_registers[..3], [11, 0, 100]);
+        assert_eq!(controller.tables.holding_registers[39..41], [40, 41]);
+    }
+}

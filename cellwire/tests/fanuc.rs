@@ -11,8 +11,8 @@ use cellwire::io::line::Clock;
 use cellwire::io::listener::Listener;
 use cellwire::io::serve::Service;
 use cellwire::io::trace::TraceArgs;
-use cellwire::links::fanuc_hmi_modbus::controller::{Controller, circle};
 use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
+use cellwire_sim::fanuc::{Controller, circle};
 use fanuc_hmi_modbus::{ServerConfig, WordOrder};
 use serde_json::Value;
 

@@ -13,7 +13,7 @@ use cellwire::cell::demo::mma::judged::{Judged, MOST_STEPS};
 use cellwire::cell::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
 use cellwire::cell::demo::mma::workpiece::Record;
 use cellwire::io::samples::Samples;
-use cellwire::links::mmacell_proto::station::MotionFaults;
+use cellwire_sim::mma::MotionFaults;
 
 /// The switch is looked at this often while the vacuum is on.
 const LOOK: Duration = Duration::from_millis(5);

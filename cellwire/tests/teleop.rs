@@ -28,8 +28,8 @@ use cellwire::io::trace::TraceArgs;
 use cellwire::links::isra_ball::ball;
 use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
-use cellwire::links::val2_viewer::options::ViewerSettings;
 use cellwire_motion::latch::LatchConfig;
+use cellwire_sim::Viewer;
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use real_time::in_real_time;
@@ -154,7 +154,7 @@ fn whatever_goes_wrong(lines: Lines) {
             controller: PumaConfig::default().controller,
             polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
-            viewer: ViewerSettings::default(),
+            viewer: Viewer::default(),
             viewer_host: val2_viewer::HostConfig::default(),
             faults: true,
             seed: 5,

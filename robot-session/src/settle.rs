@@ -32,8 +32,12 @@ pub fn settle<S: Session, B>(
             each(session, Output::Transmit(buffer.get(..length).unwrap_or_default()))?;
             idle = false;
         }
+        // Also where nothing is to be sent, something may have expired.
         if idle {
-            return ControlFlow::Continue(());
+            match session.poll_event() {
+                None => return ControlFlow::Continue(()),
+                Some(event) => each(session, Output::Event(event))?,
+            }
         }
     }
 }

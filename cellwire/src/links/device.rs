@@ -1,14 +1,18 @@
 //! A simulated end of a link, and where its peer reaches it.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
+use robot_session::{Driver, Session, Transport as _};
 use serde_json::{Map, Value};
 
+use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
 use crate::io::output::ready;
+use crate::io::priority::{self, Rank};
 use crate::io::serial::PtyLink;
 use crate::io::tcp;
 use crate::io::trace::TraceArgs;
@@ -82,4 +86,39 @@ pub fn serve(
         }
         Endpoint::Connect(_) => anyhow::bail!("{name} is on a serial line: use --pty or --listen"),
     }
+}
+
+/// A stop, and a client that comes or goes, are looked for so often.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// Runs a simulated device on a line until it is to stop, or until the line is gone for good. `handle` is given its events, and whether a
+/// client has the other end open when that changes.
+///
+/// # Errors
+/// What `handle` returns.
+pub fn on_line<S: Session>(
+    line: &mut Line,
+    device: &mut S,
+    stop: &AtomicBool,
+    mut handle: impl FnMut(Result<S::Event, bool>) -> Result<()>,
+) -> Result<()> {
+    priority::raise(Rank::Hardware);
+    let mut driver = Driver::new(line);
+    let mut connected = false;
+    while !stop.load(Ordering::Relaxed) {
+        let now = driver.transport_mut().now();
+        if driver.transport_mut().is_connected() != connected {
+            connected = !connected;
+            if connected {
+                device.handle_connected(now);
+            } else {
+                device.handle_disconnected(now);
+            }
+            handle(Err(connected))?;
+        }
+        if !turn(&mut driver, device, Some(LOOK), |_, event| handle(Ok(event)))? {
+            break;
+        }
+    }
+    Ok(())
 }

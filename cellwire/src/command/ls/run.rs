@@ -10,10 +10,9 @@ use crate::cell::telemetry::path::{self, Sample};
 use crate::io::files;
 use crate::io::input::seconds;
 use crate::io::output::{log, remark};
-use crate::links::fanuc_hmi_modbus::faults::Faults;
 use crate::links::fanuc_hmi_modbus::options::ProgramSettings;
 use crate::links::fanuc_hmi_modbus::simulate::robot;
-use crate::links::fanuc_hmi_modbus::tables::Tables;
+use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 
 /// Runs a program without a robot, on a clock of its own, and draws its path.
 ///
@@ -60,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         settings.joints = joints.context("--joints needs six numbers, with commas between them")?;
     }
     let mut robot = robot(&args.program, &settings, WordOrder::LowFirst)?;
-    let (mut tables, faults) = (Tables::empty(), Faults::default());
+    let (mut tables, faults) = (Tables::empty(), TelemetryFaults::default());
     let (mut samples, mut good) = (Vec::new(), true);
     let mut number = 0;
     loop {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use fanuc_hmi_modbus::Signal;
 
-use super::tables::Tables;
+use cellwire_sim::fanuc::Tables;
 
 /// The setting `inputs`: `DI[1]:0-5,RI[2]:3-`, an input and the seconds since the start between which it is on.
 #[derive(Debug, Clone, Default)]

@@ -1,16 +1,12 @@
 //! fanuc-hmi-modbus in the tool: the simulated controller, and a client for scripts.
 
-pub mod background;
 pub mod client;
-pub mod controller;
-pub mod faults;
 pub mod inputs;
 pub mod mapping;
 pub mod options;
 pub mod program;
 pub mod robot;
 pub mod simulate;
-pub mod tables;
 
 use crate::links::device::Device;
 use cellwire_links::settings;

@@ -24,7 +24,7 @@ pub struct FanucSettings {
     pub stall: Duration,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// Telemetry that cannot be, and when: see [`Faults`](super::faults::Faults).
+    /// Telemetry that cannot be, and when: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
     pub faults: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,

@@ -1,15 +1,16 @@
 //! The robot of the simulated controller: one that moves by itself, or one that runs a program.
 
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use cellwire_sim::fanuc::{Pose, Program, Tables, TelemetryFaults, background_task};
 use fanuc_hmi_modbus::TelemetryBlock;
+use serde_json::Value;
 
-use super::background::{Pose, background_task};
-use super::faults::Faults;
 use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::program::{Machine, Place};
-use super::tables::Tables;
 
 /// A robot that runs a program, and what its controller shows of it.
 #[derive(Debug)]
@@ -32,7 +33,7 @@ impl Robot {
     }
 
     /// Goes on for one period of the background task, which ends at `at`, its run of this number.
-    pub fn run(&mut self, at: Duration, number: u32, faults: &Faults, tables: &mut Tables) {
+    pub fn run(&mut self, at: Duration, number: u32, faults: &TelemetryFaults, tables: &mut Tables) {
         self.inputs.set(at, tables);
         self.machine.advance(at.as_secs_f64(), tables);
         let pose = self.machine.pose();
@@ -66,5 +67,33 @@ impl Robot {
     pub fn show(&mut self, tables: &mut Tables) {
         let here = Place::Cartesian { xyzwpr: self.machine.pose().to_xyzwpr(), folded: None };
         self.mapping.show(&self.machine.memory, &here, &mut tables.holding_registers);
+    }
+}
+
+/// What a program has reported, for who takes it.
+pub type Reports = Arc<Mutex<Vec<Value>>>;
+
+/// A robot in a controller that serves clients.
+#[derive(Debug)]
+pub struct Reporting {
+    /// The robot.
+    pub robot: Robot,
+    /// What its program has reported.
+    pub reports: Reports,
+}
+
+impl Program for Reporting {
+    fn run(&mut self, at: Duration, number: u32, faults: &TelemetryFaults, tables: &mut Tables) {
+        self.robot.run(at, number, faults, tables);
+        self.reports.lock().unwrap_or_else(PoisonError::into_inner).extend(self.robot.machine.events());
+    }
+
+    fn written(&mut self, registers: Range<usize>, tables: &Tables) {
+        let Robot { mapping, machine, .. } = &mut self.robot;
+        mapping.take(registers, &tables.holding_registers, &mut machine.memory);
+    }
+
+    fn show(&mut self, tables: &mut Tables) {
+        self.robot.show(tables);
     }
 }

@@ -2,24 +2,21 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Exception, Registers, Server, ServerConfig, ServerEvent, WordOrder, Words,
-    WordsMut,
-};
+use cellwire_sim::fanuc::{Controller, FanucController, Shared, TelemetryFaults, circle};
+use cellwire_sim::{Simulator, Told};
+use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
 use serde_json::{Value, json};
 
-use super::controller::{Controller, circle};
-use super::faults::Faults;
 use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
 use super::program::{Machine, load};
-use super::robot::Robot;
+use super::robot::{Reporting, Reports, Robot};
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
 use crate::io::output::{log, ready};
@@ -30,21 +27,20 @@ use crate::links::device::{Endpoint, SimulateOptions};
 use cellwire_links::settings;
 use cellwire_motion::{Arm, Limits, Planner, Pose};
 
-/// Who a controller is shared between: every connection sees the same registers.
-pub type Shared = Arc<Mutex<Controller>>;
-
 /// Runs until interrupted. The settings are those of [`FanucSettings`].
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
-    let faults = Faults::parse(settings.faults.as_deref().unwrap_or_default())?;
+    let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
+    let reports = Reports::default();
     let controller = match &settings.program.program {
         None => Controller::new(Box::new(circle), settings.word_order),
         Some(program) => {
             let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
-            Controller::running(robot, settings.word_order)
+            let robot = Reporting { robot, reports: Arc::clone(&reports) };
+            Controller::running(Box::new(robot), settings.word_order)
         }
     };
     let controller = Arc::new(Mutex::new(controller.with_faults(faults)));
@@ -56,7 +52,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
             if runs {
-                keep_running(&controller, clock)?;
+                keep_running(&controller, &reports, clock)?;
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout };
             // A script that reads no more is none of our business.
@@ -64,9 +60,9 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
-                keep_running(&controller, clock)?;
+                keep_running(&controller, &reports, clock)?;
             }
-            serve_line(line, clock, &controller, settings.on_line())
+            serve_line(line, &controller, settings.on_line())
         }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
@@ -99,17 +95,14 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
 ///
 /// # Errors
 /// When the system has no room for a thread.
-fn keep_running(controller: &Shared, clock: Clock) -> Result<()> {
-    let controller = Arc::clone(controller);
+fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<()> {
+    let (controller, reports) = (Arc::clone(controller), Arc::clone(reports));
     let thread = thread::Builder::new().name("program".into()).spawn(move || {
         loop {
             thread::sleep(Duration::from_millis(16));
-            let events = {
-                let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
-                controller.tick(clock.now());
-                controller.events()
-            };
-            for event in events {
+            controller.lock().unwrap_or_else(PoisonError::into_inner).tick(clock.now());
+            let reports = core::mem::take(&mut *reports.lock().unwrap_or_else(PoisonError::into_inner));
+            for event in reports {
                 let _ = log(&event); // a script that reads no more is none of our business
             }
         }
@@ -128,25 +121,21 @@ pub fn serve_tcp(
     service: &Service<'_>,
     mut notify: impl FnMut(Value),
 ) -> Result<()> {
-    let open = || {
-        let registers = Connection { controller: Arc::clone(controller), clock: service.clock };
-        Ok(Server::<_>::new(config, registers)?)
-    };
+    let open = || connection(controller, config);
     service.run(listener, open, |notice| {
         match notice {
             Notice::Connected(peer) => {
                 notify(json!({"event": "connected", "peer": peer}));
-                return stay(controller, service.clock);
             }
             Notice::Refused(peer, why) => {
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
-            Notice::Event(event) => {
-                if let Some(error) = report(event, &mut notify) {
-                    return ControlFlow::Break(format!("the client is out of step: {error}"));
-                }
-                return stay(controller, service.clock);
+            Notice::Event(Told::Device(ServerEvent::OutOfStep(error))) => {
+                return ControlFlow::Break(format!("the client is out of step: {error}"));
             }
+            Notice::Event(Told::Device(event)) => report(event, &mut notify),
+            Notice::Event(Told::Close(why)) => return ControlFlow::Break(why.into()),
+            Notice::Event(_) => {}
             Notice::Disconnected(peer, why) => {
                 notify(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
@@ -156,85 +145,36 @@ pub fn serve_tcp(
     })
 }
 
-/// Whether a client may stay: the fault `disconnect` sends all of them away.
-fn stay(controller: &Shared, clock: Clock) -> ControlFlow<String> {
-    let controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
-    if controller.is_away(clock.now()) {
-        return ControlFlow::Break("the fault `disconnect`".into());
-    }
-    ControlFlow::Continue(())
-}
-
 /// An RTU line until it is gone for good.
-fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: ServerConfig) -> Result<()> {
-    let registers = Connection { controller: Arc::clone(controller), clock };
-    let mut server = Server::<_>::new(config, registers)?;
-    robot_session::drive(&mut server, line, |_, event| {
+fn serve_line(line: &mut Line, controller: &Shared, config: ServerConfig) -> Result<()> {
+    robot_session::drive(&mut connection(controller, config)?, line, |_, event| {
         // A line has no connection that could be closed.
-        report(event, &mut |event| drop(log(&event)));
+        if let Told::Device(event) = event {
+            report(event, &mut |event| drop(log(&event)));
+        }
         ControlFlow::<()>::Continue(())
     })?;
     Ok(())
 }
 
-/// The controller as one connection reaches it.
-struct Connection {
-    controller: Shared,
-    clock: Clock,
+/// One connection, of which nobody asks what was written.
+fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<FanucController>> {
+    Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
-impl Connection {
-    /// The controller, its background task up to date.
-    fn controller(&self) -> MutexGuard<'_, Controller> {
-        let mut controller = self.controller.lock().unwrap_or_else(PoisonError::into_inner);
-        controller.tick(self.clock.now());
-        controller
-    }
-}
-
-impl Registers for Connection {
-    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.controller().read_coils(address, out)
-    }
-
-    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.controller().read_discrete_inputs(address, out)
-    }
-
-    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.controller().read_holding_registers(address, out)
-    }
-
-    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.controller().read_input_registers(address, out)
-    }
-
-    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
-        self.controller().write_coils(address, values)
-    }
-
-    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
-        self.controller().write_registers(address, values)
-    }
-}
-
-/// Reports what was refused, and what was corrupt; why the connection is to be closed.
-fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) -> Option<DecodeError> {
+/// Reports what was refused, and what was corrupt.
+fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) {
     match event {
         ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
             let exception = u8::from(exception);
             notify(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
-            None
         }
         ServerEvent::Refused { unit, function } => {
             notify(json!({"event": "too_many", "unit": unit, "function": function}));
-            None
         }
         ServerEvent::Corrupt(error) => {
             notify(json!({"event": "corrupt", "error": error}));
-            None
         }
-        ServerEvent::OutOfStep(error) => Some(error),
-        _ => None,
+        _ => {}
     }
 }

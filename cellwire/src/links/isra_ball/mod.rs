@@ -1,16 +1,15 @@
 //! isra-ball in the tool: the simulated ball and the hand on it.
 
 pub mod ball;
-pub mod hand;
-pub mod options;
 
 use crate::links::device::Device;
 use cellwire_links::settings;
+use cellwire_sim::TeachBall;
 
 /// `cellwire simulate ball`.
 pub const BALL: Device = Device {
     name: "ball",
     about: "The ISRA Robot Command Teach Ball with a hand on it",
-    settings: || settings::list(options::BallSettings::default()),
+    settings: || settings::list(TeachBall::default()),
     simulate: ball::simulate,
 };

@@ -1,21 +1,18 @@
-//! The simulated robot: the communication task, and in a thread of its own the motion task that draws from the queue.
+//! The simulated robot, which draws what a PC sends.
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow};
-use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, RobotStatistics, timing};
+use anyhow::Result;
+use cellwire_sim::kawasaki::{Kawasaki, TimeOf};
+use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, Told};
+use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::{Driver, Session, Transport as _, Waker};
-use robot_work_queue::{Reader, Wake};
 
 use super::meeting::Meeting;
 use super::peer::{Peer, outcome};
 use super::sheet::Lines;
-use crate::io::bell::Bell;
 use crate::io::samples::Samples;
 use crate::io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
@@ -38,7 +35,7 @@ pub struct Setup {
 /// What a run has shown.
 #[derive(Debug, Default)]
 pub struct Run {
-    /// From the end of a job to the beginning of the next one of the order, without the motion.
+    /// From the end of a job until the next one has begun: how late the robot has come to it.
     pub work_cycle: Samples,
     /// From sending a packet to having received its answer.
     pub exchange: Samples,
@@ -95,68 +92,49 @@ pub enum Notification<'a> {
     Traced(std::path::PathBuf),
 }
 
-/// Runs until it is switched off: meets the PC, again whenever the connection is lost. The motion task gives each job that is
-/// executed to `stroke`.
+/// Runs until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed is given to `stroke`.
 ///
 /// # Errors
-/// What `notify` returns; a queue, or a waker, that cannot be made.
+/// What `notify` returns; settings that cannot work, or a waker that cannot be made.
 pub fn run(
     setup: &Setup,
     meeting: &mut Meeting,
     trace: &Trace,
     switch: &Switch,
-    stroke: impl FnMut(Stroke) + Send,
+    stroke: impl FnMut(Stroke),
     notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
     let mut driver = Driver::new(Peer::new(trace));
-    let (bell, waker) = (Bell::default(), driver.waker()?);
-    switch.lock().1 = Some(waker.clone());
-    let (ring, max_number) = (bell.clone(), setup.config.max_number);
-    let (writer, reader) =
-        robot_work_queue::boxed_with(setup.queue, max_number, move || ring.ring(), move || waker.wake())?;
-    let (report, reports) = mpsc::channel();
-    let mut task = Communication {
-        session: Unpacking {
-            robot: LargeRobot::sized(setup.config, writer)?.with_ranges(setup.layout.clone())?,
-            times: Samples::default(),
-        },
-        reports,
-        orders: &AtomicU32::new(0),
+    switch.lock().1 = Some(driver.waker()?);
+    let Setup { config, layout, queue, speed, job_time } = setup.clone();
+    let time_of = Lines::of(&layout).ok().map(|lines| -> TimeOf<AnyWork> {
+        Arc::new(move |work| Duration::from_secs_f64(lines.line(work).length() / speed))
+    });
+    let robot = KawasakiRobot { config, ranges: layout, queue, job_time, time_of }.simulator()?;
+    let mut task = Task {
+        session: Unpacking { robot, times: Samples::default() },
+        orders: 0,
         driver,
         trace,
         run: Run::default(),
+        stroke,
         notify,
         reported: String::new(),
     };
-    let (ended, orders, lines) = (AtomicBool::new(false), task.orders, Lines::of(&setup.layout).ok());
-    let time_of = |work: &AnyWork| match &lines {
-        Some(lines) => Duration::from_secs_f64(lines.line(work).length() / setup.speed),
-        None => setup.job_time,
-    };
-    let (outcome, work_cycle) = thread::scope(|scope| {
-        let builder = thread::Builder::new().name("motion".into());
-        let motion = builder
-            .spawn_scoped(scope, || execute(reader, &bell, &time_of, orders, &ended, &report, stroke))?;
-        let outcome = task.run(meeting, switch);
-        ended.store(true, Ordering::Relaxed);
-        bell.ring();
-        anyhow::Ok((outcome, motion.join()))
-    })
-    .context("cannot start the motion task")?;
-    outcome?;
+    task.run(meeting, switch)?;
     let statistics = task.session.statistics();
-    let work_cycle = work_cycle.map_err(|_| anyhow!("the motion task panicked"))?;
-    Ok(Run { work_cycle, statistics, unpack: task.session.times, ..task.run })
+    Ok(Run { statistics, unpack: task.session.times, ..task.run })
 }
 
-/// The communication task.
-struct Communication<'a, T, R: Wake> {
-    session: Unpacking<'a, R>,
-    reports: Receiver<u16>,
-    orders: &'a AtomicU32,
+/// What is done around the robot.
+struct Task<'a, S, T> {
+    session: Unpacking,
+    /// How many orders have begun.
+    orders: u32,
     driver: Driver<Peer<'a>>,
     trace: &'a Trace,
     run: Run,
+    stroke: S,
     notify: T,
     reported: String,
 }
@@ -168,12 +146,9 @@ enum Break {
     Failed(anyhow::Error),
 }
 
-impl<T: FnMut(Notification<'_>) -> Result<()>, R: Wake> Communication<'_, T, R> {
+impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> {
     fn run(&mut self, meeting: &mut Meeting, switch: &Switch) -> Result<()> {
         while !switch.is_off() {
-            for number in self.reports.try_iter() {
-                self.session.robot.job_done(self.driver.transport_mut().now(), number)?;
-            }
             if let Err(why) = self.turn(meeting)? {
                 self.disconnected(&why)?;
             }
@@ -183,22 +158,33 @@ impl<T: FnMut(Notification<'_>) -> Result<()>, R: Wake> Communication<'_, T, R> 
 
     /// The inner error is why there is no connection.
     fn turn(&mut self, meeting: &mut Meeting) -> Result<Result<(), String>> {
-        let Self { session, driver, orders, notify, .. } = self;
-        let exchanges = session.robot.statistics().exchange.count();
-        let turn = driver.turn(session, None, |_, event| {
-            match event {
-                RobotEvent::Connect => return ControlFlow::Break(Break::Connect),
-                // Its jobs come with a later packet: the motion task sees the new order before them.
-                RobotEvent::OrderStarted { .. } => _ = orders.fetch_add(1, Ordering::Release),
-                _ => {}
+        let Self { session, driver, orders, run, stroke, notify, .. } = self;
+        let exchanges = session.exchange().count();
+        let now = driver.transport_mut().now();
+        let mut draw = |session: &mut Unpacking, order: u32, now: Duration| {
+            while let Some(done) = session.robot.poll_executed() {
+                run.work_cycle.add(now.saturating_sub(done.at));
+                stroke(Stroke { order, job: done.work });
             }
+        };
+        let turn = driver.turn(session, None, |session, told| {
+            let event = match told {
+                Told::Connect => return ControlFlow::Break(Break::Connect),
+                Told::Close(_) => return ControlFlow::Break(Break::Silent),
+                Told::Device(RobotEvent::Connect) => return ControlFlow::Continue(()),
+                Told::Device(event) => event,
+                _ => return ControlFlow::Continue(()),
+            };
+            // What was executed before belongs to the order before.
+            draw(session, *orders, now);
+            *orders += u32::from(matches!(event, RobotEvent::OrderStarted { .. }));
             match notify(Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Break::Failed(error)),
-                Ok(()) if event == RobotEvent::Disconnect => ControlFlow::Break(Break::Silent),
                 Ok(()) => ControlFlow::Continue(()),
             }
         });
-        let exchange = session.robot.statistics().exchange;
+        draw(session, *orders, driver.transport_mut().now());
+        let exchange = session.exchange();
         if exchange.count() > exchanges {
             self.run.exchange.add(exchange.last().unwrap_or_default());
         }
@@ -236,23 +222,30 @@ impl<T: FnMut(Notification<'_>) -> Result<()>, R: Wake> Communication<'_, T, R> 
     }
 }
 
-/// A session that measures how long it unpacks a packet.
-struct Unpacking<'a, R: Wake> {
-    robot: LargeRobot<'a, AnyWork, R>,
+/// A robot that measures how long it unpacks a packet.
+struct Unpacking {
+    robot: Simulator<Kawasaki<AnyWork>>,
     times: Samples,
 }
 
-impl<R: Wake> Session for Unpacking<'_, R> {
-    type Event = RobotEvent;
+impl Unpacking {
+    /// From sending a packet to having received its answer.
+    fn exchange(&self) -> kawasaki_msg::Times {
+        self.robot.statistics().exchange
+    }
+}
+
+impl Session for Unpacking {
+    type Event = Told<RobotEvent>;
     type Statistics = RobotStatistics;
     const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = LargeRobot::<AnyWork>::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = Simulator::<Kawasaki<AnyWork>>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         let begin = Instant::now();
         self.robot.handle_input(now, bytes);
         let time = begin.elapsed();
-        self.robot.record_unpack(time);
+        self.robot.device_mut().session_mut().record_unpack(time);
         self.times.add(time);
     }
 
@@ -268,7 +261,11 @@ impl<R: Wake> Session for Unpacking<'_, R> {
         self.robot.handle_timeout(now);
     }
 
-    fn poll_event(&mut self) -> Option<RobotEvent> {
+    fn wants_input(&self) -> bool {
+        self.robot.wants_input()
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
         self.robot.poll_event()
     }
 
@@ -283,46 +280,4 @@ impl<R: Wake> Session for Unpacking<'_, R> {
     fn statistics(&self) -> RobotStatistics {
         self.robot.statistics()
     }
-}
-
-/// The motion task: takes jobs until it is stopped, and takes the time of each. Returns the work cycles.
-fn execute(
-    mut queue: Reader<'_, Job<AnyWork>, impl Wake>,
-    bell: &Bell,
-    time_of: &impl Fn(&AnyWork) -> Duration,
-    orders: &AtomicU32,
-    stop: &AtomicBool,
-    report: &Sender<u16>,
-    mut stroke: impl FnMut(Stroke),
-) -> Samples {
-    let mut cycles = Samples::default();
-    let (mut before, mut arrival): (Option<(u32, Instant)>, _) = (None, Instant::now());
-    while !stop.load(Ordering::Relaxed) {
-        let Some(job) = queue.take() else {
-            bell.wait();
-            arrival = Instant::now();
-            continue;
-        };
-        let (order, taken) = (orders.load(Ordering::Acquire), Instant::now());
-        if let Some((_, end)) = before.filter(|(last, _)| *last == order) {
-            cycles.add(taken - end);
-        }
-        // Many jobs are shorter than a sleep can be: the pen waits when it is ahead of its plan.
-        arrival += time_of(&job.work);
-        while let Some(ahead) = arrival.checked_duration_since(Instant::now())
-            && ahead > timing::CPU_CYCLE
-            && !stop.load(Ordering::Relaxed)
-        {
-            bell.wait_for(ahead);
-        }
-        if stop.load(Ordering::Relaxed) {
-            break; // switched off in the middle of the job
-        }
-        // Reported before it is complete, it is never asked for again. At the end of a run nobody listens.
-        stroke(Stroke { order, job: *job });
-        let _ = report.send(job.number);
-        job.complete();
-        before = Some((order, Instant::now()));
-    }
-    cycles
 }

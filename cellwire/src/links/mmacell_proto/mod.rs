@@ -1,19 +1,17 @@
 //! mmacell-proto in the tool: the simulated cell, and the central controller that runs the task in it.
 
-pub mod axes;
 pub mod connections;
-pub mod options;
 pub mod simulate;
-pub mod station;
 
 use crate::links::device::Device;
 use cellwire_links::settings;
+use cellwire_sim::{MmaPlatform, MmaRobot};
 
 /// `cellwire simulate mma-robot`.
 pub const ROBOT: Device = Device {
     name: "mma-robot",
     about: "The robot of the MM&A cell",
-    settings: || settings::list(options::DeviceSettings::default()),
+    settings: || settings::list(MmaRobot::default()),
     simulate: simulate::robot,
 };
 
@@ -21,6 +19,6 @@ pub const ROBOT: Device = Device {
 pub const PLATFORM: Device = Device {
     name: "mma-platform",
     about: "The orientation platform of the MM&A cell",
-    settings: || settings::list(options::DeviceSettings::default()),
+    settings: || settings::list(MmaPlatform::default()),
     simulate: simulate::platform,
 };

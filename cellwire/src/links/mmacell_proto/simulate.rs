@@ -1,20 +1,23 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
-use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream};
-use std::time::{Duration, Instant};
+use std::io::{self, ErrorKind};
+use std::ops::ControlFlow;
+use std::time::Duration;
 
 use anyhow::{Result, bail};
-use mmacell_proto::{PlatformPose, RobotPose};
-use serde_json::json;
+use cellwire_sim::mma::{Mma, MmaDevice, MmaEvent, Simulated};
+use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, Simulator, Told};
+use robot_session::spec::Configure;
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait};
+use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::axes::{PLATFORM_HOME, ROBOT_HOME, Simulated};
 use super::connections::Connections;
-use super::options::DeviceSettings;
-use super::station::Station;
+use crate::io::drive::Traced;
+use crate::io::line::Clock;
 use crate::io::output::{log, ready};
-use crate::io::tcp::{self, is_silence};
-use crate::io::trace::{Trace, Way};
+use crate::io::stream::Stream;
+use crate::io::tcp;
 use crate::links::device::{Endpoint, SimulateOptions};
 use cellwire_links::settings;
 
@@ -23,7 +26,7 @@ use cellwire_links::settings;
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    simulate::<RobotPose>("mma-robot", ROBOT_HOME, options)
+    simulate("mma-robot", MmaRobot::default(), options)
 }
 
 /// The platform until interrupted.
@@ -31,35 +34,32 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn platform(options: &SimulateOptions) -> Result<()> {
-    simulate::<PlatformPose>("mma-platform", PLATFORM_HOME, options)
+    simulate("mma-platform", MmaPlatform::default(), options)
 }
 
-/// The settings are those of [`DeviceSettings`].
-fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions) -> Result<()> {
-    let DeviceSettings { config, speed, faults: motions, mute_every, drop_every } =
-        settings::read(name, DeviceSettings::default(), &options.settings)?;
-    let mut faults = Inject { mute: mute_every, drop: drop_every, reads: 0 };
+fn simulate<P: Simulated + Serialize>(
+    name: &'static str,
+    settings: Mma<P>,
+    options: &SimulateOptions,
+) -> Result<()>
+where
+    Mma<P>: Configure,
+{
+    let settings = settings::read(name, settings, &options.settings)?;
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
-    let mut station = Station::new(home, config, motions)?;
+    let mut device = settings.simulator()?.keeping_nothing();
     let listener = tcp::listen(address)?;
     ready(name, "listen", &listener.local_addr()?.to_string())?;
-    let clock = Instant::now();
+    let clock = Clock::start();
     let trace = options.trace.start(name);
     for stream in Connections::accept(listener, options.idle_timeout)? {
         let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
         log(&json!({"event": "connected", "peer": peer}))?;
-        station.connect(clock.elapsed() * speed);
-        let why = match serve(stream, &mut station, &mut faults, &trace, || {
-            (clock.elapsed(), clock.elapsed() * speed)
-        }) {
-            Ok(why) => why.to_owned(),
-            Err(error) => match (error.downcast_ref().is_some_and(is_silence), options.idle_timeout) {
-                (true, Some(timeout)) => {
-                    format!("silent for {} s, see --idle-timeout", timeout.as_secs_f64())
-                }
-                _ => format!("{error:#}"),
-            },
-        };
+        let mut watched =
+            Watched { stream: Stream::new(stream), clock, idle: options.idle_timeout, heard: clock.now() };
+        let why = serve(&mut device, Traced::new(&mut watched, &trace, clock))?;
+        // What would end it from another thread has a second handle to it.
+        watched.stream.close();
         log(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
         if let Some(path) = trace.finish(&why) {
             log(&json!({"event": "trace", "path": path}))?;
@@ -68,121 +68,90 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
     Ok(())
 }
 
-/// Every how many reads something goes wrong; 0: never.
-#[derive(Debug)]
-struct Inject {
-    mute: u64,
-    drop: u64,
-    reads: u64,
+/// One connection until it ends, and why it ended.
+fn serve<P: Simulated + Serialize>(
+    device: &mut Simulator<MmaDevice<P>>,
+    transport: impl Transport,
+) -> Result<String> {
+    let mut driver = Driver::new(transport);
+    device.handle_connected(driver.transport_mut().now());
+    let why = loop {
+        let turn = driver.turn(device, None, |_, told| match told {
+            Told::Close(why) => ControlFlow::Break(Ok(why)),
+            told => match show(&told).map_or(Ok(()), |line| log(&line)) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(error) => ControlFlow::Break(Err(error)),
+            },
+        });
+        match turn {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(Ended::ByHandler(why))) => break why?.to_owned(),
+            Ok(ControlFlow::Break(Ended::ByPeer)) => {
+                break "the central controller closed the connection, or another one took its place".into();
+            }
+            Err(error) => break error.to_string(),
+        }
+    };
+    device.handle_disconnected(driver.transport_mut().now());
+    Ok(why)
 }
 
-/// One connection until it ends, and why it ended. `now` gives the time of the trace, and that of the axes.
-fn serve<P: Simulated>(
-    stream: TcpStream,
-    station: &mut Station<P>,
-    faults: &mut Inject,
-    trace: &Trace,
-    now: impl Fn() -> (Duration, Duration),
-) -> Result<&'static str> {
-    let outcome = converse(&stream, station, faults, trace, now);
-    // What would end it from another thread has a second handle to it.
-    let _ = stream.shutdown(Shutdown::Both);
-    outcome
+fn show<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Option<Value> {
+    Some(match told {
+        Told::Fault(Fault::Drop) => json!({"event": "muted"}),
+        Told::Device(MmaEvent::Move(to)) => json!({"event": "move", "to": to}),
+        Told::Device(MmaEvent::Home) => json!({"event": "home"}),
+        Told::Device(MmaEvent::Servo(on)) => json!({"event": "servo", "on": on}),
+        Told::Device(MmaEvent::Override(percent)) => json!({"event": "override", "percent": percent}),
+        Told::Device(MmaEvent::Refused(error)) => json!({"event": "refused", "error": error}),
+        Told::Device(MmaEvent::Rejected(reason)) => {
+            json!({"event": "rejected", "reason": reason.to_string()})
+        }
+        Told::Device(MmaEvent::Closed(reason)) => {
+            json!({"event": "closed", "reason": format!("{reason:?}").to_lowercase()})
+        }
+        _ => return None,
+    })
 }
 
-fn converse<P: Simulated>(
-    mut stream: &TcpStream,
-    station: &mut Station<P>,
-    faults: &mut Inject,
-    trace: &Trace,
-    now: impl Fn() -> (Duration, Duration),
-) -> Result<&'static str> {
-    let mut buffer = [0; 4096];
-    loop {
-        let bytes = match stream.read(&mut buffer)? {
-            0 => return Ok("the central controller closed the connection, or another one took its place"),
-            n => buffer.get(..n).unwrap_or_default(),
-        };
-        let (at, of_axes) = now();
-        trace.add(at, Way::Received, bytes);
-        let answer = station.receive(of_axes, bytes);
-        answer.events.iter().try_for_each(log)?;
-        faults.reads += 1;
-        let every = |n: u64| n > 0 && faults.reads.is_multiple_of(n);
-        if every(faults.drop) {
-            return Ok("the set fault: the connection is dropped before the reply");
+/// A connection that fails when nothing was heard on it for too long.
+struct Watched {
+    stream: Stream,
+    clock: Clock,
+    idle: Option<Duration>,
+    /// When something was heard last.
+    heard: Duration,
+}
+
+impl Transport for Watched {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        let Some(idle) = self.idle else { return self.stream.receive(buffer, wait) };
+        let left = self.heard.saturating_add(idle).saturating_sub(self.clock.now());
+        let received = self.stream.receive(buffer, wait.at_most(left))?;
+        let now = self.clock.now();
+        match received {
+            Received::Nothing if now.saturating_sub(self.heard) >= idle => {
+                let why = format!("silent for {} s, see --idle-timeout", idle.as_secs_f64());
+                return Err(io::Error::new(ErrorKind::TimedOut, why));
+            }
+            Received::Bytes(_) => self.heard = now,
+            _ => {}
         }
-        if every(faults.mute) {
-            log(&json!({"event": "muted"}))?;
-            continue;
-        }
-        trace.add(now().0, Way::Sent, &answer.replies);
-        stream.write_all(&answer.replies)?;
-        if answer.closed {
-            return Ok("the connection ended by CLO, or by more commands than can be kept");
-        }
+        Ok(received)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.stream.send(bytes)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead, BufReader, ErrorKind};
+    use std::io::{BufRead as _, BufReader, Write as _};
     use std::thread;
 
-    use mmacell_proto::DeviceConfig;
-
     use super::*;
-    use crate::links::mmacell_proto::station::MotionFaults;
-
-    /// What a robot with these faults answers to these lines, until it ends the connection.
-    fn talk(mut faults: Inject, lines: &[&str]) -> (Vec<String>, &'static str) {
-        let listener = tcp::listen("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap().to_string();
-        let robot = thread::spawn(move || {
-            let config = DeviceConfig::DEFAULT;
-            let mut station = Station::new(RobotPose::ORIGIN, config, MotionFaults::default()).unwrap();
-            station.connect(Duration::ZERO);
-            let clock = Instant::now();
-            let now = || (clock.elapsed(), clock.elapsed());
-            serve(listener.accept().unwrap().0, &mut station, &mut faults, &Trace::new("x", 0, None), now)
-                .unwrap()
-        });
-        let mut stream = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
-        stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
-        let mut reader = BufReader::new(stream.try_clone().unwrap());
-        let mut replies = Vec::new();
-        for line in lines {
-            let mut reply = String::new();
-            match stream.write_all(line.as_bytes()).and_then(|()| reader.read_line(&mut reply)) {
-                Ok(1..) => replies.push(reply.trim_end().to_owned()),
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    replies.push("silence".into());
-                }
-                Ok(0) | Err(_) => break, // what is written to a connection that has ended resets it
-            }
-        }
-        drop((stream, reader));
-        (replies, robot.join().unwrap())
-    }
-
-    const NONE: Inject = Inject { mute: 0, drop: 0, reads: 0 };
-
-    #[test]
-    fn a_robot_answers_until_the_connection_ends() {
-        let (replies, why) = talk(NONE, &["SRVON\r\n", "STA\r\n", "PNP\r\n", "CLO\r\n", "STA\r\n"]);
-        let status = "OKF+000.000+000.000+000.000+00.0000T+00100+00000";
-        assert_eq!(replies, ["OK", status, "ER+00001", "OK"]);
-        assert_eq!(why, "the connection ended by CLO, or by more commands than can be kept");
-    }
-
-    #[test]
-    fn a_set_fault_mutes_or_drops() {
-        let (replies, _) = talk(Inject { mute: 2, ..NONE }, &["STP\r\n", "STP\r\n", "STP\r\n"]);
-        assert_eq!(replies, ["OK", "silence", "OK"]);
-        let (replies, why) = talk(Inject { drop: 2, ..NONE }, &["STP\r\n", "STP\r\n", "STP\r\n"]);
-        assert_eq!(replies, ["OK"]);
-        assert_eq!(why, "the set fault: the connection is dropped before the reply");
-    }
+    use crate::io::trace::Trace;
 
     /// The first connection is half open: its central controller has vanished without a word.
     #[test]
@@ -190,12 +159,10 @@ mod tests {
         let listener = tcp::listen("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         thread::spawn(move || {
-            let mut station =
-                Station::new(RobotPose::ORIGIN, DeviceConfig::DEFAULT, MotionFaults::default()).unwrap();
+            let mut device = MmaRobot::default().simulator().unwrap();
+            let trace = Trace::new("x", 0, None);
             for stream in Connections::accept(listener, None).unwrap() {
-                station.connect(Duration::ZERO);
-                let now = || (Duration::ZERO, Duration::ZERO);
-                let _ = serve(stream, &mut station, &mut { NONE }, &Trace::new("x", 0, None), now);
+                let _ = serve(&mut device, Traced::new(Stream::new(stream), &trace, Clock::start()));
             }
         });
         let mut first = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();

@@ -29,12 +29,12 @@ use crate::io::listener::Listener;
 use crate::io::samples::Samples;
 use crate::io::serve::Service;
 use crate::io::tcp;
-use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
 use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
 use cellwire_links::json::value as json;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
+use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
 /// The robot stands still for so long before and after the motion.

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig, WordOrder};
 
-use crate::links::fanuc_hmi_modbus::controller::PERIOD;
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, word_order};
 use cellwire_links::settings::{Configure, Fields};
+use cellwire_sim::fanuc::PERIOD;
 
 /// The times from one request to the next.
 const POLL: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);

@@ -17,7 +17,7 @@ use crate::io::drive::turn;
 use crate::io::port::AnyPort;
 use crate::io::samples::Samples;
 use crate::io::serial;
-use crate::links::laser_eb90::controller::STATUS;
+use cellwire_sim::laser::STATUS;
 
 /// How long questions go on when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);

@@ -21,8 +21,10 @@ use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::port::AnyPort;
 use crate::io::sheet;
 use crate::io::tcp::CONNECT_TIMEOUT;
-use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
+use crate::links::laser_eb90::controller::{self, RobotCounts, Switch};
 use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::Laser;
+use cellwire_sim::laser::Job;
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -47,7 +49,7 @@ const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 #[derive(Debug)]
 pub struct Settings {
     host: HostConfig,
-    robot: Robot,
+    robot: Laser,
 }
 
 impl Settings {
@@ -67,7 +69,7 @@ impl Settings {
             controller_drops_partial: true,
             ..defaults
         };
-        Self { host, robot: Robot::default() }
+        Self { host, robot: Laser { execution: Duration::from_millis(1), ..Laser::default() } }
     }
 }
 
@@ -80,16 +82,11 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { host, robot } = self;
-        let Robot { config, queue, execution, boot: _ } = robot;
         host.configure(fields);
         // Both ends of a line agree, unless they are set apart.
+        let config = &mut robot.config;
         (config.profile, config.words, config.batch) = (host.profile, host.words, host.batch);
-        fields.group("robot", |fields| {
-            fields.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
-            let hour = Duration::ZERO..=Duration::from_secs(3600);
-            fields.time("execution", hour, "how long an instruction takes", execution);
-            config.configure(fields);
-        });
+        fields.group("robot", |fields| fields.without(&["baud"], |fields| robot.configure(fields)));
     }
 }
 
@@ -170,7 +167,7 @@ fn cut<'a>(
 
 /// A robot that is started again when it was killed. Without faults it never is.
 fn restarting(
-    robot: Robot,
+    robot: Laser,
     line: &mut Line,
     clock: Clock,
     switches: [&Switch; 2],
@@ -178,8 +175,7 @@ fn restarting(
 ) -> Result<RobotCounts> {
     let mut counts = RobotCounts::default();
     for (boot, switch) in (1..).zip(switches) {
-        let robot = Robot { boot, ..robot };
-        counts.add(&controller::run(robot, line, clock, switch, |_| Ok(()), executed)?);
+        counts.add(&controller::run(robot, boot, line, clock, switch, |_| Ok(()), Some(executed))?);
         if !switch.was_killed() {
             break;
         }

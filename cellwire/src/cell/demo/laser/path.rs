@@ -4,7 +4,7 @@ use anyhow::Result;
 use laser_eb90::{EncodeError, Item, Items, Payload, Profile};
 
 use crate::io::drawing::{Line, Picture, Point};
-use crate::links::laser_eb90::controller::Job;
+use cellwire_sim::laser::Job;
 
 /// To a point with the laser on.
 pub const CUT: u16 = 0x0101;

@@ -1,20 +1,22 @@
 //! The simulated cell: three devices and the parts between them.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
+use mmacell_proto::{PlatformPose, RobotPose};
 use mmacell_task::{Device, TaskConfig};
 
 use super::periphery::Periphery;
 use super::workpiece::{Record, Workpieces};
-use crate::links::mmacell_proto::axes::{PLATFORM_HOME, ROBOT_HOME};
-use crate::links::mmacell_proto::station::{Fate, MotionFaults, Station};
+use cellwire_sim::mma::{Fate, Mma, MmaDevice, MotionFaults, Simulated};
+use cellwire_sim::{Settings as _, Simulator, Told};
+use robot_session::{Output, Session as _, settle};
 
 /// The set-up of the simulated cell. Its times are those of the cell.
 pub const CONFIG: TaskConfig = TaskConfig {
-    robot_home: ROBOT_HOME,
-    platform_home: PLATFORM_HOME,
+    robot_home: RobotPose::HOME,
+    platform_home: PlatformPose::HOME,
     camera_1: Some(RobotPose::from_units([-120_000, 0, 60_000, 0])),
     camera_2: Some(RobotPose::from_units([120_000, 0, 60_000, 0])),
     percent: 80,
@@ -35,8 +37,8 @@ pub enum Which {
 /// Robot, platform, cameras and valves, and what they work on.
 #[derive(Debug)]
 pub struct Cell {
-    robot: Station<RobotPose>,
-    platform: Station<PlatformPose>,
+    robot: Simulator<MmaDevice<RobotPose>>,
+    platform: Simulator<MmaDevice<PlatformPose>>,
     periphery: Periphery,
     parts: Workpieces,
     errors: Option<fastrand::Rng>,
@@ -64,10 +66,11 @@ impl Cell {
     /// Never, with the defaults of the protocol.
     pub fn new(seed: u64, errors: bool, robot: MotionFaults) -> Result<Self> {
         let config = CONFIG;
-        let device = DeviceConfig::DEFAULT;
         Ok(Self {
-            robot: Station::new(config.robot_home, device, robot)?,
-            platform: Station::new(config.platform_home, device, MotionFaults::default())?,
+            robot: Mma { home: config.robot_home, faults: robot, ..Mma::default() }
+                .simulator()?
+                .keeping_nothing(),
+            platform: Mma { home: config.platform_home, ..Mma::default() }.simulator()?.keeping_nothing(),
             periphery: Periphery::new()?,
             parts: Workpieces::new(seed),
             errors: errors.then(|| fastrand::Rng::with_seed(!seed)),
@@ -78,8 +81,8 @@ impl Cell {
     /// A new connection to a device takes the place of the one before.
     pub fn connect(&mut self, which: Which, now: Duration) {
         match which {
-            Which::Robot => self.robot.connect(now),
-            Which::Platform => self.platform.connect(now),
+            Which::Robot => connect(&mut self.robot, now),
+            Which::Platform => connect(&mut self.platform, now),
             Which::Periphery => self.periphery.connect(now),
         }
     }
@@ -89,19 +92,16 @@ impl Cell {
         self.advance(now);
         match which {
             Which::Robot => {
-                let answer = self.robot.receive(now, bytes);
+                let answer = receive(&mut self.robot, now, bytes);
                 self.break_down();
                 self.advance(now);
-                (answer.replies, answer.closed)
+                answer
             }
-            Which::Platform => {
-                let answer = self.platform.receive(now, bytes);
-                (answer.replies, answer.closed)
-            }
+            Which::Platform => receive(&mut self.platform, now, bytes),
             Which::Periphery => {
                 let answer = self.periphery.receive(now, bytes);
                 for (valve, open) in answer.valves {
-                    self.parts.set_valve(now, valve, open, self.robot.pose());
+                    self.parts.set_valve(now, valve, open, self.robot.device().pose());
                 }
                 (answer.replies, answer.closed)
             }
@@ -110,9 +110,9 @@ impl Cell {
 
     /// Moves on to this time.
     pub fn advance(&mut self, now: Duration) {
-        self.robot.advance(now);
-        self.platform.advance(now);
-        self.parts.move_to(now, self.robot.pose());
+        advance(&mut self.robot, now);
+        advance(&mut self.platform, now);
+        self.parts.move_to(now, self.robot.device().pose());
     }
 
     /// The parts.
@@ -131,25 +131,63 @@ impl Cell {
     }
 
     /// The robot.
-    pub fn robot(&self) -> &Station<RobotPose> {
-        &self.robot
+    pub fn robot(&self) -> &MmaDevice<RobotPose> {
+        self.robot.device()
     }
 
     /// The platform.
-    pub fn platform(&self) -> &Station<PlatformPose> {
-        &self.platform
+    pub fn platform(&self) -> &MmaDevice<PlatformPose> {
+        self.platform.device()
     }
 
     /// Now and then the motion that has just begun is going to fail, or to stall.
     fn break_down(&mut self) {
-        if self.robot.motions() > core::mem::replace(&mut self.motions_seen, self.robot.motions())
+        let motions = self.robot.device().motions();
+        if motions > core::mem::replace(&mut self.motions_seen, motions)
             && let Some(rng) = &mut self.errors
         {
             match rng.u32(..100) {
-                0 => self.robot.end_motion(Fate::Fails),
-                1 => self.robot.end_motion(Fate::Stalls),
+                0 => self.robot.device_mut().end_motion(Fate::Fails),
+                1 => self.robot.device_mut().end_motion(Fate::Stalls),
                 _ => {}
             }
         }
     }
+}
+
+/// A new connection takes the place of the one before.
+fn connect<P: Simulated>(device: &mut Simulator<MmaDevice<P>>, now: Duration) {
+    device.handle_disconnected(now);
+    device.handle_connected(now);
+}
+
+/// What it replies, and whether it closes the connection then.
+fn receive<P: Simulated>(
+    device: &mut Simulator<MmaDevice<P>>,
+    now: Duration,
+    bytes: &[u8],
+) -> (Vec<u8>, bool) {
+    let (mut replies, mut closed, mut buffer) = (Vec::new(), false, [0; 64]);
+    // Every order is decided at once, so that more is wanted after each piece.
+    for piece in bytes.chunks(Simulator::<MmaDevice<P>>::MAX_INPUT) {
+        device.handle_input(now, piece);
+        let _ = settle(device, now, &mut buffer, |_, output| {
+            match output {
+                Output::Event(told) => closed |= matches!(told, Told::Close(_)),
+                Output::Transmit(bytes) => replies.extend_from_slice(bytes),
+            }
+            ControlFlow::<()>::Continue(())
+        });
+    }
+    (replies, closed)
+}
+
+/// Moves on to this time.
+fn advance<P: Simulated>(device: &mut Simulator<MmaDevice<P>>, now: Duration) {
+    // At rest nothing happens by itself.
+    if !device.device().moves() {
+        return;
+    }
+    device.handle_timeout(now);
+    while device.poll_event().is_some() {}
 }

@@ -30,7 +30,7 @@ use crate::cell::report::{Jobs, Report};
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
 use crate::links::mmacell_proto::connections::{Connections, Stop};
-use crate::links::mmacell_proto::station::MotionFaults;
+use cellwire_sim::mma::MotionFaults;
 
 /// How often a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;

@@ -4,7 +4,6 @@ use mmacell_proto::CentralConfig;
 use mmacell_task::TaskConfig;
 
 use super::cell::CONFIG;
-use crate::links::mmacell_proto::options::speed_of_axes;
 use cellwire_links::settings::{Configure, Fields};
 
 /// Parts of a run without a limit.
@@ -32,7 +31,7 @@ impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, speed, stall_every, task, central } = self;
         fields.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
-        speed_of_axes(fields, speed);
+        fields.whole("speed", 1..=10_000, "times", "how many times faster than life the axes move", speed);
         let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
         fields.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
         fields.group("task", |fields| task.configure(fields));

@@ -22,9 +22,10 @@ use crate::io::samples::Samples;
 use crate::io::trace::TraceArgs;
 use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
-use crate::links::val2_viewer::options::ViewerSettings;
-use crate::links::val2_viewer::workstation::{self, Drawn};
+use crate::links::val2_viewer::workstation;
 use cellwire_motion::latch::{Latch, LatchConfig};
+use cellwire_sim::Viewer;
+use cellwire_sim::viewer::Drawn;
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(7500);
@@ -50,7 +51,7 @@ pub struct CellConfig {
     /// The ball.
     pub ball: BallConfig,
     /// The workstation, and its line.
-    pub viewer: ViewerSettings,
+    pub viewer: Viewer,
     /// The host's end of that line.
     pub viewer_host: val2_viewer::HostConfig,
     /// Whether lines corrupt bytes, and the host stalls.
@@ -72,7 +73,7 @@ impl CellConfig {
             controller: PumaConfig::default().controller,
             polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
-            viewer: ViewerSettings::default(),
+            viewer: Viewer::default(),
             viewer_host: val2_viewer::HostConfig::default(),
             faults: options.faults,
             seed: options.seed,

@@ -240,7 +240,7 @@ mod tests {
             controller: Settings::default().controller,
             polls: isra_ball::HostConfig::default(),
             ball: isra_ball::BallConfig::default(),
-            viewer: crate::links::val2_viewer::options::ViewerSettings::default(),
+            viewer: cellwire_sim::Viewer::default(),
             viewer_host: val2_viewer::HostConfig::default(),
             faults: false,
             seed: 1,

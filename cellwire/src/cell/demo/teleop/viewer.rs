@@ -6,13 +6,13 @@ use super::plot;
 use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::Report;
-use crate::links::val2_viewer::options::ViewerSettings;
 use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::Viewer;
 
 /// What can be set of the demo: the workstation, and the host that answers it.
 #[derive(Debug, Default)]
 pub struct Settings {
-    viewer: ViewerSettings,
+    viewer: Viewer,
     host: val2_viewer::HostConfig,
 }
 

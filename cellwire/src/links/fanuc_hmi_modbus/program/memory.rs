@@ -6,7 +6,7 @@ use fanuc_hmi_modbus::Signal;
 use fanuc_ls::{Expression, Function, Index, Item, ItemKind, Operator};
 
 use super::position::Place;
-use crate::links::fanuc_hmi_modbus::tables::Tables;
+use cellwire_sim::fanuc::Tables;
 
 /// Everything but the tables of signals, which the Modbus server has.
 #[derive(Debug, Clone, Default)]

@@ -11,8 +11,8 @@ use serde_json::{Value as Json, json};
 use super::load::{Loaded, Programs, Step};
 use super::memory::{Fault, Memory, Surroundings, Value};
 use super::position::Place;
-use crate::links::fanuc_hmi_modbus::tables::Tables;
 use cellwire_motion::{Kinematics as _, Planner, Pose};
+use cellwire_sim::fanuc::Tables;
 
 /// What an instruction that is no motion takes, in s.
 const INSTRUCTION: f64 = 0.001;

@@ -8,8 +8,8 @@ use super::super::load::Loaded;
 use super::super::memory::{Fault, Value};
 use super::super::position::Place;
 use super::{FASTEST, Flow, Machine, RAMP, parsed};
-use crate::links::fanuc_hmi_modbus::tables::Tables;
 use cellwire_motion::{Goal, Kinematics as _, Move, Pace, Pose, Way};
+use cellwire_sim::fanuc::Tables;
 
 impl Machine {
     pub(super) fn motion(

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::super::load::{Loaded, Step};
 use super::super::memory::{Fault, Value, signal};
 use super::{Flow, INSTRUCTION, Machine, PERIOD, TIMEOUT, parsed};
-use crate::links::fanuc_hmi_modbus::tables::Tables;
+use cellwire_sim::fanuc::Tables;
 
 impl Machine {
     pub(super) fn operate(

@@ -1,6 +1,6 @@
 //! The background task of the source's Fig. 8, as the controller runs it.
 
-use std::time::Duration;
+use core::time::Duration;
 
 use fanuc_hmi_modbus::TelemetryBlock;
 

@@ -1,14 +1,12 @@
 //! The simulated FANUC controller: the tables of the source's Table 1, and the background task of its Fig. 8.
 
-use std::time::Duration;
+use core::ops::Range;
+use core::time::Duration;
 
 use fanuc_hmi_modbus::{Bits, BitsMut, Exception, Registers, TelemetryBlock, WordOrder, Words, WordsMut};
-use serde_json::Value;
 
-use super::background::background_task;
-pub use super::background::{PERIOD, Pose};
-use super::faults::{Fault, Faults};
-use super::robot::Robot;
+use super::background::{PERIOD, Pose, background_task};
+use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
 use super::tables::Tables;
 
 /// Where the tool is at a time since the start of the program.
@@ -38,7 +36,19 @@ pub struct Controller {
 /// What moves.
 enum Source {
     Motion(Motion),
-    Robot(Box<Robot>),
+    Program(Box<dyn Program>),
+}
+
+/// A robot that runs a program, and keeps the controller's tables.
+pub trait Program: Send {
+    /// Goes on for one period of the background task, which ends at `at`, its run of this number.
+    fn run(&mut self, at: Duration, number: u32, faults: &Faults, tables: &mut Tables);
+
+    /// A client has written to these holding registers, from PDU address 0 on.
+    fn written(&mut self, registers: Range<usize>, tables: &Tables);
+
+    /// Puts what it shows into the holding registers.
+    fn show(&mut self, tables: &mut Tables);
 }
 
 impl Controller {
@@ -48,8 +58,8 @@ impl Controller {
     }
 
     /// A controller whose robot runs a program.
-    pub fn running(robot: Robot, order: WordOrder) -> Self {
-        Self::with(Source::Robot(Box::new(robot)), Tables::empty(), order)
+    pub fn running(program: Box<dyn Program>, order: WordOrder) -> Self {
+        Self::with(Source::Program(program), Tables::empty(), order)
     }
 
     fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
@@ -68,12 +78,18 @@ impl Controller {
         self.faults.has(Fault::Disconnect, now)
     }
 
-    /// What the robot's program has reported since the last time.
-    pub fn events(&mut self) -> Vec<Value> {
-        match &mut self.source {
-            Source::Motion(_) => Vec::new(),
-            Source::Robot(robot) => robot.machine.events(),
-        }
+    /// The registers and signals, to look at them and to set what comes from outside.
+    pub fn tables_mut(&mut self) -> &mut Tables {
+        &mut self.tables
+    }
+
+    /// Its power was gone: the background task begins anew, and what clients have written is gone.
+    pub(super) fn restart(&mut self) {
+        self.run = None;
+        self.tables = match self.source {
+            Source::Motion(_) => Tables::numbered(),
+            Source::Program(_) => Tables::empty(),
+        };
     }
 
     /// Lets the background task run as often as it is due. What a client wrote to its registers is gone then.
@@ -92,12 +108,12 @@ impl Controller {
                     *area = registers;
                 }
             }
-            Source::Robot(robot) => {
+            Source::Program(program) => {
                 for run in last.map_or(0, |last| last + 1)..=run {
                     let at = PERIOD * run;
-                    robot.run(at, runs(self.faults.task_time(at)), &self.faults, &mut self.tables);
+                    program.run(at, runs(self.faults.task_time(at)), &self.faults, &mut self.tables);
                 }
-                robot.show(&mut self.tables);
+                program.show(&mut self.tables);
             }
         }
     }
@@ -153,8 +169,8 @@ impl Registers for Controller {
         self.ready()?;
         let written = usize::from(address)..usize::from(address) + values.len();
         self.tables.write_registers(address, values)?;
-        if let Source::Robot(robot) = &mut self.source {
-            robot.mapping.take(written, &self.tables.holding_registers, &mut robot.machine.memory);
+        if let Source::Program(program) = &mut self.source {
+            program.written(written, &self.tables);
         }
         Ok(())
     }

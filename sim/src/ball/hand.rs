@@ -1,7 +1,7 @@
 //! A hand on the ball: what it does follows from the time alone, so that every run can be repeated.
 
 use core::f64::consts::PI;
-use std::time::Duration;
+use core::time::Duration;
 
 use isra_ball::Keys;
 

@@ -1,17 +1,15 @@
 //! Simulated axes: straight from pose to pose, gently at both ends, as fast as the override says.
 
-use std::time::Duration;
+use core::fmt::Debug;
+use core::time::Duration;
 
 use mmacell_proto::{PlatformPose, Pose, RobotPose};
 
-/// Where the robot is at rest.
-pub const ROBOT_HOME: RobotPose = RobotPose::from_units([0, 0, 100_000, 0]);
-
-/// Where the platform is at rest.
-pub const PLATFORM_HOME: PlatformPose = PlatformPose::ORIGIN;
-
 /// A pose that axes can be moved to.
-pub trait Simulated: Pose + serde::Serialize + Send + 'static {
+pub trait Simulated: Pose + Debug + Send + 'static {
+    /// Where the device is at rest.
+    const HOME: Self;
+
     /// The pose after this share of the way, 0 to 1.
     fn towards(self, to: Self, share: f64) -> Self;
 
@@ -20,6 +18,8 @@ pub trait Simulated: Pose + serde::Serialize + Send + 'static {
 }
 
 impl Simulated for RobotPose {
+    const HOME: Self = Self::from_units([0, 0, 100_000, 0]);
+
     fn towards(self, to: Self, share: f64) -> Self {
         Self::from_units(blend(self.units(), to.units(), share))
     }
@@ -31,6 +31,8 @@ impl Simulated for RobotPose {
 }
 
 impl Simulated for PlatformPose {
+    const HOME: Self = Self::ORIGIN;
+
     fn towards(self, to: Self, share: f64) -> Self {
         Self::from_units(blend(self.units(), to.units(), share))
     }
@@ -43,7 +45,7 @@ impl Simulated for PlatformPose {
 
 /// The axes of one device.
 #[derive(Debug, Clone)]
-pub struct Axes<P> {
+pub(super) struct Axes<P> {
     from: P,
     to: P,
     /// How long the motion takes at 100 %, in seconds.
@@ -56,12 +58,12 @@ pub struct Axes<P> {
 
 impl<P: Simulated> Axes<P> {
     /// Axes that stand here.
-    pub fn new(pose: P) -> Self {
+    pub(super) fn new(pose: P) -> Self {
         Self { from: pose, to: pose, duration: 0.0, progress: 1.0, percent: 100, now: Duration::ZERO }
     }
 
     /// Begins to move, from wherever the axes are.
-    pub fn go(&mut self, now: Duration, to: P) {
+    pub(super) fn go(&mut self, now: Duration, to: P) {
         self.advance(now);
         (self.from, self.to, self.progress) = (self.pose(), to, 0.0);
         // Gently at both ends: the highest speed is one and a half times the mean.
@@ -69,13 +71,13 @@ impl<P: Simulated> Axes<P> {
     }
 
     /// Stops where the axes are.
-    pub fn stop(&mut self, now: Duration) {
+    pub(super) fn stop(&mut self, now: Duration) {
         self.advance(now);
         *self = Self { percent: self.percent, now, ..Self::new(self.pose()) };
     }
 
     /// Stops where the axes were half-way, if they have come so far by now.
-    pub fn stop_half_way(&mut self) -> bool {
+    pub(super) fn stop_half_way(&mut self) -> bool {
         if self.progress < 0.5 {
             return false;
         }
@@ -85,27 +87,34 @@ impl<P: Simulated> Axes<P> {
     }
 
     /// Changes the speed, also of a motion that is going on.
-    pub fn set_override(&mut self, now: Duration, percent: u8) {
+    pub(super) fn set_override(&mut self, now: Duration, percent: u8) {
         self.advance(now);
         self.percent = percent;
     }
 
     /// Moves on to this time.
-    pub fn advance(&mut self, now: Duration) {
+    pub(super) fn advance(&mut self, now: Duration) {
         let passed = now.saturating_sub(self.now).as_secs_f64() * f64::from(self.percent) / 100.0;
         self.now = self.now.max(now);
         self.progress =
             if self.duration > 0.0 { (self.progress + passed / self.duration).min(1.0) } else { 1.0 };
     }
 
+    /// When so much of the way is behind them, at this override.
+    pub(super) fn passes(&self, share: f64) -> Option<Duration> {
+        let rest = (share - self.progress) * self.duration * 100.0 / f64::from(self.percent);
+        // An override of zero never gets there.
+        Duration::try_from_secs_f64(rest).ok()?.checked_add(self.now)
+    }
+
     /// Where the axes are.
-    pub fn pose(&self) -> P {
+    pub(super) fn pose(&self) -> P {
         let share = self.progress * self.progress * (3.0 - 2.0 * self.progress);
         self.from.towards(self.to, share)
     }
 
     /// Whether they have arrived.
-    pub fn stand(&self) -> bool {
+    pub(super) fn stand(&self) -> bool {
         self.progress >= 1.0
     }
 }

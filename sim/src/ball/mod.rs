@@ -1,0 +1,99 @@
+//! The ISRA Robot Command Teach Ball, with a hand on it.
+
+mod hand;
+
+use core::convert::Infallible;
+use core::time::Duration;
+
+use isra_ball::{Ball, BallConfig, BallEvent, timing};
+
+pub use self::hand::{Grip, PERIOD, grip};
+use crate::device::{Device, Error, Notes, Settings};
+
+/// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
+const MEASURING: Duration = Duration::from_millis(10);
+
+/// A ball's settings.
+#[derive(Debug, Clone, Copy)]
+pub struct TeachBall {
+    /// Its session.
+    pub config: BallConfig,
+    /// Its line, where one is simulated.
+    pub baud: u32,
+    /// What the hand does at each time.
+    pub hand: fn(Duration) -> Grip,
+}
+
+impl Default for TeachBall {
+    fn default() -> Self {
+        Self { config: BallConfig::default(), baud: timing::BAUD, hand: grip }
+    }
+}
+
+impl Settings for TeachBall {
+    type Device = HeldBall;
+
+    fn device(&self) -> Result<HeldBall, Error> {
+        let ball = Ball::new(self.config).map_err(Error::settings)?;
+        Ok(HeldBall { settings: *self, ball, measured: Duration::ZERO })
+    }
+}
+
+#[cfg(feature = "spec")]
+impl robot_session::spec::Configure for TeachBall {
+    fn configure(&mut self, fields: &mut impl robot_session::spec::Fields) {
+        let Self { config, baud, hand: _ } = self;
+        fields.baud(robot_session::spec::LINE, baud);
+        config.configure(fields);
+    }
+}
+
+/// A ball in a hand. It executes nothing.
+#[derive(Debug)]
+pub struct HeldBall {
+    settings: TeachBall,
+    ball: Ball,
+    /// When there are new values.
+    measured: Duration,
+}
+
+impl Device for HeldBall {
+    type Session = Ball;
+    type Event = BallEvent;
+    type Work = Infallible;
+
+    fn session(&self) -> &Ball {
+        &self.ball
+    }
+
+    fn session_mut(&mut self) -> &mut Ball {
+        &mut self.ball
+    }
+
+    fn take(&mut self, _: Duration, event: BallEvent, notes: &mut Notes<BallEvent, Infallible>) {
+        notes.event(event);
+    }
+
+    /// Measures where a poll may come: in between nobody sees it.
+    fn advance(&mut self, now: Duration, _: &mut Notes<BallEvent, Infallible>) {
+        if now >= self.measured {
+            let Grip { force, moment, keys } = (self.settings.hand)(now);
+            self.ball.measure(force, moment, keys);
+            self.measured = now.saturating_add(MEASURING);
+        }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        None
+    }
+
+    fn restart(&mut self, _: Duration) {
+        // The same settings have worked before.
+        if let Ok(ball) = Ball::new(self.settings.config) {
+            self.ball = ball;
+        }
+    }
+
+    /// It holds nothing.
+    fn forget(&mut self, _: Duration) {}
+}

@@ -1,0 +1,200 @@
+//! What a simulated device is, below its faults and what carries its bytes.
+
+use core::error::Error as StdError;
+use core::fmt::Debug;
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use std::io;
+use std::net::ToSocketAddrs;
+
+use robot_session::Session;
+
+use crate::bench::Bench;
+use crate::running::Running;
+use crate::simulator::Simulator;
+
+/// The settings of a device, from which it is made.
+pub trait Settings: Clone {
+    /// What they are settings of.
+    type Device: Device;
+
+    /// The device, just switched on.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn device(&self) -> Result<Self::Device, Error>;
+
+    /// The device, with its faults, for a loop of the caller's own.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn simulator(&self) -> Result<Simulator<Self::Device>, Error> {
+        Ok(Simulator::new(self.device()?))
+    }
+
+    /// The device and a session that talks to it, on a virtual clock.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn bench<S: Session>(&self, session: S) -> Result<Bench<S, Self::Device>, Error> {
+        Ok(Bench::new(session, self.simulator()?))
+    }
+
+    /// The device behind a TCP address, in a thread: with port 0 at any that is free.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    fn listen(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::listen(self.simulator()?, address)
+    }
+
+    /// The device as a TCP client, in a thread: a robot that connects to its PC.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    fn connect(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::connect(self.simulator()?, address)
+    }
+
+    /// The device on a pseudo-terminal, in a thread: [`Running::path`] is opened as a serial port.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    #[cfg(unix)]
+    fn pty(&self) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::pty(self.simulator()?)
+    }
+
+    /// The device on a serial port of this machine, in a thread.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    #[cfg(feature = "serialport")]
+    fn port(&self, path: &str, baud: u32) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::port(self.simulator()?, path, baud)
+    }
+}
+
+/// A device around its session: what it does about the session's events, and what goes on in it by itself.
+pub trait Device {
+    /// Its end of the link.
+    type Session: Session;
+    /// What it tells of itself.
+    type Event: Clone + Debug + Send + 'static;
+    /// What it executes.
+    type Work: Clone + Debug + Send + 'static;
+    /// Whether it connects to its peer, when its [`Notes::connect`] says so; else its peer connects to it.
+    const IS_CLIENT: bool = false;
+
+    /// Its end of the link.
+    fn session(&self) -> &Self::Session;
+
+    /// The same, to call it.
+    fn session_mut(&mut self) -> &mut Self::Session;
+
+    /// Acts on an event of the session.
+    fn take(
+        &mut self,
+        now: Duration,
+        event: <Self::Session as Session>::Event,
+        notes: &mut Notes<Self::Event, Self::Work>,
+    );
+
+    /// Moves on to this time.
+    fn advance(&mut self, now: Duration, notes: &mut Notes<Self::Event, Self::Work>);
+
+    /// When [`advance`](Self::advance) is to be called at the latest.
+    fn due(&self) -> Option<Duration>;
+
+    /// Its power was gone: it begins anew, with no connection, and keeps what a real one keeps.
+    fn restart(&mut self, now: Duration);
+
+    /// It loses what it holds and has not executed; the connection goes on.
+    fn forget(&mut self, now: Duration);
+
+    /// The same device on one more connection at the same time; `None` where a new connection takes the place of the one before.
+    fn another(&self) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
+}
+
+/// What was executed, and when it was over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Executed<W> {
+    /// Since the device was first used.
+    pub at: Duration,
+    /// What.
+    pub work: W,
+}
+
+/// Where a device notes what it does.
+#[derive(Debug)]
+pub struct Notes<E, W> {
+    pub(crate) events: VecDeque<E>,
+    pub(crate) executed: VecDeque<Executed<W>>,
+    pub(crate) close: Option<&'static str>,
+    pub(crate) connect: bool,
+}
+
+impl<E, W> Default for Notes<E, W> {
+    fn default() -> Self {
+        Self { events: VecDeque::new(), executed: VecDeque::new(), close: None, connect: false }
+    }
+}
+
+impl<E, W> Notes<E, W> {
+    /// Something has happened.
+    pub fn event(&mut self, event: E) {
+        self.events.push_back(event);
+    }
+
+    /// Something was executed at this time.
+    pub fn executed(&mut self, at: Duration, work: W) {
+        self.executed.push_back(Executed { at, work });
+    }
+
+    /// The connection is to be closed once everything is sent, and why.
+    pub fn close(&mut self, why: &'static str) {
+        self.close.get_or_insert(why);
+    }
+
+    /// The device, which is a client, is to be connected.
+    pub fn connect(&mut self) {
+        self.connect = true;
+    }
+}
+
+/// Why there is no device.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// These settings cannot work.
+    #[error("{0}")]
+    Settings(#[source] Box<dyn StdError + Send + Sync>),
+    /// The system's.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl Error {
+    /// Settings that cannot work.
+    pub fn settings(why: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
+        Self::Settings(why.into())
+    }
+}

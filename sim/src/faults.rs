@@ -1,0 +1,318 @@
+//! What goes wrong: by a call, or by a script.
+
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use core::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What goes wrong with a message, with the connection or with the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Fault {
+    /// The message is lost.
+    Drop,
+    /// The message, and all behind it, come so much later.
+    Delay(Duration),
+    /// A bit of the message is turned over.
+    Corrupt,
+    /// Half of the message is carried, then the connection ends.
+    Cut,
+    /// The connection ends instead of the message.
+    Close,
+    /// The message comes twice.
+    Twice,
+    /// The device neither reads nor sends for so long, beginning with the message. What it executes goes on.
+    Freeze(Duration),
+    /// The device loses its power, and is there again after so long. The message is lost, and the connection ends.
+    Restart(Duration),
+    /// The device loses what it holds and has not executed. The message is carried, and the connection goes on.
+    Forget,
+}
+
+/// When.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum When {
+    /// To the answer of this number, from 1, or to the first one after it.
+    Answer(u64),
+    /// To every so many answers.
+    EveryAnswer(u64),
+    Request(u64),
+    EveryRequest(u64),
+    At(Duration),
+}
+
+/// What goes wrong, and when: counts begin with 1, and times with the first use of the device.
+///
+/// A message is what the device sends at once, or what it receives at once. One fault happens to a message: what else was meant for it
+/// happens to the next one.
+#[derive(Debug, Clone, Default)]
+pub struct Script {
+    incidents: Vec<(When, Fault)>,
+    seed: u64,
+}
+
+impl Script {
+    /// Nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Which bits are turned over follows from this.
+    #[must_use]
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// To the `count`-th message that the device sends.
+    #[must_use]
+    pub fn answer(self, count: u64, fault: Fault) -> Self {
+        self.with(When::Answer(count), fault)
+    }
+
+    /// To every `count`-th message that the device sends.
+    #[must_use]
+    pub fn every_answer(self, count: u64, fault: Fault) -> Self {
+        self.with(When::EveryAnswer(count), fault)
+    }
+
+    /// To the `count`-th message that the device receives.
+    #[must_use]
+    pub fn request(self, count: u64, fault: Fault) -> Self {
+        self.with(When::Request(count), fault)
+    }
+
+    /// To every `count`-th message that the device receives.
+    #[must_use]
+    pub fn every_request(self, count: u64, fault: Fault) -> Self {
+        self.with(When::EveryRequest(count), fault)
+    }
+
+    /// At this time; what needs a message happens to the next one that the device sends.
+    #[must_use]
+    pub fn at(self, time: Duration, fault: Fault) -> Self {
+        self.with(When::At(time), fault)
+    }
+
+    fn with(mut self, when: When, fault: Fault) -> Self {
+        self.incidents.push((when, fault));
+        self
+    }
+}
+
+/// What goes wrong with one device, from any thread.
+#[derive(Debug, Clone, Default)]
+pub struct Faults(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    /// Something is to go wrong without a message: what is looked at all the time.
+    waits: AtomicBool,
+    /// How many have happened to the whole device.
+    whole: AtomicUsize,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    incidents: Vec<(When, Fault)>,
+    answers: u64,
+    requests: u64,
+    happened: Vec<(Duration, Fault)>,
+    /// What has happened to the whole device, and on which of its connections first.
+    whole: Vec<(usize, Duration, Fault)>,
+    /// Of so many connections.
+    connections: usize,
+    random: fastrand::Rng,
+}
+
+impl Default for State {
+    fn default() -> Self {
+        let random = fastrand::Rng::with_seed(0);
+        let (incidents, happened, whole) = (Vec::new(), Vec::new(), Vec::new());
+        Self { incidents, answers: 0, requests: 0, happened, whole, connections: 0, random }
+    }
+}
+
+impl Faults {
+    /// What the script says, beside what was asked for before.
+    pub fn follow(&self, script: Script) {
+        let mut state = self.lock();
+        state.random = fastrand::Rng::with_seed(script.seed);
+        state.incidents.extend(script.incidents);
+        self.0.waits.store(true, Ordering::Release);
+    }
+
+    /// Nothing goes wrong any more.
+    pub fn clear(&self) {
+        self.lock().incidents.clear();
+    }
+
+    /// To the next message that the device sends.
+    pub fn next_answer(&self, fault: Fault) {
+        self.lock().incidents.push((When::Answer(0), fault));
+    }
+
+    /// To the next message that the device receives.
+    pub fn next_request(&self, fault: Fault) {
+        self.lock().incidents.push((When::Request(0), fault));
+    }
+
+    /// The next message of the device is lost.
+    pub fn drop_next(&self) {
+        self.next_answer(Fault::Drop);
+    }
+
+    /// The next message of the device comes so much later.
+    pub fn delay_next(&self, by: Duration) {
+        self.next_answer(Fault::Delay(by));
+    }
+
+    /// A bit of the next message of the device is turned over.
+    pub fn corrupt_next(&self) {
+        self.next_answer(Fault::Corrupt);
+    }
+
+    /// The connection ends in the middle of the next message of the device.
+    pub fn cut_next(&self) {
+        self.next_answer(Fault::Cut);
+    }
+
+    /// The next message of the device comes twice.
+    pub fn repeat_next(&self) {
+        self.next_answer(Fault::Twice);
+    }
+
+    /// The device neither reads nor sends from now on, for so long.
+    pub fn freeze(&self, time: Duration) {
+        self.now(Fault::Freeze(time));
+    }
+
+    /// The device loses its power now, and is there again after `off`.
+    pub fn restart(&self, off: Duration) {
+        self.now(Fault::Restart(off));
+    }
+
+    /// The device loses now what it holds and has not executed.
+    pub fn forget(&self) {
+        self.now(Fault::Forget);
+    }
+
+    /// What has gone wrong, in this order, and when.
+    #[must_use]
+    pub fn happened(&self) -> Vec<(Duration, Fault)> {
+        self.lock().happened.clone()
+    }
+
+    fn now(&self, fault: Fault) {
+        self.lock().incidents.push((When::At(Duration::ZERO), fault));
+        self.0.waits.store(true, Ordering::Release);
+    }
+
+    /// The device sends a message.
+    pub(crate) fn answer(&self, now: Duration) -> Option<Fault> {
+        let mut state = self.lock();
+        state.answers += 1;
+        let count = state.answers;
+        state.take(now, |when| match when {
+            When::Answer(at) => at <= count,
+            When::EveryAnswer(every) => every > 0 && count.is_multiple_of(every),
+            When::At(at) => at <= now,
+            When::Request(_) | When::EveryRequest(_) => false,
+        })
+    }
+
+    /// The device receives a message.
+    pub(crate) fn request(&self, now: Duration) -> Option<Fault> {
+        let mut state = self.lock();
+        state.requests += 1;
+        let count = state.requests;
+        state.take(now, |when| match when {
+            When::Request(at) => at <= count,
+            When::EveryRequest(every) => every > 0 && count.is_multiple_of(every),
+            When::Answer(_) | When::EveryAnswer(_) | When::At(_) => false,
+        })
+    }
+
+    /// What needs no message, and is due.
+    pub(crate) fn due(&self, now: Duration) -> Option<Fault> {
+        let mut state = self.lock();
+        let place = state
+            .incidents
+            .iter()
+            .position(|(when, fault)| matches!(*when, When::At(at) if at <= now) && !fault.needs_message())?;
+        let (_, fault) = state.incidents.remove(place);
+        state.happened.push((now, fault));
+        Some(fault)
+    }
+
+    /// When [`due`](Self::due) has something.
+    pub(crate) fn next(&self) -> Option<Duration> {
+        if !self.0.waits.load(Ordering::Acquire) {
+            return None;
+        }
+        let state = self.lock();
+        let times = state.incidents.iter().filter_map(|(when, fault)| match when {
+            When::At(at) if !fault.needs_message() => Some(*at),
+            _ => None,
+        });
+        times.min()
+    }
+
+    /// One more connection of the device: its number, and how much has happened to the whole device before.
+    pub(crate) fn connection(&self) -> (usize, usize) {
+        let mut state = self.lock();
+        state.connections += 1;
+        (state.connections, state.whole.len())
+    }
+
+    /// Has the other connections of the device know what has happened to all of it on this one.
+    pub(crate) fn spread(&self, connection: usize, now: Duration, fault: Fault) {
+        let mut state = self.lock();
+        state.whole.push((connection, now, fault));
+        self.0.whole.store(state.whole.len(), Ordering::Release);
+    }
+
+    /// What has happened to the whole device since, on another connection.
+    pub(crate) fn elsewhere(&self, connection: usize, seen: &mut usize) -> Option<(Duration, Fault)> {
+        while *seen < self.0.whole.load(Ordering::Acquire) {
+            let next = self.lock().whole.get(*seen).copied();
+            *seen += 1;
+            if let Some((_, at, fault)) = next.filter(|(by, ..)| *by != connection) {
+                return Some((at, fault));
+            }
+        }
+        None
+    }
+
+    /// Turns a bit over.
+    pub(crate) fn spoil(&self, bytes: &mut [u8]) {
+        let mut state = self.lock();
+        let (place, bit) = (state.random.usize(..bytes.len().max(1)), state.random.u8(..8));
+        if let Some(byte) = bytes.get_mut(place) {
+            *byte ^= 1 << bit;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn take(&mut self, now: Duration, is_due: impl Fn(When) -> bool) -> Option<Fault> {
+        let place = self.incidents.iter().position(|(when, _)| is_due(*when))?;
+        let (when, fault) = *self.incidents.get(place)?;
+        if !matches!(when, When::EveryAnswer(_) | When::EveryRequest(_)) {
+            self.incidents.remove(place);
+        }
+        self.happened.push((now, fault));
+        Some(fault)
+    }
+}
+
+impl Fault {
+    fn needs_message(self) -> bool {
+        matches!(self, Self::Drop | Self::Delay(_) | Self::Corrupt | Self::Twice)
+    }
+}

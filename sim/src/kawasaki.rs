@@ -1,0 +1,155 @@
+//! A Kawasaki robot: it connects to its PC, queues what that sends, and executes one job after the other.
+
+use core::fmt;
+use core::time::Duration;
+use std::sync::Arc;
+
+use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, Work};
+use robot_session::Session as _;
+use robot_work_queue::{Reader, boxed};
+
+use crate::device::{Device, Error, Notes, Settings};
+
+/// How long a job takes.
+pub type TimeOf<W> = Arc<dyn Fn(&W) -> Duration + Send + Sync>;
+
+/// A Kawasaki robot's settings, for jobs of the type `W`.
+#[derive(Clone)]
+pub struct KawasakiRobot<W: Work> {
+    /// Its session.
+    pub config: RobotConfig<'static>,
+    /// What the fields of a job may be.
+    pub ranges: W::Ranges,
+    /// How many jobs its queue holds: less than the configuration's `max_number`.
+    pub queue: usize,
+    /// How long a job takes.
+    pub job_time: Duration,
+    /// How long each job takes, where that is not the same for all.
+    pub time_of: Option<TimeOf<W>>,
+}
+
+impl<W: Work> fmt::Debug for KawasakiRobot<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { config, ranges, queue, job_time, time_of: _ } = self;
+        let mut shown = f.debug_struct("KawasakiRobot");
+        shown.field("config", config).field("ranges", ranges).field("queue", queue);
+        shown.field("job_time", job_time).finish_non_exhaustive()
+    }
+}
+
+impl<W: Work> Default for KawasakiRobot<W> {
+    /// Over TCP, with a queue of 256 jobs of 1 s each.
+    fn default() -> Self {
+        let (config, ranges) = (RobotConfig::TCP, W::Ranges::default());
+        Self { config, ranges, queue: 256, job_time: Duration::from_secs(1), time_of: None }
+    }
+}
+
+impl<W: Work + fmt::Debug + Send + 'static> Settings for KawasakiRobot<W> {
+    type Device = Kawasaki<W>;
+
+    fn device(&self) -> Result<Kawasaki<W>, Error> {
+        Kawasaki::new(self.clone())
+    }
+}
+
+/// A Kawasaki robot.
+#[derive(Debug)]
+pub struct Kawasaki<W: Work> {
+    settings: KawasakiRobot<W>,
+    session: LargeRobot<'static, W>,
+    queue: Reader<'static, Job<W>>,
+    /// What is being executed: its number, what it is, and when it is over.
+    executing: Option<(u16, Job<W>, Duration)>,
+}
+
+impl<W: Work + fmt::Debug + Send + 'static> Kawasaki<W> {
+    /// A robot without an order.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    pub fn new(settings: KawasakiRobot<W>) -> Result<Self, Error> {
+        let KawasakiRobot { config, ranges, queue, .. } = &settings;
+        let (writer, queue) = boxed(*queue, config.max_number).map_err(Error::settings)?;
+        let session = LargeRobot::sized(*config, writer).map_err(Error::settings)?;
+        let session = session.with_ranges(ranges.clone()).map_err(Error::settings)?;
+        Ok(Self { settings, session, queue, executing: None })
+    }
+
+    /// How many jobs it holds, that which is being executed included.
+    pub fn held(&self) -> usize {
+        self.queue.len()
+    }
+
+    fn time_of(&self, work: &W) -> Duration {
+        self.settings.time_of.as_ref().map_or(self.settings.job_time, |time_of| time_of(work))
+    }
+}
+
+impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
+    type Session = LargeRobot<'static, W>;
+    type Event = RobotEvent;
+    type Work = Job<W>;
+    const IS_CLIENT: bool = true;
+
+    fn session(&self) -> &Self::Session {
+        &self.session
+    }
+
+    fn session_mut(&mut self) -> &mut Self::Session {
+        &mut self.session
+    }
+
+    fn take(&mut self, _: Duration, event: RobotEvent, notes: &mut Notes<RobotEvent, Job<W>>) {
+        match event {
+            RobotEvent::Connect => notes.connect(),
+            RobotEvent::Disconnect => notes.close("the PC is silent"),
+            _ => {}
+        }
+        notes.event(event);
+    }
+
+    fn advance(&mut self, now: Duration, notes: &mut Notes<RobotEvent, Job<W>>) {
+        let mut begins = now;
+        loop {
+            if let Some((number, job, end)) = self.executing.take_if(|(_, _, end)| *end <= now) {
+                notes.executed(end, job);
+                begins = end;
+                // An order that was forgotten meanwhile wants no report.
+                let _ = self.session.job_done(now, job.number);
+                // Reported before it is complete, it is never asked for again. A reset has discarded it already.
+                if let Some(taken) = self.queue.take_where(|waiting, _| waiting == number) {
+                    taken.complete();
+                }
+                self.session.handle_timeout(now);
+            }
+            if self.executing.is_some() {
+                return;
+            }
+            let Some((number, job)) = self.queue.iter().next() else {
+                // It sees that the queue was emptied.
+                let _ = self.queue.take_where(|_, _| false);
+                return;
+            };
+            self.executing = Some((number, *job, begins.saturating_add(self.time_of(&job.work))));
+        }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        self.executing.as_ref().map(|(_, _, end)| *end)
+    }
+
+    /// It knows of no order any more.
+    fn restart(&mut self, _: Duration) {
+        // The same settings have worked before.
+        if let Ok(robot) = Self::new(self.settings.clone()) {
+            *self = robot;
+        }
+    }
+
+    /// Its order is forgotten, as by an operator; the job that is being executed is done.
+    fn forget(&mut self, _: Duration) {
+        // Without an order there is nothing to forget.
+        let _ = self.session.reset_order();
+    }
+}

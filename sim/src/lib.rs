@@ -1,0 +1,42 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(docsrs, feature(doc_cfg))]
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "ball")]
+pub mod ball;
+mod bench;
+mod device;
+#[cfg(feature = "fanuc")]
+pub mod fanuc;
+mod faults;
+#[cfg(feature = "kawasaki")]
+pub mod kawasaki;
+#[cfg(feature = "laser")]
+pub mod laser;
+#[cfg(feature = "mma")]
+pub mod mma;
+#[cfg(unix)]
+mod pty;
+mod running;
+mod simulator;
+#[cfg(feature = "viewer")]
+pub mod viewer;
+
+#[cfg(feature = "ball")]
+pub use ball::TeachBall;
+pub use bench::{Bench, Wire};
+pub use device::{Device, Error, Executed, Notes, Settings};
+#[cfg(feature = "fanuc")]
+pub use fanuc::Fanuc;
+pub use faults::{Fault, Faults, Script};
+#[cfg(feature = "kawasaki")]
+pub use kawasaki::KawasakiRobot;
+#[cfg(feature = "laser")]
+pub use laser::Laser;
+#[cfg(feature = "mma")]
+pub use mma::{MmaPlatform, MmaRobot};
+pub use robot_session;
+pub use running::Running;
+pub use simulator::{Simulator, Told};
+#[cfg(feature = "viewer")]
+pub use viewer::Viewer;

@@ -1,0 +1,360 @@
+//! A device with its faults, as a session.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use robot_session::Session;
+
+use crate::device::{Device, Executed, Notes};
+use crate::faults::{Fault, Faults};
+
+/// A device with its faults: a [`Session`], which any driver runs.
+///
+/// It begins without a connection. At [`Told::Close`] the caller closes the connection and calls
+/// [`handle_disconnected`](Session::handle_disconnected); while the device is off, it [accepts](Self::accepts) no other.
+#[derive(Debug)]
+pub struct Simulator<D: Device> {
+    device: D,
+    faults: Faults,
+    notes: Notes<D::Event, D::Work>,
+    told: VecDeque<Told<D::Event>>,
+    /// What is sent later, and when.
+    outgoing: VecDeque<(Duration, Vec<u8>)>,
+    /// What has arrived, and is read later.
+    incoming: VecDeque<(Duration, Vec<u8>)>,
+    now: Duration,
+    /// Until when it neither reads nor sends.
+    frozen: Duration,
+    /// Until when it has no power.
+    off: Duration,
+    connected: bool,
+    /// Why the connection is to be closed.
+    closing: Option<&'static str>,
+    /// Somebody asks for what was executed.
+    keeps: bool,
+    /// Which of the device's connections it is, and how much of what has happened to the whole device it knows.
+    connection: usize,
+    seen: usize,
+    /// Nothing has happened to the device since it went on.
+    is_settled: bool,
+}
+
+/// What a simulator reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Told<E> {
+    /// What the device says.
+    Device(E),
+    /// Something has gone wrong on purpose.
+    Fault(Fault),
+    /// The connection is to be closed, and why.
+    Close(&'static str),
+    /// The device is a client: a connection is to be made.
+    Connect,
+}
+
+impl<D: Device> Simulator<D> {
+    /// A device to which nothing happens yet.
+    pub fn new(device: D) -> Self {
+        Self::with(device, Faults::default())
+    }
+
+    fn with(device: D, faults: Faults) -> Self {
+        let (connection, seen) = faults.connection();
+        Self {
+            device,
+            faults,
+            connection,
+            seen,
+            notes: Notes::default(),
+            told: VecDeque::new(),
+            outgoing: VecDeque::new(),
+            incoming: VecDeque::new(),
+            now: Duration::ZERO,
+            frozen: Duration::ZERO,
+            off: Duration::ZERO,
+            connected: false,
+            closing: None,
+            keeps: true,
+            is_settled: false,
+        }
+    }
+
+    /// The same device on one more connection, with the same faults; `None` where a new connection takes the place of the one before.
+    pub fn another(&self) -> Option<Self> {
+        let Self { keeps, frozen, off, .. } = *self;
+        let device = self.device.another()?;
+        Some(Self { keeps, frozen, off, ..Self::with(device, self.faults.clone()) })
+    }
+
+    /// The same, where nobody asks for [what was executed](Self::poll_executed): it is not kept.
+    #[must_use]
+    pub fn keeping_nothing(mut self) -> Self {
+        self.keeps = false;
+        self
+    }
+
+    /// What goes wrong with it.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// The device.
+    pub fn device(&self) -> &D {
+        &self.device
+    }
+
+    /// The device, to change what it does.
+    pub fn device_mut(&mut self) -> &mut D {
+        self.is_settled = false;
+        &mut self.device
+    }
+
+    /// Its session, which is about to be called.
+    fn session(&mut self) -> &mut D::Session {
+        self.device_mut().session_mut()
+    }
+
+    /// Whether a connection can be made now.
+    pub fn accepts(&self, now: Duration) -> bool {
+        self.off <= now
+    }
+
+    /// What was executed since the last call, oldest first.
+    pub fn poll_executed(&mut self) -> Option<Executed<D::Work>> {
+        self.notes.executed.pop_front()
+    }
+
+    /// Does what is due without a message.
+    fn go_on(&mut self, now: Duration) {
+        self.is_settled &= now <= self.now;
+        self.now = self.now.max(now);
+        while let Some(fault) = self.faults.due(self.now) {
+            self.happen(fault);
+        }
+        while let Some((at, fault)) = self.faults.elsewhere(self.connection, &mut self.seen) {
+            self.suffer(at, fault);
+        }
+        if self.off > self.now || core::mem::replace(&mut self.is_settled, true) {
+            return;
+        }
+        loop {
+            self.device.advance(self.now, &mut self.notes);
+            let Some(event) = self.device.session_mut().poll_event() else { break };
+            self.device.take(self.now, event, &mut self.notes);
+        }
+        if !self.keeps {
+            self.notes.executed.clear();
+        }
+        self.told.extend(self.notes.events.drain(..).map(Told::Device));
+        if core::mem::take(&mut self.notes.connect) {
+            self.told.push_back(Told::Connect);
+        }
+    }
+
+    /// What a fault does beside what it does to its message.
+    fn happen(&mut self, fault: Fault) {
+        self.told.push_back(Told::Fault(fault));
+        self.is_settled = false;
+        match fault {
+            Fault::Freeze(_) => {
+                self.faults.spread(self.connection, self.now, fault);
+                self.suffer(self.now, fault);
+            }
+            Fault::Forget => self.device.forget(self.now),
+            Fault::Restart(_) => {
+                self.faults.spread(self.connection, self.now, fault);
+                self.device.restart(self.now);
+                self.suffer(self.now, fault);
+            }
+            Fault::Cut => self.close("the set fault: the connection ends in the middle of a message"),
+            Fault::Close => self.close("the set fault: the connection ends before the reply"),
+            Fault::Drop | Fault::Delay(_) | Fault::Corrupt | Fault::Twice => {}
+        }
+    }
+
+    /// What happens on this connection when something has happened to the whole device.
+    fn suffer(&mut self, at: Duration, fault: Fault) {
+        match fault {
+            Fault::Freeze(time) => self.frozen = self.frozen.max(at.saturating_add(time)),
+            Fault::Restart(time) => {
+                self.off = self.off.max(at.saturating_add(time));
+                self.notes.close = None;
+                self.close("the power is gone");
+            }
+            _ => {}
+        }
+    }
+
+    fn close(&mut self, why: &'static str) {
+        self.outgoing.clear();
+        self.incoming.clear();
+        if self.connected && self.closing.is_none() {
+            self.closing = Some(why);
+            self.told.push_back(Told::Close(why));
+        }
+    }
+
+    /// Gives the device what is due to arrive.
+    fn deliver(&mut self) {
+        while self.reads() && self.incoming.front().is_some_and(|(at, _)| *at <= self.now) {
+            let Some((_, bytes)) = self.incoming.pop_front() else { return };
+            let now = self.now;
+            self.session().handle_input(now, &bytes);
+            self.go_on(self.now);
+        }
+    }
+
+    /// Whether the device takes bytes.
+    fn reads(&self) -> bool {
+        self.is_there() && self.device.session().wants_input()
+    }
+
+    fn is_there(&self) -> bool {
+        self.connected && self.closing.is_none() && self.frozen.max(self.off) <= self.now
+    }
+
+    /// The next message of the device, with what goes wrong with it.
+    fn message(&mut self, out: &mut [u8]) -> Option<usize> {
+        loop {
+            let now = self.now;
+            let length = self.session().poll_transmit(now, out)?;
+            let bytes = out.get_mut(..length)?;
+            let Some(fault) = self.faults.answer(self.now) else { return Some(length) };
+            let copy = bytes.to_vec();
+            if fault == Fault::Corrupt {
+                self.faults.spoil(bytes);
+            }
+            self.happen(fault);
+            match fault {
+                Fault::Drop => {}
+                Fault::Restart(_) | Fault::Close => return None,
+                Fault::Cut => return Some(length / 2).filter(|half| *half > 0),
+                Fault::Delay(time) | Fault::Freeze(time) => {
+                    self.outgoing.push_back((self.now.saturating_add(time), copy));
+                    return None;
+                }
+                Fault::Twice => {
+                    self.outgoing.push_back((self.now, copy));
+                    return Some(length);
+                }
+                Fault::Corrupt | Fault::Forget => return Some(length),
+            }
+        }
+    }
+}
+
+impl<D: Device> Session for Simulator<D> {
+    type Event = Told<D::Event>;
+    type Statistics = <D::Session as Session>::Statistics;
+    const MAX_INPUT: usize = D::Session::MAX_INPUT;
+    const MAX_TRANSMIT: usize = D::Session::MAX_TRANSMIT;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.connected = true;
+        self.session().handle_connected(now);
+        self.go_on(now);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        (self.connected, self.closing, self.notes.close) = (false, None, None);
+        self.told.retain(|told| !matches!(told, Told::Close(_)));
+        self.outgoing.clear();
+        self.incoming.clear();
+        self.session().handle_disconnected(now);
+        self.go_on(now);
+    }
+
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
+        self.go_on(now);
+        let mut bytes = bytes.to_vec();
+        let mut at = self.now;
+        if let Some(fault) = self.faults.request(now) {
+            if fault == Fault::Corrupt {
+                self.faults.spoil(&mut bytes);
+            }
+            match fault {
+                Fault::Drop | Fault::Restart(_) | Fault::Close => bytes.clear(),
+                Fault::Cut => bytes.truncate(bytes.len() / 2),
+                Fault::Delay(time) => at = at.saturating_add(time),
+                Fault::Twice => self.incoming.push_back((at, bytes.clone())),
+                Fault::Corrupt | Fault::Freeze(_) | Fault::Forget => {}
+            }
+            if fault == Fault::Cut {
+                // What has arrived before the cut is read.
+                let now = self.now;
+                self.session().handle_input(now, &bytes);
+                bytes.clear();
+            }
+            self.happen(fault);
+        }
+        if !bytes.is_empty() {
+            let behind = self.incoming.back().map_or(at, |(at, _)| *at);
+            self.incoming.push_back((at.max(behind), bytes));
+        }
+        self.deliver();
+        self.go_on(now);
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.go_on(now);
+        if self.off <= self.now && self.frozen <= self.now {
+            let now = self.now;
+            self.session().handle_timeout(now);
+        }
+        self.deliver();
+        self.go_on(now);
+    }
+
+    fn wants_input(&self) -> bool {
+        self.reads() && self.incoming.is_empty()
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.go_on(self.now);
+        self.told.pop_front()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.go_on(now);
+        if !self.is_there() {
+            return None;
+        }
+        if let Some((at, _)) = self.outgoing.front() {
+            if *at > self.now {
+                return None;
+            }
+            let (_, bytes) = self.outgoing.pop_front()?;
+            out.get_mut(..bytes.len())?.copy_from_slice(&bytes);
+            return Some(bytes.len());
+        }
+        let message = self.message(out);
+        if message.is_none()
+            && self.outgoing.is_empty()
+            && let Some(why) = self.notes.close.take()
+        {
+            self.close(why);
+        }
+        message
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        let faults = self.faults.next();
+        if self.off > self.now {
+            return [Some(self.off), faults].into_iter().flatten().min();
+        }
+        let session = self.device.session().poll_timeout();
+        // Behind what is sent later, the session waits.
+        let held = self.outgoing.front().map_or(Duration::ZERO, |(at, _)| *at).max(self.frozen);
+        let session = if self.closing.is_some() { None } else { session.map(|at| at.max(held)) };
+        let sent = self.outgoing.front().map(|(at, _)| (*at).max(self.frozen));
+        let arrives = self.incoming.front().map(|(at, _)| (*at).max(self.frozen));
+        let arrives = arrives.filter(|at| *at > self.now || self.reads());
+        let thaws = (self.frozen > self.now).then_some(self.frozen);
+        [session, sent, arrives, thaws, faults, self.device.due()].into_iter().flatten().min()
+    }
+
+    fn statistics(&self) -> Self::Statistics {
+        self.device.session().statistics()
+    }
+}

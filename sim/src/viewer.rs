@@ -1,0 +1,160 @@
+//! The graphics workstation: it draws the arm five times a second, each picture from one packet.
+
+use core::time::Duration;
+
+use robot_session::Session as _;
+use val2_viewer::workstation::machine::WorkstationMachine;
+use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
+
+use crate::device::{Device, Error, Notes, Settings};
+
+/// A workstation's settings.
+#[derive(Debug, Clone, Copy)]
+pub struct Viewer {
+    /// Its session.
+    pub config: WorkstationConfig,
+    /// Its line, where one is simulated.
+    pub baud: u32,
+}
+
+impl Default for Viewer {
+    fn default() -> Self {
+        Self { config: WorkstationConfig::default(), baud: timing::BAUD }
+    }
+}
+
+impl Settings for Viewer {
+    type Device = Screen;
+
+    fn device(&self) -> Result<Screen, Error> {
+        Screen::new(*self)
+    }
+}
+
+#[cfg(feature = "spec")]
+impl robot_session::spec::Configure for Viewer {
+    fn configure(&mut self, fields: &mut impl robot_session::spec::Fields) {
+        let Self { config, baud } = self;
+        fields.baud(robot_session::spec::LINE, baud);
+        config.configure(fields);
+    }
+}
+
+/// What a workstation has seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Requests sent.
+    pub asked: u64,
+    /// Poses received.
+    pub poses: u64,
+    /// Poses that never came, by the gaps in their count.
+    pub gaps: u64,
+    /// Corrupt lines, or pieces of one.
+    pub damaged: u64,
+    /// Times that the picture was stale.
+    pub stale: u64,
+    /// Times that the operator paused a picture that stood still, which makes it ask again (§9.4).
+    pub pauses: u64,
+    /// The most poses that came between two pictures: more than one is a backlog.
+    pub most_at_once: u64,
+}
+
+/// A workstation.
+#[derive(Debug)]
+pub struct Screen {
+    settings: Viewer,
+    workstation: Workstation,
+    drawn: Drawn,
+    last_count: Option<u16>,
+    at_once: u64,
+    connected: bool,
+    /// When the next picture is drawn.
+    picture: Duration,
+    /// When the picture moved last.
+    moved: Duration,
+}
+
+impl Screen {
+    fn new(settings: Viewer) -> Result<Self, Error> {
+        let workstation = Workstation::new(settings.config).map_err(Error::settings)?;
+        Ok(Self {
+            settings,
+            workstation,
+            drawn: Drawn::default(),
+            last_count: None,
+            at_once: 0,
+            connected: false,
+            picture: Duration::ZERO,
+            moved: Duration::ZERO,
+        })
+    }
+
+    /// What it has seen.
+    pub fn drawn(&self) -> Drawn {
+        let seen = self.workstation.statistics();
+        let poses = seen.poses + seen.unasked;
+        Drawn { asked: seen.requests, poses, damaged: seen.corrupt, stale: seen.stale, ..self.drawn }
+    }
+}
+
+impl Device for Screen {
+    type Session = Workstation;
+    type Event = WorkstationEvent;
+    type Work = PosePacket;
+
+    fn session(&self) -> &Workstation {
+        &self.workstation
+    }
+
+    fn session_mut(&mut self) -> &mut Workstation {
+        &mut self.workstation
+    }
+
+    fn take(
+        &mut self,
+        now: Duration,
+        event: WorkstationEvent,
+        notes: &mut Notes<WorkstationEvent, PosePacket>,
+    ) {
+        if let WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) = event {
+            self.drawn.gaps += self.last_count.map_or(0, |last| u64::from(packet.lost_since(last)));
+            (self.last_count, self.moved) = (Some(packet.count), now);
+            self.at_once += 1;
+            self.drawn.most_at_once = self.drawn.most_at_once.max(self.at_once);
+            notes.executed(now, packet);
+        }
+        notes.event(event);
+    }
+
+    fn advance(&mut self, now: Duration, _: &mut Notes<WorkstationEvent, PosePacket>) {
+        let connected = *self.workstation.machine() != WorkstationMachine::Disconnected;
+        if core::mem::replace(&mut self.connected, connected) != connected {
+            self.moved = now;
+        }
+        if now < self.picture {
+            return;
+        }
+        self.workstation.draw(now);
+        (self.picture, self.at_once) = (now.saturating_add(timing::CYCLE), 0);
+        let config = &self.settings.config;
+        if connected && now > self.moved.saturating_add(config.stale_after) {
+            self.drawn.pauses += 1;
+            self.picture = now.saturating_add(config.pause);
+            self.moved = self.picture;
+        }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        Some(self.picture)
+    }
+
+    fn restart(&mut self, _: Duration) {
+        // The same settings have worked before.
+        if let Ok(screen) = Self::new(self.settings) {
+            *self = screen;
+        }
+    }
+
+    /// It holds nothing.
+    fn forget(&mut self, _: Duration) {}
+}

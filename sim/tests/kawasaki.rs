@@ -1,0 +1,77 @@
+//! A Kawasaki robot that misbehaves, over TCP and for half an hour on a virtual clock.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::time::Duration;
+
+use cellwire_sim::{Fault, KawasakiRobot, Script, Settings as _, Told};
+use kawasaki_msg::robot_session::tokio::Listen;
+use kawasaki_msg::tokio::{Error, pc};
+use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotEvent};
+
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+
+fn jobs(count: i32) -> Vec<Line> {
+    let jobs = 0..count;
+    jobs.map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) }).collect()
+}
+
+#[tokio::test]
+async fn an_order_over_cuts_and_lost_packets_is_drawn_once() {
+    let listen = Listen::bind("127.0.0.1:0").await.unwrap();
+    let robot = KawasakiRobot::<Line> { job_time: MS, ..KawasakiRobot::default() };
+    let sim = robot.connect(listen.address().unwrap()).unwrap();
+    sim.faults()
+        .follow(Script::new().answer(2, Fault::Cut).request(4, Fault::Drop).answer(6, Fault::Corrupt));
+    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    tokio::spawn(task.run());
+    pc.run(50, jobs(600)).await.unwrap();
+    let drawn: Vec<Line> = sim.executed().into_iter().map(|done| done.work.work).collect();
+    assert_eq!(drawn, jobs(600));
+    assert_eq!(sim.faults().happened().len(), 3);
+}
+
+#[tokio::test]
+async fn a_robot_that_has_forgotten_its_order_is_noticed() {
+    let listen = Listen::bind("127.0.0.1:0").await.unwrap();
+    let robot = KawasakiRobot::<Line> { job_time: MS, ..KawasakiRobot::default() };
+    let sim = robot.connect(listen.address().unwrap()).unwrap();
+    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    tokio::spawn(task.run());
+    let order = pc.start(50, jobs(5000)).await.unwrap();
+    while sim.executed().len() < 10 {
+        tokio::time::sleep(MS).await;
+    }
+    sim.faults().restart(50 * MS);
+    let over = order.await;
+    assert!(!matches!(&over, Ok(over) if over.executed == 5000), "{over:?}");
+    assert!(sim.executed().len() < 5000 && !matches!(over, Err(Error::Closed(_))));
+}
+
+/// Half an hour of drawing over a connection that is cut at every thousandth packet.
+#[test]
+fn half_an_hour_of_drawing() {
+    let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
+    let jobs = jobs(600);
+    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    pc.start(7, jobs.leak()).unwrap();
+    let mut bench = robot.bench(pc).unwrap();
+    bench.faults().follow(Script::new().every_answer(1000, Fault::Cut));
+    let over = loop {
+        match bench.next_event(3600 * S) {
+            Some(PcEvent::Disconnect) => bench.disconnect(),
+            Some(PcEvent::OrderOver { executed, .. }) => break executed,
+            Some(PcEvent::OutcomeUnknown { .. }) | None => panic!("{:?}", bench.told().last()),
+            Some(_) => {}
+        }
+    };
+    let done = bench.executed();
+    assert_eq!((over, done.len()), (600, 600));
+    assert!(
+        done.windows(2).all(|two| two[0].at < two[1].at && two[0].work.work.end == two[1].work.work.start)
+    );
+    assert!((1800 * S..2000 * S).contains(&done[599].at), "{:?}", done[599].at);
+    let connections =
+        bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(RobotEvent::Connect))).count();
+    assert!(connections > 3, "{connections}");
+}

@@ -256,7 +256,7 @@ impl<'a, D: Device, T: Transport> Loop<'a, D, T> {
         match turn {
             Ok(ControlFlow::Continue(())) => Turn::Goes,
             Ok(ControlFlow::Break(Ended::ByHandler(turn))) => turn,
-            Ok(ControlFlow::Break(Ended::ByPeer)) | Err(_) => Turn::Ends,
+            Ok(ControlFlow::Break(Ended::ByPeer | Ended::Stalled)) | Err(_) => Turn::Ends,
         }
     }
 }

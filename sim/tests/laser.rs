@@ -134,7 +134,7 @@ fn cut_once(port: Box<dyn serialport::SerialPort>) {
     let event = loop {
         match driver.turn(&mut host, None, |_, event| ControlFlow::Break(event)).unwrap() {
             ControlFlow::Break(Ended::ByHandler(event)) => break event,
-            ControlFlow::Break(Ended::ByPeer) => panic!("the port is gone"),
+            ControlFlow::Break(Ended::ByPeer | Ended::Stalled) => panic!("the port is gone"),
             ControlFlow::Continue(()) => {}
         }
     };

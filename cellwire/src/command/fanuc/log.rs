@@ -103,7 +103,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     };
     let mut config = ClientConfig::tcp();
     settings::read("fanuc log", ClientSettings(&mut config), &args.set.read()?)
-        .map_err(|error| args.set.located(error))?;
+        .map_err(|error| args.set.located(error.into()))?;
     interrupt::note()?;
     let clock = Clock::start();
     let source = Source {

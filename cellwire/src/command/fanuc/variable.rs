@@ -117,7 +117,7 @@ impl PlaceArgs {
     fn connect(&self) -> Result<Client> {
         let mut port = Port::tcp(&self.server, self.connect.timeout());
         settings::read("fanuc", ClientSettings(&mut port.config), &self.set.read()?)
-            .map_err(|error| self.set.located(error))?;
+            .map_err(|error| self.set.located(error.into()))?;
         Client::open(&port)
     }
 

@@ -157,7 +157,7 @@ impl PortArgs {
         port.config.timeout = Duration::from_millis(self.timeout.unwrap_or(timeout));
         defaults(&mut port.config);
         settings::read("modbus", ClientSettings(&mut port.config), &self.set.read()?)
-            .map_err(|error| self.set.located(error))?;
+            .map_err(|error| self.set.located(error.into()))?;
         Ok(port)
     }
 }

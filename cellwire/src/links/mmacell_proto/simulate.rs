@@ -89,6 +89,7 @@ fn serve<P: Simulated + Serialize>(
             Ok(ControlFlow::Break(Ended::ByPeer)) => {
                 break "the central controller closed the connection, or another one took its place".into();
             }
+            Ok(ControlFlow::Break(Ended::Stalled)) => break "the central controller does not read".into(),
             Err(error) => break error.to_string(),
         }
     };

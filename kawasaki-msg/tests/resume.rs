@@ -136,7 +136,7 @@ fn a_robot_that_was_restarted_leaves_the_jobs_in_flight_unknown() {
     cell.connect(&mut pc);
     let (executed, sent) = kept;
     assert_eq!(cell.finish(&mut pc), PcEvent::OutcomeUnknown { order: 50, executed, sent });
-    assert_eq!(cell.drawn, []);
+    assert_eq!(cell.drawn, [0_i32; 0]);
 }
 
 #[test]

@@ -154,7 +154,7 @@ fn a_position_is_used_where_an_instruction_names_it_or_may_choose_it() {
     assert_eq!(unused("END"), [1, 2]);
     assert_eq!(unused("PR[2]=P[1]"), [2]);
     assert_eq!(unused("P[ 2 ]=PR[1]"), [1]);
-    assert_eq!(unused("PR[2]=P[R[1]]"), []);
+    assert_eq!(unused("PR[2]=P[R[1]]"), [0_u32; 0]);
     // Something else whose name ends in P.
     for other in ["SKIP[1]=2", "R[1]=$GRP[1].$P", "R[1]=$X_P[2]", "R[1]=$X2P[R[1]]"] {
         assert_eq!(unused(other), [1, 2], "{other}");

@@ -1,4 +1,4 @@
-"""How many cells a bridge carries: devices of every link in one light process, a broker, a consumer that counts, and nothing else."""
+"""How many cells a bridge carries: devices of five links in one light process, a broker, a consumer that counts, and nothing else."""
 import argparse
 import collections
 import json
@@ -22,8 +22,7 @@ args = parser.parse_args()
 LOAD = Path(args.cellwire).with_name("examples") / "load"
 SETTINGS = {
     "fanuc-hmi-modbus": 'poll = "100ms"', "kawasaki-msg": "", "laser-eb90": 'poll = "500ms"',
-    "mmacell-proto": 'poll = "200ms", device = "platform"', "val2-alter": 'report = "200ms"',
-    "isra-ball": 'report = "200ms"', "val2-viewer": 'report = "500ms"',
+    "mmacell-proto": 'poll = "200ms", device = "platform"', "isra-ball": 'report = "200ms"',
 }
 ground = Ground(args.cellwire, args.place / "capacity")
 (ground.folder / "mosquitto.conf").write_text(

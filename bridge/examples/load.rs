@@ -1,4 +1,4 @@
-//! Devices of every link, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves whoever
+//! Devices of five links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves whoever
 //! connects with the session of the device's end.
 //!
 //! `cargo run --release -p cellwire-bridge --example load` prints where, as one line of JSON, and serves until it is killed.
@@ -22,14 +22,12 @@ use slab::Slab;
 /// The link, the device's end, and what it does by itself so often.
 type Kind = (&'static str, &'static str, Option<(&'static str, Duration)>);
 
-const KINDS: [Kind; 7] = [
+const KINDS: [Kind; 5] = [
     ("fanuc-hmi-modbus", "", None),
     ("kawasaki-msg", "robot", None),
     ("laser-eb90", "controller", None),
     ("mmacell-proto", "device", None),
-    ("val2-alter", "controller", None),
     ("isra-ball", "ball", Some(("measure", Duration::from_millis(100)))),
-    ("val2-viewer", "workstation", Some(("draw", Duration::from_millis(500)))),
 ];
 /// What is due is looked for so often.
 const TICK: Duration = Duration::from_millis(5);
@@ -91,9 +89,6 @@ fn accept(
         let mut end = row.map(|row| (row.make)(&Map::new(), None)).transpose()?;
         if let Some(end) = &mut end {
             end.handle_connected(now);
-            if *link == "val2-alter" {
-                let _ = end.call(now, "start", &Value::Null)?;
-            }
         }
         let entry = devices.vacant_entry();
         let token = Token(KINDS.len() + entry.key());
@@ -130,8 +125,7 @@ impl Device {
     /// Does what is due. False when the connection has ended.
     fn look(&mut self, now: Duration) -> bool {
         let Some(end) = &mut self.end else { return self.send() };
-        let mut is_due = end.poll_timeout().is_some_and(|at| at <= now);
-        if is_due {
+        if end.poll_timeout().is_some_and(|at| at <= now) {
             end.handle_timeout(now);
         }
         if let Some((_, _, Some((call, every)))) = KINDS.get(self.kind)
@@ -140,11 +134,8 @@ impl Device {
             self.next = now + *every;
             let force = now.as_millis() / 100 % 100;
             let _ = end.call(now, call, &json!({"force": [force, 2, 3], "moment": [0, 0, 0], "keys": 0}));
-            is_due = true;
         }
-        if is_due {
-            self.answer(now);
-        }
+        self.answer(now);
         self.send()
     }
 

@@ -16,6 +16,21 @@ use crate::{Received, Sent, Transport, Wait};
 #[allow(missing_debug_implementations, reason = "a port is not")]
 pub struct Serial(pub Box<dyn SerialPort>);
 
+impl Serial {
+    #[cfg(not(windows))]
+    fn read_some(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(buffer)
+    }
+
+    /// What is there, or the first byte that comes: drivers of virtual ports, and Wine, wait until as many bytes as are asked for are there.
+    #[cfg(windows)]
+    fn read_some(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let waiting = self.0.bytes_to_read()?;
+        let length = usize::try_from(waiting).unwrap_or(usize::MAX).max(1).min(buffer.len());
+        self.0.read(buffer.get_mut(..length).unwrap_or_default())
+    }
+}
+
 /// A wait without a limit is cut into pieces: no system waits for [`Duration::MAX`].
 const LONGEST: Duration = Duration::from_secs(1);
 /// A line that takes no more bytes is asked again so soon.
@@ -27,7 +42,7 @@ impl Transport for Serial {
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let longest = if wait.room { RETRY } else { LONGEST };
         self.0.set_timeout(wait.limit.unwrap_or(longest).clamp(SHORTEST, longest))?;
-        match self.0.read(buffer) {
+        match self.read_some(buffer) {
             Ok(0) => Ok(Received::Closed),
             Ok(length) => Ok(Received::Bytes(length)),
             Err(error) if is_silence(&error) => Ok(Received::Nothing),

@@ -303,6 +303,11 @@ impl Speed {
 
     fn encode(&self, out: &mut String) {
         match self {
+            // Seconds have a decimal, and a zero before the point.
+            Self::Fixed { value, unit: SpeedUnit::Sec } => {
+                let text = format!("{value:.1}");
+                out.push_str(&if text.parse() == Ok(*value) { text } else { format!("{value}") });
+            }
             Self::Fixed { value, .. } => push_shortest(out, *value),
             Self::Register { register, .. } => out.push_str(register),
             Self::Named(name) => out.push_str(name),

@@ -82,10 +82,12 @@ impl Program {
         (frames, time)
     }
 
-    /// The least and the greatest of X and Y, in mm.
-    pub fn bounds(&self, mapping: &Mapping) -> Option<([f32; 2], [f32; 2])> {
+    /// The least and the greatest of X and Y, in mm, to a thousandth.
+    pub fn bounds(&self, mapping: &Mapping) -> Option<([f64; 2], [f64; 2])> {
+        // A negative zero plus zero is zero.
+        let shown = |value: f32| (f64::from(value) * 1000.0).round() / 1000.0 + 0.0;
         let points = self.instructions.iter().filter_map(|it| place(it, mapping));
-        points.fold(None, |bounds, [x, y]| {
+        points.map(|point| point.map(shown)).fold(None, |bounds, [x, y]| {
             let ([left, low], [right, high]) = bounds.unwrap_or(([x, y], [x, y]));
             Some(([left.min(x), low.min(y)], [right.max(x), high.max(y)]))
         })

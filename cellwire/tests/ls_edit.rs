@@ -1,5 +1,6 @@
 //! `cellwire ls edit` and `cellwire ls fmt`: what they show, write and refuse.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
 mod common_fanuc;
 

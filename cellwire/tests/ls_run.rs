@@ -1,5 +1,6 @@
 //! `cellwire ls run` where a controller stops, waits or goes elsewhere; and what it has before a program begins.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
 mod common_fanuc;
 

@@ -284,6 +284,12 @@ impl Speed {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
+        // What a template leaves open stands for a register.
+        if let Some(rest) = input.strip_prefix("...")
+            && let Ok((rest, unit)) = SpeedUnit::decode(rest)
+        {
+            return Ok((rest, Self::Register { register: "...".to_string(), unit }));
+        }
         let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_' || c == '.'));
         let letters = letters.unwrap_or(input.len());
         let (word, behind) = input.split_at_checked(letters).unwrap_or(("", input));
@@ -303,11 +309,6 @@ impl Speed {
 
     fn encode(&self, out: &mut String) {
         match self {
-            // Seconds have a decimal, and a zero before the point.
-            Self::Fixed { value, unit: SpeedUnit::Sec } => {
-                let text = format!("{value:.1}");
-                out.push_str(&if text.parse() == Ok(*value) { text } else { format!("{value}") });
-            }
             Self::Fixed { value, .. } => push_shortest(out, *value),
             Self::Register { register, .. } => out.push_str(register),
             Self::Named(name) => out.push_str(name),

@@ -61,7 +61,7 @@ impl Preset {
 
 fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) -> Result<()> {
     let number = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
-    let selected = number.filter(|number| (0.0..=61.0).contains(number)).map(|number| number as u32);
+    let selected = value.as_integer().and_then(|n| u32::try_from(n).ok()).filter(|n| *n <= 61);
     match name {
         "UFRAME_NUM" | "UTOOL_NUM" => {
             let selected = Some(selected.context("a frame is a number, 0 to 61")?);

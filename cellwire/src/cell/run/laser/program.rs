@@ -9,8 +9,8 @@ use laser_eb90::{Class, HostConfig, timing};
 use super::route::{Instruction, MAX_INSTRUCTIONS};
 use super::settings::{Coordinate, Mapping};
 use super::{csv, dxf, gcode};
-use crate::io::drawing;
 use crate::io::input;
+use crate::io::sheet;
 
 /// The bytes around the floats of an instruction, and of a frame.
 const OVERHEAD: (usize, usize) = (6, 7);
@@ -104,7 +104,7 @@ impl Program {
         };
         let route: Vec<_> = self.instructions.iter().filter_map(way).collect();
         ensure!(!route.is_empty(), "no instruction has X and Y: nothing can be drawn");
-        drawing::write_route(file, &route)
+        sheet::write_route(file, &route, ["cut", "moved"])
     }
 }
 

@@ -160,6 +160,14 @@ fn command_line() -> clap::Command {
 /// The command, whose long help ends with these settings.
 fn with_settings(command: clap::Command, settings: &[Setting]) -> clap::Command {
     let before = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
-    let lines = settings::lines(settings);
-    command.after_long_help(format!("{before}Settings, for --set and --settings:\n\n{lines}"))
+    // Those of the command itself come first: a plant's tables are long.
+    let (tables, own): (Vec<_>, Vec<_>) =
+        settings.iter().cloned().partition(|it| it.name.contains('.') || it.name == "job");
+    let (own, tables) = (settings::lines(&own), settings::lines(&tables));
+    let between = if own.is_empty() || tables.is_empty() {
+        ""
+    } else {
+        "\nIn tables, which a file has rather than a command line:\n\n"
+    };
+    command.after_long_help(format!("{before}Settings, for --set and --settings:\n\n{own}{between}{tables}"))
 }

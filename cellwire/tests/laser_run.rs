@@ -282,7 +282,11 @@ fn a_dry_run_says_and_draws_what_would_happen() {
     assert_eq!(line["not_carried"], serde_json::json!(["f"]));
     // The arc in chords of at most 0.05 mm beside it: 2 acos(1 - 0.05 / 10) of a quarter.
     assert_eq!((&line["instructions"], &line["frames"]), (&(4 + 8).into(), &2.into()));
-    assert!(svg.contains("width=\"33mm\"") && svg.contains("stroke=\"black\""), "{svg}");
+    assert!(
+        svg.contains("stroke=\"black\"")
+            && ["cut", "moved", "30", "start"].iter().all(|label| svg.contains(label)),
+        "{svg}"
+    );
 
     let entity = |kind: &str, codes: &[(u8, &str)]| {
         let codes: String = codes.iter().map(|(code, value)| format!("{code}\n{value}\n")).collect();
@@ -308,7 +312,8 @@ fn a_cut_without_power_is_a_move() {
     let cuts = |gcode: &str| {
         let (code, _, said, svg) = dry_run("part.nc", gcode);
         assert_eq!((code, said.as_str()), (Some(0), ""));
-        svg.lines().any(|line| line.contains("stroke=\"black\"") && !line.contains("d=\"\""))
+        let is_cut = |line: &str| line.starts_with("<path") && line.contains("stroke=\"black\"");
+        svg.lines().any(|line| is_cut(line) && !line.contains("d=\"\""))
     };
     let travel = "G21 G90\nM4 F600\nG1 X10 S0\nG1 Y10 S0\n";
     assert!(!cuts(travel));

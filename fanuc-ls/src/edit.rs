@@ -10,11 +10,14 @@ use crate::document::Document;
 use crate::error::EncodeError;
 use crate::instruction::Instruction;
 use crate::motion::Motion;
-use crate::parts::{at, offset};
+use crate::parts::{Parts, at, offset};
 use crate::position::Position;
 use crate::program::check_name;
 use crate::statement::Statement;
 use crate::text::{Fault, joint};
+
+/// A part of a text, and what takes its place.
+pub(crate) type Edit = (Range<usize>, String);
 
 impl Document {
     /// Sets the name; the file's must be the same.
@@ -60,6 +63,14 @@ impl Document {
     /// # Errors
     /// When there is no such statement, it is nested or has no number, or the motion cannot be written.
     pub fn set_motion(&mut self, index: usize, motion: &Motion) -> Result<(), EncodeError> {
+        if let Some((place, text)) = self.motion_edit(index, motion)? {
+            self.replace(place, &text);
+        }
+        Ok(())
+    }
+
+    /// The place of a statement's motion and the text that it gets; none where it says the same.
+    pub(crate) fn motion_edit(&self, index: usize, motion: &Motion) -> Result<Option<Edit>, EncodeError> {
         let text = |motion: &Motion| {
             let mut text = String::new();
             motion.encode(&mut text);
@@ -70,13 +81,12 @@ impl Document {
         motion.check(index.saturating_add(1), &new)?;
         let old = self.body(index)?;
         let merged = match Instruction::decode(at(&self.text, &old)) {
-            Ok(Instruction::Motion(before)) if before == *motion => return Ok(()),
+            Ok(Instruction::Motion(before)) if before == *motion => return Ok(None),
             Ok(Instruction::Motion(before)) => merge(at(&self.text, &old), &text(&before), &new, false),
             _ => None,
         };
         let reads = |text: &String| Instruction::from_text(text) == Some(Instruction::Motion(motion.clone()));
-        self.replace_lines(old, &merged.filter(reads).unwrap_or(new));
-        Ok(())
+        Ok(Some(self.lines_edit(old, &merged.filter(reads).unwrap_or(new))))
     }
 
     /// Sets the instruction of a statement by its text, such as `CALL WELD_ON`; `index` counts from 0.
@@ -93,7 +103,8 @@ impl Document {
         // A motion's letter is right after the colon, anything else after two blanks; what is there stays.
         let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));
         let written = if blanks { written.trim() } else { written.trim_end() };
-        self.replace_lines(old, written);
+        let (place, text) = self.lines_edit(old, written);
+        self.replace(place, &text);
         Ok(())
     }
 
@@ -102,6 +113,14 @@ impl Document {
     /// # Errors
     /// When there is no such position, or it cannot be written.
     pub fn set_position(&mut self, position: &Position) -> Result<(), EncodeError> {
+        if let Some((place, text)) = self.position_edit(position)? {
+            self.replace(place, &text);
+        }
+        Ok(())
+    }
+
+    /// The place of the position with this number and the text that it gets; none where it says the same.
+    pub(crate) fn position_edit(&self, position: &Position) -> Result<Option<Edit>, EncodeError> {
         position.check()?;
         let number = position.number;
         let blocks = self.parts.positions(&self.text).zip(&self.parts.blocks);
@@ -115,14 +134,13 @@ impl Document {
             text
         };
         if old == *position {
-            return Ok(());
+            return Ok(None);
         }
         let block = block.start..block.start + at(&self.text, block).trim_end().len();
         let (before, new) = (text(&old), text(position));
         let merged = merge(at(&self.text, &block), &before, &new, true);
         let reads = |text: &String| Position::decode_block(text).as_ref() == Ok(position);
-        self.replace_lines(block, &merged.filter(reads).unwrap_or(new));
-        Ok(())
+        Ok(Some(self.lines_edit(block, &merged.filter(reads).unwrap_or(new))))
     }
 
     /// Where the instruction of a statement is, without the blanks around it.
@@ -135,9 +153,25 @@ impl Document {
         Ok(start..start + body.len())
     }
 
-    fn replace_lines(&mut self, old: Range<usize>, new: &str) {
-        let new = new.replace("\r\n", self.line_end());
-        self.replace(old, &new);
+    /// A text with the line ends of this one.
+    pub(crate) fn lines_edit(&self, old: Range<usize>, new: &str) -> Edit {
+        (old, new.replace("\r\n", self.line_end()))
+    }
+
+    /// Does edits that do not overlap, all or none; how many of them change something.
+    pub(crate) fn apply(&mut self, mut edits: Vec<Edit>) -> Result<usize, EncodeError> {
+        edits.retain(|(place, new)| at(&self.text, place) != new);
+        edits.sort_by_key(|(place, _)| place.start);
+        let (mut text, mut copied) = (String::with_capacity(self.text.len()), 0);
+        for (place, new) in &edits {
+            text.push_str(self.text.get(copied..place.start).ok_or(EncodeError::Edit)?);
+            text.push_str(new);
+            copied = place.end;
+        }
+        text.push_str(at(&self.text, &(copied..self.text.len())));
+        self.parts = Parts::find(&text).map_err(|_| EncodeError::Edit)?;
+        self.text = text;
+        Ok(edits.len())
     }
 
     fn replace(&mut self, old: Range<usize>, new: &str) {
@@ -145,8 +179,9 @@ impl Document {
         self.text.replace_range(old, new);
     }
 
-    fn line_end(&self) -> &'static str {
-        if self.text.contains("\r\n") { "\r\n" } else { "\n" }
+    pub(crate) fn line_end(&self) -> &'static str {
+        let first = self.text.find('\n').and_then(|at| self.text.get(..at));
+        if first.is_some_and(|line| line.ends_with('\r')) { "\r\n" } else { "\n" }
     }
 }
 
@@ -212,7 +247,7 @@ fn aligned(before: &str, old: usize, new: usize) -> String {
 
 /// The places of the words of a text: numbers with their sign, letters, or a sign alone. Blanks, line ends and the `:` that
 /// continues a line are between them.
-fn words(text: &str) -> Vec<Range<usize>> {
+pub(crate) fn words(text: &str) -> Vec<Range<usize>> {
     let mut places: Vec<Range<usize>> = Vec::new();
     let (mut rest, mut last) = (text, None);
     loop {

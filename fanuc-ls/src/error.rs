@@ -1,3 +1,4 @@
+use crate::expression::ItemKind;
 /// Why a text is not an LS program, and where.
 ///
 /// Lines and columns count from 1, columns in characters (a tab is one).
@@ -137,6 +138,32 @@ pub enum EncodeError {
         /// The comment's length.
         found: usize,
     },
+    /// What two edits change overlaps, or the text that they make would not be read again.
+    #[error("the text that the edit makes would not be read again")]
+    Edit,
+    /// A label or a position cannot take the number of another one.
+    #[error("{item}[{number}] is there already")]
+    Taken {
+        /// What it is.
+        item: ItemKind,
+        /// Its number.
+        number: u32,
+    },
+    /// A controller has none of this number.
+    #[error("there is no {item}[{number}]: the numbers are {low} to {high}")]
+    ItemRange {
+        /// What it is.
+        item: ItemKind,
+        /// Its number.
+        number: u32,
+        /// The least number.
+        low: u32,
+        /// The greatest number.
+        high: u32,
+    },
+    /// A name that would end before its end.
+    #[error("a name has no brackets, quotes or line ends")]
+    ItemName,
     /// An attribute's name or value would not be read again as the same.
     #[error(
         "attribute {index} (counted from 1) cannot be written: its name or value would read as something else"

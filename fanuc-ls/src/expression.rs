@@ -204,7 +204,7 @@ pub enum Index {
 }
 
 /// What an [`Item`] is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
 pub enum ItemKind {

@@ -18,12 +18,15 @@ mod expression;
 mod finding;
 mod grammar;
 mod instruction;
+mod layout;
 mod mistake;
 mod motion;
 mod operation;
 mod parts;
 mod position;
 mod program;
+mod references;
+mod rewrite;
 #[cfg(feature = "spec")]
 mod spec;
 mod statement;

@@ -284,6 +284,12 @@ impl Speed {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
+        // What a template leaves open stands for a register.
+        if let Some(rest) = input.strip_prefix("...")
+            && let Ok((rest, unit)) = SpeedUnit::decode(rest)
+        {
+            return Ok((rest, Self::Register { register: "...".to_string(), unit }));
+        }
         let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_' || c == '.'));
         let letters = letters.unwrap_or(input.len());
         let (word, behind) = input.split_at_checked(letters).unwrap_or(("", input));

@@ -151,6 +151,24 @@ impl Motion {
         self.register_of("Tool_Offset,")
     }
 
+    /// Its options, each whole: `ACC50`, `Offset,PR[1:a name]`, `Skip,LBL[2],PR[3]=LPOS`. What is none ends them, as it stands.
+    pub fn each_option(&self) -> Vec<&str> {
+        let (mut options, mut rest) = (Vec::new(), self.options.as_str());
+        loop {
+            match grammar::option(rest) {
+                Ok(Some((after, option))) => {
+                    options.push(option.trim_end());
+                    rest = after;
+                }
+                Ok(None) => return options,
+                Err(_) => {
+                    options.push(rest.trim());
+                    return options;
+                }
+            }
+        }
+    }
+
     fn register_of(&self, option: &str) -> Option<Item> {
         let mut words = self.options.match_indices(option);
         let whole = |at: usize| {

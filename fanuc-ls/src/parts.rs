@@ -197,7 +197,8 @@ impl Parts {
                     end = next.end();
                     open = !is_closed(next.text);
                 }
-                last = Statement::new(words, false).number().unwrap_or(last);
+                // A line without a number has the next one.
+                last = Statement::new(words, false).number().unwrap_or(last + 1);
             }
             self.statements.push((line.start..end, in_block));
         }

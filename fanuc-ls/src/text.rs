@@ -436,5 +436,6 @@ pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     let body = line.get(spaces..).unwrap_or("");
     let digits = digits(body);
     let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
-    number > 0 && (in_block || own != Some(number + 1)) && !body.starts_with(':')
+    // A line of a block may go on in one that begins with the colon.
+    number > 0 && (in_block || own != Some(number + 1) && !body.starts_with(':'))
 }

@@ -223,3 +223,16 @@ fn a_position_reads_the_same_in_its_columns_and_out_of_them() {
         }
     }
 }
+
+#[test]
+fn what_a_template_leaves_open_is_no_error() {
+    let main = "   1:L P[1] ...mm/sec FINE    ;\n   2:J P[1] ...% CNT50    ;\n   3:L P[1] ... FINE    ;\n\
+                   4:  SELECT ...=1,CALL A ;\n   5:  SELECT R[...]=...,CALL ... ;\n   6:         =2,CALL B ;\n";
+    let text = format!("/PROG  A\n/MN\n{main}/POS\n/END\n");
+    let document = fanuc_ls::Document::decode(&text).unwrap();
+    let findings = document.findings(&fanuc_ls::Rules::default());
+    let errors: Vec<_> = findings.iter().filter(|finding| finding.problem.is_error()).collect();
+    assert!(errors.is_empty(), "{errors:?}");
+    let Some(fanuc_ls::Instruction::Motion(motion)) = document.instruction(0) else { panic!("no motion") };
+    assert_eq!(motion.speed.to_string(), "...mm/sec");
+}

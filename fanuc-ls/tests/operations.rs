@@ -232,3 +232,19 @@ fn the_offset_of_a_motion_is_a_position_register() {
         Some((Index::Number(8), Some("grip".into())))
     );
 }
+
+#[test]
+fn options_are_read_to_their_end() {
+    let options = |text: &str| {
+        let line = format!("L P[1] 10mm/sec FINE {text}");
+        let Some(Instruction::Motion(motion)) = Instruction::from_text(&line) else { panic!("{text}") };
+        motion.each_option().into_iter().map(String::from).collect::<Vec<_>>()
+    };
+    assert_eq!(options("ACC50 Offset,PR[1:Z offset] PTH"), ["ACC50", "Offset,PR[1:Z offset]", "PTH"]);
+    assert_eq!(
+        options("Skip,LBL[2:not found],PR[3]=LPOS TB .50sec,CALL A(1,2)"),
+        ["Skip,LBL[2:not found],PR[3]=LPOS", "TB .50sec,CALL A(1,2)"]
+    );
+    assert_eq!(options("ACC50 XYZ[1] PTH"), ["ACC50", "XYZ[1] PTH"]);
+    assert_eq!(options(""), [""; 0]);
+}

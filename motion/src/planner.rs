@@ -20,6 +20,8 @@ pub struct Planner {
     active: Vec<Segment>,
     /// Where the arm was last.
     shown: [f64; 6],
+    /// Where the tool is without the motions above, and where the last of them ends, when no arm limits it.
+    anywhere: Option<(Pose, Pose)>,
 }
 
 /// Where a motion goes.
@@ -107,13 +109,25 @@ enum Path {
 
 /// The rotation about the tool that no motion exceeds, in degrees a second.
 const FASTEST_TURN: f64 = 500.0;
+/// The share of the first of two moving averages.
+const FIRST_AVERAGE: f64 = 2.0 / 3.0;
+/// The speed of a tool at which no arm is asked for, in mm/s.
+const FASTEST_WAY: f64 = 2000.0;
 /// How finely a way is looked at.
 const PIECES: u32 = 25;
 
 impl Planner {
     /// An arm at rest.
     pub fn new(arm: Arm, limits: Limits, joints: [f64; 6]) -> Self {
-        Self { arm, limits, base: joints, target: joints, active: Vec::new(), shown: joints }
+        let active = Vec::new();
+        Self { arm, limits, base: joints, target: joints, active, shown: joints, anywhere: None }
+    }
+
+    /// The same for a tool that goes anywhere: its paths are those of poses, whatever an arm reaches. Joints are near where there are any.
+    pub fn anywhere(mut self) -> Self {
+        let here = self.arm.forward(&self.target);
+        self.anywhere = Some((here, here));
+        self
     }
 
     /// The joints where the last motion ends.
@@ -128,7 +142,26 @@ impl Planner {
 
     /// Changes the tool. The arm must be at rest.
     pub fn set_tool(&mut self, tool: Pose) {
+        let change = self.arm.tool.inverse().then(tool);
+        self.anywhere = self.anywhere.map(|(_, here)| (here.then(change), here.then(change)));
         self.arm.tool = tool;
+    }
+
+    /// The tool's pose at a time that is not before the last one asked for.
+    pub fn pose(&mut self, now: f64) -> Pose {
+        let joints = self.at(now);
+        match self.anywhere {
+            Some((base, _)) => self.pose_on_the_way(base, now),
+            None => self.arm.forward(&joints),
+        }
+    }
+
+    /// Ends every motion where the arm is now.
+    pub fn halt(&mut self, now: f64) {
+        let (joints, here) = (self.at(now), self.pose(now));
+        (self.base, self.target, self.shown) = (joints, joints, joints);
+        self.anywhere = self.anywhere.map(|_| (here, here));
+        self.active.clear();
     }
 
     /// Adds a motion that begins at `now`: when the next one may begin, and when it has ended.
@@ -137,15 +170,22 @@ impl Planner {
     /// The arm cannot do it; nothing has changed.
     pub fn add(&mut self, now: f64, motion: &Move) -> Result<(f64, f64), MoveError> {
         let from = self.target;
-        let start = self.arm.forward(&from);
-        let to = self.joints_of(&motion.goal, motion.way, &from)?;
+        let start = self.anywhere.map_or_else(|| self.arm.forward(&from), |(_, target)| target);
+        let to = match self.anywhere {
+            Some(_) => self.joints_of(&motion.goal, motion.way, &from).unwrap_or(from),
+            None => self.joints_of(&motion.goal, motion.way, &from)?,
+        };
         let path = match (motion.way, motion.goal) {
-            (Way::Joint, _) => Path::Joint,
+            (Way::Joint, _) if self.anywhere.is_none() => Path::Joint,
+            (Way::Joint, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
             (Way::Linear, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
             (Way::Arc(via), goal) => arc(start, via, self.pose_of(&goal))?,
         };
         let mut segment = Segment { begin: now, cruise: 0.0, ramp: motion.ramp.max(1e-3), from, to, path };
-        segment.to = self.follow(&segment)?;
+        match &mut self.anywhere {
+            Some((_, target)) => *target = segment.pose(&self.arm, 1.0),
+            None => segment.to = self.follow(&segment)?,
+        }
         segment.cruise = self.cruise(&segment, motion.pace).max(1e-3);
         let next = now + segment.cruise + segment.ramp * (1.0 - motion.blend.clamp(0.0, 1.0));
         let end = now + segment.cruise + segment.ramp;
@@ -164,6 +204,9 @@ impl Planner {
             } else {
                 first.to
             };
+            if let Some((base, _)) = &mut self.anywhere {
+                *base = first.pose(&self.arm, 1.0);
+            }
             self.active.remove(0);
         }
         self.shown = if self.active.iter().all(|segment| matches!(segment.path, Path::Joint)) {
@@ -171,15 +214,19 @@ impl Planner {
                 added(joints, segment.from, segment.to, segment.share(now))
             })
         } else {
-            let start = self.arm.forward(&self.base);
-            let pose = self.active.iter().fold(start, |pose, segment| {
-                let (from, at) = (segment.pose(&self.arm, 0.0), segment.pose(&self.arm, segment.share(now)));
-                moved(pose, from, at)
-            });
+            let start = self.anywhere.map_or_else(|| self.arm.forward(&self.base), |(base, _)| base);
+            let pose = self.pose_on_the_way(start, now);
             // Between two ways that the arm can go it may have none: it waits where it is.
             self.arm.nearest(&pose, &self.shown, &self.limits).unwrap_or(self.shown)
         };
         self.shown
+    }
+
+    fn pose_on_the_way(&self, start: Pose, now: f64) -> Pose {
+        self.active.iter().fold(start, |pose, segment| {
+            let (from, at) = (segment.pose(&self.arm, 0.0), segment.pose(&self.arm, segment.share(now)));
+            moved(pose, from, at)
+        })
     }
 
     /// The joints that a goal has, those nearest to where the arm comes from.
@@ -242,6 +289,10 @@ impl Planner {
         let joints = segment.from.iter().zip(segment.to).zip(self.limits.joints);
         let fastest = joints.map(|((from, to), limit)| (to - from).abs() / limit.speed).fold(0.0, f64::max);
         match pace {
+            // Without an arm, a share of what a tool can do.
+            Pace::Share(share) if self.anywhere.is_some() => {
+                (length / FASTEST_WAY).max(turn / FASTEST_TURN) / share.max(1e-4)
+            }
             Pace::Share(share) => fastest / share.max(1e-4),
             Pace::Path(speed) => (length / speed.max(1e-3)).max(turn / FASTEST_TURN),
             Pace::Turn(speed) => turn / speed.max(1e-3),
@@ -251,15 +302,18 @@ impl Planner {
 }
 
 impl Segment {
-    /// How much of the way lies behind at a time: a box of `cruise` under a moving average of `ramp`, integrated.
+    /// How much of the way lies behind at a time: a box of `cruise` under two moving averages of `ramp` together, integrated. With one
+    /// alone, a way that is shorter than the average would begin at its full speed.
     fn share(&self, now: f64) -> f64 {
-        let half_square = |t: f64| t.max(0.0).powi(2) / 2.0;
         let (t, cruise, ramp) = (now - self.begin, self.cruise, self.ramp);
         if t >= cruise + ramp {
             return 1.0;
         }
-        let area = half_square(t) - half_square(t - cruise) - half_square(t - ramp);
-        (area / (cruise * ramp)).clamp(0.0, 1.0)
+        let (first, second) = (ramp * FIRST_AVERAGE, ramp * (1.0 - FIRST_AVERAGE));
+        let cube = |t: f64| t.max(0.0).powi(3) / 6.0;
+        let square = |t: f64| cube(t) - cube(t - second);
+        let line = |t: f64| square(t) - square(t - first);
+        ((line(t) - line(t - cruise)) / (cruise * first * second)).clamp(0.0, 1.0)
     }
 
     fn pose(&self, arm: &Arm, share: f64) -> Pose {
@@ -361,134 +415,4 @@ fn dot([a, b, c]: [f64; 3], [x, y, z]: [f64; 3]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const HOME: [f64; 6] = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
-
-    fn planner() -> Planner {
-        Planner::new(Arm::LR_MATE_200ID, Limits::LR_MATE_200ID, HOME)
-    }
-
-    fn linear(planner: &Planner, x: f64, y: f64, blend: f64) -> Move {
-        let home = planner.arm.forward(&HOME);
-        let goal = Goal::Pose(Pose { position: [x, y, 200.0], ..home }, None);
-        Move { goal, way: Way::Linear, pace: Pace::Path(100.0), ramp: 0.2, blend }
-    }
-
-    #[test]
-    fn a_line_is_straight_has_its_speed_and_stops_at_its_end() {
-        let mut planner = planner();
-        let first = linear(&planner, 400.0, 0.0, 0.0);
-        let (_, end) = planner.add(0.0, &first).unwrap();
-        let second = linear(&planner, 400.0, 150.0, 0.0);
-        let (next, stop) = planner.add(end, &second).unwrap();
-        assert!(
-            (next - stop).abs() < 1e-12 && (stop - end - 1.7).abs() < 1e-9,
-            "150 mm at 100 mm/s and the ramp"
-        );
-        let arm = planner.arm;
-        let mut at = |time: f64| arm.forward(&planner.at(time)).position;
-        for k in 0..=170 {
-            let [x, _, z] = at(end + f64::from(k) * 0.01);
-            assert!((x - 400.0).abs() < 1e-6 && (z - 200.0).abs() < 1e-6, "{k}: {x} {z}");
-        }
-        let mut planner = self::planner();
-        planner.add(0.0, &first).unwrap();
-        planner.add(end, &second).unwrap();
-        let mut at = |time: f64| arm.forward(&planner.at(time)).position;
-        let (a, b) = (at(end + 0.8), at(end + 0.9));
-        assert!((b[1] - a[1] - 10.0).abs() < 1e-6, "100 mm/s in the middle");
-        assert!((at(stop)[1] - 150.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn a_corner_is_rounded_the_more_the_less_the_next_motion_waits() {
-        let corner = |blend: f64| {
-            let mut planner = planner();
-            let arm = planner.arm;
-            let start = linear(&planner, 350.0, 0.0, 0.0);
-            let (_, begin) = planner.add(0.0, &start).unwrap();
-            let first = linear(&planner, 450.0, 0.0, blend);
-            let (next, _) = planner.add(begin, &first).unwrap();
-            let mut second = linear(&planner, 450.0, 100.0, 0.0);
-            second.blend = 0.0;
-            // What is added later may not be known before it begins.
-            let mut nearest = f64::MAX;
-            let mut slowest = f64::MAX;
-            let mut before: Option<[f64; 3]> = None;
-            let mut time = begin;
-            let mut added = None;
-            while added.is_none_or(|end| time < end) {
-                if added.is_none() && time >= next {
-                    added = Some(planner.add(next, &second).unwrap().1);
-                }
-                let [x, y, _] = arm.forward(&planner.at(time)).position;
-                nearest = nearest.min((x - 450.0).hypot(y));
-                if let (Some([bx, by, _]), true) = (before, time > begin + 0.3 && time < next + 0.5) {
-                    slowest = slowest.min((x - bx).hypot(y - by) / 0.004);
-                }
-                before = Some([x, y, 0.0]);
-                time += 0.004;
-            }
-            let [x, y, _] = arm.forward(&planner.at(time + 1.0)).position;
-            assert!((x - 450.0).abs() < 1e-6 && (y - 100.0).abs() < 1e-6, "it arrives");
-            (nearest, slowest)
-        };
-        let (fine, slow_fine) = corner(0.0);
-        let (half, slow_half) = corner(0.5);
-        let (full, slow_full) = corner(1.0);
-        assert!(fine < 0.1 && half > 0.2 && full > 2.0 * half, "{fine} {half} {full} mm from the corner");
-        assert!(
-            slow_fine < 5.0 && slow_half > slow_fine && slow_full > 65.0,
-            "{slow_fine} {slow_half} {slow_full} mm/s"
-        );
-        // 100 mm/s, 0.2 s: the corner is cut at a quarter of 20 mm on each side, 5/√2 mm away.
-        assert!((full - 20.0 / 4.0 / 2f64.sqrt()).abs() < 0.3, "{full}");
-    }
-
-    #[test]
-    fn joints_arrive_together_and_the_slowest_one_decides() {
-        let mut planner = planner();
-        let goal = [90.0, 19.0, 0.0, 0.0, -90.0, 0.0];
-        let motion =
-            Move { goal: Goal::Joints(goal), way: Way::Joint, pace: Pace::Share(0.5), ramp: 0.1, blend: 0.0 };
-        let (_, end) = planner.add(0.0, &motion).unwrap();
-        assert!((end - 0.5).abs() < 1e-9, "90° at half of 450°/s, and the ramp: {end}");
-        let middle = planner.at(end / 2.0);
-        assert!((middle[0] - 45.0).abs() < 1e-9 && (middle[1] - 9.5).abs() < 1e-9, "{middle:?}");
-        assert_eq!(planner.at(end), goal);
-        let far = Move { goal: Goal::Joints([171.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..motion };
-        assert_eq!(
-            planner.add(end, &far).unwrap_err().to_string(),
-            "J1 would be at 171.0°: its range is -170° to 170°"
-        );
-        let pose = Pose { position: [900.0, 0.0, 0.0], ..Pose::IDENTITY };
-        let out = Move { goal: Goal::Pose(pose, None), ..motion };
-        assert!(matches!(planner.add(end, &out), Err(MoveError::Unreachable { .. })));
-    }
-
-    #[test]
-    fn an_arc_goes_through_its_point() {
-        let mut planner = planner();
-        let home = planner.arm.forward(&HOME);
-        let start = linear(&planner, 450.0, 0.0, 0.0);
-        let (_, begin) = planner.add(0.0, &start).unwrap();
-        // Around (400, 0): from 450 through (400, 50) to 350.
-        let goal = Goal::Pose(Pose { position: [350.0, 0.0, 200.0], ..home }, None);
-        let arc = Move { goal, way: Way::Arc([400.0, 50.0, 200.0]), ..start };
-        let (_, end) = planner.add(begin, &arc).unwrap();
-        let length = core::f64::consts::PI * 50.0;
-        assert!((end - begin - length / 100.0 - 0.2).abs() < 0.01, "{}", end - begin);
-        let arm = planner.arm;
-        let mut highest: f64 = 0.0;
-        for k in 0..=100 {
-            let [x, y, _] = arm.forward(&planner.at(begin + (end - begin) * f64::from(k) / 100.0)).position;
-            assert!(((x - 400.0).hypot(y) - 50.0).abs() < 1e-3, "{x} {y}");
-            highest = highest.max(y);
-        }
-        assert!(highest > 49.9, "through the via point, not around the other side");
-        let line = Move { goal, way: Way::Arc([450.0, 0.0, 200.0]), ..start };
-        assert_eq!(planner.add(end, &line), Err(MoveError::Arc));
-    }
-}
+mod tests;

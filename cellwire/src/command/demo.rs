@@ -107,8 +107,11 @@ fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg} [{elapsed}]");
     let bar = ProgressBar::with_draw_target(Some(0), target).with_prefix(name);
-    match style {
+    let bar = match style {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
-    }
+    };
+    // The time goes on where a link has nothing to count, or is still being opened.
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
 }

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
@@ -83,6 +83,9 @@ struct DrawArgs {
     /// The picture
     #[arg(value_name = "FILE.svg")]
     file: PathBuf,
+    /// Draw the rest where the file has what a pen cannot follow, such as text or clips; each is named
+    #[arg(long, display_order = 0)]
+    allow: bool,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -101,10 +104,10 @@ struct TableArgs {
 #[derive(Debug, clap::Args)]
 struct RunArgs {
     /// Listen on this address, where the robot connects; a port alone is one of this machine's loopback address
-    #[arg(long, value_name = "ADDR", conflicts_with = "connect_to", required_unless_present_any = ["connect_to", "dry_run"])]
+    #[arg(long, value_name = "ADDR", conflicts_with = "connect_to", display_order = 1)]
     listen: Option<String>,
     /// Connect to this address, where a robot listens
-    #[arg(long = "connect", value_name = "ADDR")]
+    #[arg(long = "connect", value_name = "ADDR", display_order = 2)]
     connect_to: Option<String>,
     /// End when no robot is connected for so many seconds; 0: never
     #[arg(long, value_name = "N", default_value = "60", value_parser = seconds(0.0..=1e6))]
@@ -118,8 +121,8 @@ struct RunArgs {
 /// Returns true when every job is done.
 pub fn run(args: &Args) -> Result<bool> {
     match &args.command {
-        Command::Draw(DrawArgs { file, run }) => {
-            execute(file, run, |settings| Jobs::from_picture(file, &settings.plant, settings.sheet()))
+        Command::Draw(DrawArgs { file, allow, run }) => {
+            execute(file, run, |settings| Jobs::from_picture(file, &settings.plant, settings.sheet(), *allow))
         }
         Command::Run(TableArgs { file, run }) => {
             execute(file, run, |settings| Jobs::from_table(file, &settings.plant))
@@ -138,6 +141,11 @@ impl Command {
 }
 
 fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<Jobs>) -> Result<bool> {
+    let is_somewhere = args.work.dry_run || args.listen.is_some() || args.connect_to.is_some();
+    ensure!(
+        is_somewhere,
+        "give --listen ADDR, where the robot connects, or --connect ADDR, where it listens; or --dry-run"
+    );
     let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read()?)?;
     let config = settings.plant.pc(settings.config)?;
     let jobs = read(&settings)?;

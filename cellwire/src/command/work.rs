@@ -15,10 +15,10 @@ use crate::io::tcp::ConnectArgs;
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {
     /// Send nothing: print what would be done
-    #[arg(long)]
+    #[arg(long, display_order = 3)]
     pub(super) dry_run: bool,
     /// Draw what the robot would do into this SVG file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", display_order = 4)]
     pub(super) draw: Option<PathBuf>,
     /// The journal [default: the file's name with .journal]
     #[arg(long, value_name = "FILE")]

@@ -59,6 +59,9 @@ fn wrong(target: &Target) -> Option<Mistake> {
 }
 
 fn register_of_number(text: &str, place: &str, found: &mut Found<'_>) {
+    if text == "..." {
+        return found.add(place, Mistake::Untaught);
+    }
     let is_one = grammar::item(text)
         .is_ok_and(|(_, item)| matches!(item.kind, ItemKind::Register | ItemKind::Argument));
     if !is_one {

@@ -14,7 +14,7 @@ use crate::text::decimal_prefix;
 
 pub(crate) use expression::item;
 pub(crate) use operation::{in_capitals, operation};
-pub(crate) use options::options;
+pub(crate) use options::{option, options};
 pub(crate) use table::{OPTIONS, Place, ROWS};
 
 /// What is still to be read, and what was read.

@@ -176,7 +176,13 @@ pub(super) fn otherwise(input: &str) -> Parsed<'_, Operation> {
 }
 
 pub(super) fn select(input: &str) -> Parsed<'_, Operation> {
-    let (rest, item) = or_fail(input, Expected::Register, item)?;
+    let (rest, item) = match next(input, sign("...")) {
+        Some(rest) => {
+            let (kind, index) = (ItemKind::Register, Index::Untaught);
+            (rest, Item { kind, group: None, index, element: None, name: None })
+        }
+        None => or_fail(input, Expected::Register, item)?,
+    };
     let (rest, ()) = or_fail(rest, Expected::Equals, sign("="))?;
     let (rest, value) = value(rest)?;
     let (rest, then) = then(rest)?;

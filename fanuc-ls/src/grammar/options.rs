@@ -10,15 +10,24 @@ use crate::mistake::{Expected, Mistake};
 /// Reads the options of a motion; what is wrong with the first that does not fit.
 pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
     let mut rest = input;
-    'options: while !blank(rest).is_empty() {
+    while let Some((after, _)) = option(rest)? {
+        rest = after;
+    }
+    Ok(())
+}
+
+/// The next option, whole, and what follows it; none at the end.
+pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
+    let mut rest = input;
+    if !blank(rest).is_empty() {
         // A comma between two of them is a person's.
         rest = next(rest, sign(",")).unwrap_or(rest);
         for choice in OPTIONS {
             for words in choice.words {
                 if let Some(after) = begins(rest, words) {
                     let (after, ()) = (choice.form)(after).map_err(Trouble::of)?;
-                    rest = after;
-                    continue 'options;
+                    let text = blank(rest);
+                    return Ok(Some((after, text.get(..text.len() - after.len()).unwrap_or(text))));
                 }
             }
         }
@@ -32,7 +41,7 @@ pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
         };
         return Err(Trouble { at: text, mistake });
     }
-    Ok(())
+    Ok(None)
 }
 
 /// The words of an option; a number may follow them without a blank: `ACC100`.

@@ -147,7 +147,7 @@ bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block)
         digits++;
     uint64_t own;
     bool follows = to_number(body, digits, UINT64_MAX, &own) && own == last + 1;
-    return body - line.at >= 5 && last > 0 && (in_block || !follows) && !(body < end && *body == ':');
+    return body - line.at >= 5 && last > 0 && (in_block || (!follows && !(body < end && *body == ':')));
 }
 
 static bool fail(struct fanuc_ls_fault *fault, enum fanuc_ls_kind kind, const char *at)
@@ -300,8 +300,7 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     entry->is_nested = file->in_block = fanuc_ls_is_nested(line, file->last, file->in_block);
     if (!entry->is_nested) {
         entry->has_number = split_head(line, &digits, &body) && to_number(digits.at, end_of(digits), UINT64_MAX, &entry->number);
-        if (entry->has_number)
-            file->last = entry->number;
+        file->last = entry->has_number ? entry->number : file->last + 1;
         while (!is_closed(line) && at < end) {
             line = take_line(&at, end);
             const char *mark = skip_blanks(line.at, end_of(line));

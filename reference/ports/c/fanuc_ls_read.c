@@ -267,6 +267,13 @@ static bool read_termination(struct fanuc_ls_cursor *cursor, struct fanuc_ls_mot
 static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *motion)
 {
     struct fanuc_ls_text inside;
+    struct fanuc_ls_cursor open = *cursor;
+    if (take(&open, "...") && read_unit(&open, &motion->unit)) {
+        motion->speed_kind = FANUC_LS_SPEED_REGISTER;
+        motion->speed_text = between(cursor->at, cursor->at + 3);
+        cursor->at = open.at;
+        return true;
+    }
     const char *end = cursor->at;
     while (end < cursor->end && (is_alphabetic(*end) || *end == '_' || *end == '.'))
         end++;

@@ -29,7 +29,7 @@ impl Model {
         }
         match (self.view, key.code) {
             (View::Options, KeyCode::Char(key @ ('1'..='5' | 'f' | 'd' | '+' | '-'))) => self.option(key),
-            (View::Options, _) => {
+            (View::Options | View::Keys, _) => {
                 self.view = View::Main;
                 None
             }
@@ -76,6 +76,10 @@ impl Model {
                 self.policy = Policy::Refuse;
                 self.show("ALTER will be refused".into());
                 Some(Command::Order(Order::Policy(Policy::Refuse)))
+            }
+            '?' => {
+                self.view = View::Keys;
+                None
             }
             'o' => {
                 self.view = View::Options;

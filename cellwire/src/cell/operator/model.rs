@@ -32,6 +32,8 @@ pub(super) struct Ports {
 pub(super) enum View {
     Main,
     Options,
+    /// What each key does.
+    Keys,
     /// The last bytes of a line: robot, ball or viewer.
     Debug(usize),
 }

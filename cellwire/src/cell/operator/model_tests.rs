@@ -50,7 +50,7 @@ fn a_answers_v_refuses_and_q_ends() {
 /// The order itself is given by the thread that reads the keys.
 #[test]
 fn a_stop_leaves_every_view_and_answers_no_start_any_more() {
-    for view in [View::Main, View::Options, View::Debug(1)] {
+    for view in [View::Main, View::Options, View::Keys, View::Debug(1)] {
         for key in [KeyCode::Esc, KeyCode::Char(' ')] {
             let mut model = model();
             press(&mut model, KeyCode::Char('a'));
@@ -184,4 +184,11 @@ fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {
     assert_eq!((last(&model), model.counts.ball_late), ("ball: it answers late, and no packet counts", 1));
     model.pass_time(4500 * MS);
     assert!(!head(&model).contains("late"), "{}", head(&model));
+}
+
+#[test]
+fn a_question_mark_shows_the_keys_until_another_key() {
+    let mut model = model();
+    assert_eq!((press(&mut model, KeyCode::Char('?')), model.view), (None, View::Keys));
+    assert_eq!((press(&mut model, KeyCode::Char('a')), model.view), (None, View::Main));
 }

@@ -5,6 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use isra_ball::{Keys, Packet, Status};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use val2_alter::{ErrorCode, List, LostReason, Motion, MotionPhase, SegmentStatus, Start, Transform};
 
@@ -102,5 +104,28 @@ fn the_screen_has_a_picture_in_each_state() {
             std::fs::write(&file, &drawn).unwrap();
         }
         assert!(std::fs::read_to_string(&file).unwrap() == drawn, "{} is another picture", file.display());
+    }
+}
+
+#[test]
+fn a_small_terminal_keeps_the_state_the_messages_and_how_to_quit() {
+    let mut model = model();
+    model.take(Duration::from_millis(31), Notification::PortLost("viewer", "the port is gone".into()));
+    let shown = |model: &Model| {
+        let mut terminal = Terminal::new(TestBackend::new(60, 15)).unwrap();
+        terminal.draw(|frame| draw(frame, model)).unwrap();
+        let buffer = terminal.backend().buffer().clone();
+        let cells: Vec<_> = buffer.content().iter().map(|cell| cell.symbol()).collect();
+        cells.chunks(60).map(|row| row.concat()).collect::<Vec<_>>()
+    };
+    let rows = shown(&model);
+    assert!(rows[2].starts_with("┌Messages──"), "{rows:#?}");
+    assert!(rows.iter().any(|row| row.contains("viewer: the port is gone")), "{rows:#?}");
+    assert!(rows[6].starts_with("┌Input: deflection in ‰; asked → sent in 1/32 mm and 1/182°┐"), "{rows:#?}");
+    assert!(rows[13].starts_with("│Space/Esc STOP (A)lter (V)refuse (?)keys (Q)uit "), "{rows:#?}");
+    model.view = View::Keys;
+    let rows = shown(&model);
+    for key in ["STOP", "A  answer", "Q  come to rest and quit", "any other key: back"] {
+        assert!(rows.iter().any(|row| row.contains(key)), "{key} {rows:#?}");
     }
 }

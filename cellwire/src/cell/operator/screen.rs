@@ -18,7 +18,25 @@ const OLD: Style = Style::new().fg(Color::DarkGray);
 /// Why the robot could not read a reply, from error code 1 on: three fit the line.
 const REASONS: [&str; 7] = ["checksum", "format", "overflow", "incomplete", "marks", "timeout", "code 7"];
 
+/// The least terminal that has room for every window of the source.
+const WHOLE: (u16, u16) = (80, 24);
+/// What the keys do, in the order of need.
+const KEYS: [&str; 8] = [
+    "Space, Esc  STOP: the arm comes to rest",
+    "A  answer the robot's ALTER    V  refuse it",
+    "Enter  arm, where --confirm asks for it",
+    "Q  come to rest and quit; Ctrl-C too, twice at once",
+    "K  test the ball    W  test the workstation",
+    "T  test the ports at several baud rates",
+    "O  options: ports, input, bytes of a line, gripper",
+    "Keyboard: arrows X Y, page Z, Home End RZ, Shift turns",
+];
+
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
+    let area = frame.area();
+    if model.view == View::Keys || area.width < WHOLE.0 || area.height < WHOLE.1 {
+        return draw_small(frame, area, model);
+    }
     let rows = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(7),
@@ -26,7 +44,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
         Constraint::Min(6),
         Constraint::Length(3),
     ]);
-    let [head, top, middle, lower, command] = rows.areas(frame.area());
+    let [head, top, middle, lower, command] = rows.areas(area);
     draw_head(frame, head, model);
     let columns = Layout::horizontal([Constraint::Length(24), Constraint::Length(14), Constraint::Min(30)]);
     let [mode, initial, messages] = columns.areas(top);
@@ -55,25 +73,54 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
         None => "Transformation".into(),
     };
     window(frame, transform, &title, dim(transform_lines(model)));
-    match model.view {
-        View::Debug(line) => draw_debug(frame, lower, model, line),
-        View::Main | View::Options => {
-            let lines = ball_lines(model);
-            match model.input_age() {
-                None => window(frame, lower, "Input: deflection, asked → sent", lines),
-                Some(what) => {
-                    let lines = lines.into_iter().map(|line| line.style(OLD)).collect();
-                    window(frame, lower, &format!("Input, {what}: the last values are shown"), lines);
-                }
-            }
-        }
-    }
+    draw_input(frame, lower, model);
     let text = match model.view {
+        View::Keys => "Space/Esc STOP",
         View::Options => "Space/Esc STOP (1)Port (2)DOM (F)ilt (D)ead +-Speed (3)IO (4)ms (5)Grip (M)ain",
         View::Debug(_) => "Space/Esc STOP (Tab)next line (A)lter (V)refuse (M)ain (Q)uit",
-        View::Main => "Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit",
+        View::Main => "Space/Esc STOP (A)lter (V)refuse (K)Ball (W)ork (T)Port (O)pt. (?)keys (Q)uit",
     };
     window(frame, command, "Command", vec![Line::from(text)]);
+}
+
+/// Where there is no room for every window: the state, the messages, the input and how to stop and quit; or the keys.
+fn draw_small(frame: &mut Frame<'_>, area: Rect, model: &Model) {
+    let input = if area.height >= 15 { 6 } else { 0 };
+    let rows = Layout::vertical([
+        Constraint::Length(2),
+        Constraint::Min(3),
+        Constraint::Length(if model.view == View::Keys { 0 } else { input }),
+        Constraint::Length(3),
+    ]);
+    let [head, messages, lower, command] = rows.areas(area);
+    draw_head(frame, head, model);
+    if model.view == View::Keys {
+        window(frame, messages, "Keys", KEYS.map(Line::from).into());
+    } else {
+        draw_messages(frame, messages, model);
+        draw_input(frame, lower, model);
+    }
+    let text = match model.view {
+        View::Options => "Space/Esc STOP (1)-(5) (F)ilt (D)ead +- (M)ain",
+        View::Keys => "Space/Esc STOP, any other key: back",
+        _ => "Space/Esc STOP (A)lter (V)refuse (?)keys (Q)uit",
+    };
+    window(frame, command, "Command", vec![Line::from(text)]);
+}
+
+fn draw_input(frame: &mut Frame<'_>, area: Rect, model: &Model) {
+    if let View::Debug(line) = model.view {
+        return draw_debug(frame, area, model, line);
+    }
+    let lines = ball_lines(model);
+    match model.input_age() {
+        // Of the source's robot: a word of ALTER is 1/32 mm, or 360/65536 degrees.
+        None => window(frame, area, "Input: deflection in ‰; asked → sent in 1/32 mm and 1/182°", lines),
+        Some(what) => {
+            let lines = lines.into_iter().map(|line| line.style(OLD)).collect();
+            window(frame, area, &format!("Input, {what}: the last values are shown"), lines);
+        }
+    }
 }
 
 /// What the arm does, in the first line, and what was counted.
@@ -406,14 +453,14 @@ pub(super) mod tests {
                 "│           ││checksum error   ││number 16   ││ 0.000 -1.000  0.000    -150.50 │",
                 "│           ││                 ││move   50 % ││ 0.000  0.000 -1.000       0.50 │",
                 "└───────────┘└─────────────────┘└────────────┘└────────────────────────────────┘",
-                "┌Input: deflection, asked → sent───────────────────────────────────────────────┐",
+                "┌Input: deflection in ‰; asked → sent in 1/32 mm and 1/182°────────────────────┐",
                 "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0 late 0        │",
                 "│X   1000 ·······│███████   90 →    8   RX     8 ·······│·······    0 →    0   │",
                 "│Y  -1008 ███████│·······  -90 →   -8   RY  -504 ···████│·······  -75 →  -13   │",
                 "│Z      0 ·······│·······    0 →    0   RZ    71 ·······│·······   10 →   10   │",
                 "└──────────────────────────────────────────────────────────────────────────────┘",
                 "┌Command───────────────────────────────────────────────────────────────────────┐",
-                "│Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit  │",
+                "│Space/Esc STOP (A)lter (V)refuse (K)Ball (W)ork (T)Port (O)pt. (?)keys (Q)uit │",
                 "└──────────────────────────────────────────────────────────────────────────────┘",
             ]
         );

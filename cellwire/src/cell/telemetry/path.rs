@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::fine::{self, FINE, UNIT};
 use cellwire_motion::Pose;
 
 /// Where the robot is at a time.
@@ -57,14 +58,14 @@ type Failure = DrawingAreaErrorKind<std::io::Error>;
 pub fn draw(title: &str, samples: &[Sample]) -> Result<String> {
     let mut picture = String::new();
     figure(title, samples, &mut picture).map_err(|error| anyhow!("cannot draw the path: {error}"))?;
-    Ok(picture)
+    Ok(fine::shown(&picture))
 }
 
 fn figure(title: &str, samples: &[Sample], picture: &mut String) -> Result<(), Failure> {
-    let root = SVGBackend::with_string(picture, (1200, 900)).into_drawing_area();
+    let root = SVGBackend::with_string(picture, (1200 * FINE, 900 * FINE)).into_drawing_area();
     root.fill(&WHITE)?;
-    let (upper, lower) = root.split_vertically(560);
-    let (left, right) = upper.split_horizontally(600);
+    let (upper, lower) = root.split_vertically(560 * UNIT);
+    let (left, right) = upper.split_horizontally(600 * UNIT);
     let places = |x: usize, y: usize| -> Vec<(f64, f64)> {
         let part = |sample: &Sample, axis: usize| sample.pose.position.get(axis).copied().unwrap_or(0.0);
         samples.iter().map(|sample| (part(sample, x), part(sample, y))).collect()
@@ -79,21 +80,23 @@ fn figure(title: &str, samples: &[Sample], picture: &mut String) -> Result<(), F
     let last = samples.last().map_or(1.0, |sample| sample.time).max(0.1);
     let fastest = speeds.iter().map(|(_, speed)| *speed).fold(1.0, f64::max);
     let mut chart = ChartBuilder::on(&lower)
-        .caption("Speed of the tool", ("sans-serif", 19))
-        .margin(12)
-        .x_label_area_size(38)
-        .y_label_area_size(74)
+        .caption("Speed of the tool", ("sans-serif", 19 * UNIT))
+        .margin(12 * FINE)
+        .x_label_area_size(38 * FINE)
+        .y_label_area_size(74 * FINE)
         .build_cartesian_2d(0.0..last, 0.0..fastest * 1.06)?;
     chart
         .configure_mesh()
         .x_desc("time, s")
         .y_desc("mm/s")
         .light_line_style(WHITE)
-        .bold_line_style(FRAME.mix(0.25))
-        .label_style(("sans-serif", 14))
-        .axis_desc_style(("sans-serif", 15))
+        .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
+        .axis_style(BLACK.stroke_width(FINE))
+        .set_all_tick_mark_size(5 * UNIT)
+        .label_style(("sans-serif", 14 * UNIT))
+        .axis_desc_style(("sans-serif", 15 * UNIT))
         .draw()?;
-    chart.draw_series(LineSeries::new(speeds, LINE.stroke_width(2)))?;
+    chart.draw_series(LineSeries::new(speeds, LINE.stroke_width(2 * FINE)))?;
     root.present()
 }
 
@@ -108,10 +111,10 @@ fn view(area: &Area<'_>, title: &str, (x, y): (&str, &str), path: &[(f64, f64)])
     let half = ((right - left).max(high - low) * 0.55).max(1.0);
     let (middle_x, middle_y) = (f64::midpoint(left, right), f64::midpoint(low, high));
     let mut chart = ChartBuilder::on(area)
-        .caption(title, ("sans-serif", 19))
-        .margin(12)
-        .x_label_area_size(38)
-        .y_label_area_size(74)
+        .caption(title, ("sans-serif", 19 * UNIT))
+        .margin(12 * FINE)
+        .x_label_area_size(38 * FINE)
+        .y_label_area_size(74 * FINE)
         .build_cartesian_2d(middle_x - half..middle_x + half, middle_y - half..middle_y + half)?;
     chart
         .configure_mesh()
@@ -120,13 +123,15 @@ fn view(area: &Area<'_>, title: &str, (x, y): (&str, &str), path: &[(f64, f64)])
         .x_label_formatter(&|x| format!("{x:.0}"))
         .y_label_formatter(&|y| format!("{y:.0}"))
         .light_line_style(WHITE)
-        .bold_line_style(FRAME.mix(0.25))
-        .label_style(("sans-serif", 14))
-        .axis_desc_style(("sans-serif", 15))
+        .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
+        .axis_style(BLACK.stroke_width(FINE))
+        .set_all_tick_mark_size(5 * UNIT)
+        .label_style(("sans-serif", 14 * UNIT))
+        .axis_desc_style(("sans-serif", 15 * UNIT))
         .draw()?;
-    chart.draw_series(LineSeries::new(path.iter().copied(), LINE.stroke_width(2)))?;
+    chart.draw_series(LineSeries::new(path.iter().copied(), LINE.stroke_width(2 * FINE)))?;
     for (place, colour) in [(path.first(), START), (path.last(), END)] {
-        chart.draw_series(place.map(|place| Circle::new(*place, 6, colour.filled())))?;
+        chart.draw_series(place.map(|place| Circle::new(*place, 6 * UNIT, colour.filled())))?;
     }
     Ok(())
 }

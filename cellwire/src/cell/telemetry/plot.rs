@@ -9,6 +9,7 @@ use cellwire_motion::{Deviation, State};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::fine::{self, FINE, UNIT};
 use super::recording::Comparison;
 
 const RED: RGBColor = RGBColor(200, 60, 50);
@@ -182,14 +183,14 @@ type Failure = DrawingAreaErrorKind<std::io::Error>;
 fn figure(span: Range<f64>, top: &Panel, bottom: &Panel) -> Result<String, Failure> {
     let mut picture = String::new();
     {
-        let root = SVGBackend::with_string(&mut picture, (1200, 860)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut picture, (1200 * FINE, 860 * FINE)).into_drawing_area();
         root.fill(&WHITE)?;
-        let (upper, lower) = root.split_vertically(430);
+        let (upper, lower) = root.split_vertically(430 * UNIT);
         top.draw(&upper, span.clone())?;
         bottom.draw(&lower, span)?;
         root.present()?;
     }
-    Ok(picture)
+    Ok(fine::shown(&picture))
 }
 
 impl Panel {
@@ -205,12 +206,12 @@ impl Panel {
             _ => 3,
         };
         // The legend stands beside the curves, not upon them.
-        let (plot, side) = area.split_horizontally(1030);
+        let (plot, side) = area.split_horizontally(1030 * UNIT);
         let mut chart = ChartBuilder::on(&plot)
-            .caption(self.title, ("sans-serif", 19))
-            .margin(12)
-            .x_label_area_size(38)
-            .y_label_area_size(74)
+            .caption(self.title, ("sans-serif", 19 * UNIT))
+            .margin(12 * FINE)
+            .x_label_area_size(38 * FINE)
+            .y_label_area_size(74 * FINE)
             .build_cartesian_2d(span.clone(), low - margin..high + margin)?;
         chart
             .configure_mesh()
@@ -219,33 +220,35 @@ impl Panel {
             .x_label_formatter(&|x| format!("{x:.1}"))
             .y_label_formatter(&|y| format!("{:.*}", digits, if y.abs() < 1e-9 { 0.0 } else { *y }))
             .light_line_style(WHITE)
-            .bold_line_style(FRAME.mix(0.25))
-            .label_style(("sans-serif", 14))
-            .axis_desc_style(("sans-serif", 15))
+            .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
+            .axis_style(BLACK.stroke_width(FINE))
+            .set_all_tick_mark_size(5 * UNIT)
+            .label_style(("sans-serif", 14 * UNIT))
+            .axis_desc_style(("sans-serif", 15 * UNIT))
             .draw()?;
         for (row, curve) in (0..).zip(&self.curves) {
             let points: Vec<(f64, f64)> =
                 curve.points.iter().copied().filter(|(time, _)| span.contains(time)).collect();
-            let y = 56 + row * 24;
-            let ends = vec![(12, y), (46, y)];
-            let text = ("sans-serif", 14).into_font().color(&NORM);
-            side.draw(&Text::new(curve.label.clone(), (54, y - 8), text))?;
+            let y = (56 + row * 24) * UNIT;
+            let ends = vec![(12 * UNIT, y), (46 * UNIT, y)];
+            let text = ("sans-serif", 14 * UNIT).into_font().color(&NORM);
+            side.draw(&Text::new(curve.label.clone(), (54 * UNIT, y - 8 * UNIT), text))?;
             match curve.stroke {
                 Stroke::Wide => {
-                    let style = curve.colour.mix(0.35).stroke_width(5);
+                    let style = curve.colour.mix(0.35).stroke_width(5 * FINE);
                     chart.draw_series(LineSeries::new(points, style))?;
                     side.draw(&PathElement::new(ends, style))?;
                 }
                 Stroke::Thin => {
-                    let style = curve.colour.stroke_width(2);
+                    let style = curve.colour.stroke_width(2 * FINE);
                     chart.draw_series(LineSeries::new(points, style))?;
                     side.draw(&PathElement::new(ends, style))?;
                 }
                 Stroke::Dashed => {
-                    let style = curve.colour.stroke_width(2);
-                    chart.draw_series(DashedLineSeries::new(points, 7, 5, style))?;
-                    for x in [12, 24, 36] {
-                        side.draw(&PathElement::new(vec![(x, y), (x + 8, y)], style))?;
+                    let style = curve.colour.stroke_width(2 * FINE);
+                    chart.draw_series(DashedLineSeries::new(points, 7 * FINE, 5 * FINE, style))?;
+                    for x in [12 * UNIT, 24 * UNIT, 36 * UNIT] {
+                        side.draw(&PathElement::new(vec![(x, y), (x + 8 * UNIT, y)], style))?;
                     }
                 }
             }

@@ -2,6 +2,9 @@
 
 mod background;
 mod check;
+mod difference;
+mod edit;
+mod fmt;
 mod make;
 mod run;
 
@@ -33,6 +36,8 @@ const EXAMPLES: &str = "\
 Examples:
   cellwire ls backup                                  what the LS files of a folder have
   cellwire ls check WELD.LS                           is it a program, and a sound one
+  cellwire ls edit WELD.LS --speed '100mm/sec=80mm/sec'   shows what changes; with --write, writes it
+  cellwire ls fmt WELD.LS --write                     the layout that controllers print
   cellwire ls make path.csv --mode dynamic            points dense where the motion changes
   cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
   cellwire ls run WELD.LS --out plots                 what a robot would do, drawn
@@ -41,6 +46,8 @@ Examples:
 #[derive(Debug, Subcommand)]
 enum Command {
     Check(check::Args),
+    Edit(edit::Args),
+    Fmt(fmt::Args),
     Make(Box<make::Args>),
     Background(background::Args),
     Run(run::Args),
@@ -53,6 +60,8 @@ enum Command {
 pub fn run(args: &Args) -> Result<bool> {
     match (&args.command, &args.folder) {
         (Some(Command::Check(args)), _) => check::check(args),
+        (Some(Command::Edit(args)), _) => edit::edit(args),
+        (Some(Command::Fmt(args)), _) => fmt::fmt(args),
         (Some(Command::Make(args)), _) => make::make(args).map(|()| true),
         (Some(Command::Background(args)), _) => background::background(args).map(|()| true),
         (Some(Command::Run(args)), _) => run::run(args),

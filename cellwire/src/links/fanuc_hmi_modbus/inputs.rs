@@ -49,6 +49,11 @@ impl Inputs {
         Ok(Self(inputs))
     }
 
+    /// Whether none of them changes after a time.
+    pub fn are_settled(&self, now: Duration) -> bool {
+        self.0.iter().all(|(_, times)| times.start <= now && (times.end <= now || times.end == Duration::MAX))
+    }
+
     /// Sets them as they are at a time.
     pub fn set(&self, now: Duration, tables: &mut Tables) {
         for (signal, _) in &self.0 {

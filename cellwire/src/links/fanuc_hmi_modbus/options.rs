@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
+use super::program::Macros;
 use cellwire_links::fanuc_hmi_modbus::{Frames, frames as frames_setting, word_order as word_order_setting};
 use cellwire_links::settings::{Configure, Fields, LINE, SOME_TIME};
 
@@ -47,19 +48,26 @@ pub struct ProgramSettings {
     pub repeat: bool,
     /// The first register of the background task; 0: there is none.
     pub telemetry: u16,
+    /// The programs of macros, by the names of these in capitals.
+    pub macros: Macros,
+    /// Whether the tool goes anywhere, whatever the arm reaches.
+    pub anywhere: bool,
 }
 
 impl Default for ProgramSettings {
     fn default() -> Self {
         let joints = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
         let (program, assignments, robot, inputs) = (None, None, None, None);
-        Self { program, assignments, robot, joints, inputs, repeat: false, telemetry: 1 }
+        let (macros, anywhere) = (Macros::new(), false);
+        Self { program, assignments, robot, joints, inputs, repeat: false, telemetry: 1, macros, anywhere }
     }
 }
 
 impl Configure for ProgramSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { program, assignments, robot, joints, inputs, repeat, telemetry } = self;
+        // The last two are of `ls run` alone.
+        let Self { program, assignments, robot, joints, inputs, repeat, telemetry, macros: _, anywhere: _ } =
+            self;
         let about = "the program that the robot runs; those that it calls are beside it";
         fields.text("program", "an LS file", "the robot goes around a circle", about, program);
         let about = "which variables the holding registers show, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";

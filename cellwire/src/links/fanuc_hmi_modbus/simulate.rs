@@ -73,7 +73,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When a file cannot be read, or is not what it should be.
 pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
-    let (main, programs, findings) = load(program)?;
+    let (main, programs, findings) = load(program, &settings.macros)?;
     let read = |path: &str| std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"));
     let limits = match &settings.robot {
         Some(path) => Limits::from_json(&read(path)?).with_context(|| path.clone())?,
@@ -85,8 +85,15 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
         None => Mapping::telemetry(settings.telemetry.max(1), order)?,
     };
     let inputs = Inputs::parse(settings.inputs.as_deref().unwrap_or_default())?;
-    let planner = Planner::new(arm, limits, settings.joints);
+    let mut planner = Planner::new(arm, limits, settings.joints);
+    if settings.anywhere {
+        planner = planner.anywhere();
+    }
     let mut machine = Machine::new(main, programs, planner, settings.repeat);
+    machine.robot = match &settings.robot {
+        Some(path) => format!("the robot of {path}"),
+        None => "an LR Mate 200iD, for want of another description".into(),
+    };
     findings.iter().for_each(|finding| machine.report(finding.event()));
     Ok(Robot::new(machine, mapping, inputs, settings.telemetry.into()))
 }

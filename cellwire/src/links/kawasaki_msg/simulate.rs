@@ -27,7 +27,7 @@ use cellwire_links::settings;
 pub fn pc(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("kawasaki-pc", PcSettings::default(), &options.settings)?;
     let picture = match settings.drawing() {
-        Some(file) => Picture::from_file(&file, SHEET)?,
+        Some(file) => Picture::from_file(&file, SHEET, false)?,
         None => Picture::built_in(SHEET)?,
     };
     let layout = settings.plant.layout()?;

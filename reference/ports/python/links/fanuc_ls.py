@@ -42,7 +42,8 @@ def is_nested(line: str, last: int, in_block: bool) -> bool:
     body = line.lstrip(" ")
     digits = re.match(r"[0-9]*", body)
     own = number(digits[0]) if digits else None
-    return len(line) - len(body) >= 5 and last > 0 and (in_block or own != last + 1) and not body.startswith(":")
+    begins = own != last + 1 and not body.startswith(":")
+    return len(line) - len(body) >= 5 and last > 0 and (in_block or begins)
 
 
 @dataclass
@@ -186,7 +187,7 @@ class Parts:
                         break
                     end, line = lines[index][0] + len(lines[index][1]), lines[index][1]
                     index += 1
-                last = last if first.number is None else first.number
+                last = last + 1 if first.number is None else first.number
             found.append(Statement(self.text[at:end], at, in_block))
         return found
 

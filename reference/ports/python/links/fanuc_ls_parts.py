@@ -6,6 +6,7 @@ from .fanuc_ls_text import BLANKS, WHITE, Cursor, Fault, is_letter, is_word, joi
 from .stream import Json
 
 KINDS = {"J": "joint", "L": "linear", "C": "circular", "A": "arc", "S": "spline"}  # LS-47
+OPEN = "..."  # what a template leaves open
 UNITS = {
     "%": "percent",
     "sec": "sec",
@@ -157,6 +158,12 @@ def read_target(cursor: Cursor) -> Json:
 def read_speed(cursor: Cursor) -> Json:
     """LS-19."""
     begin = end = cursor.at
+    if cursor.text.startswith(OPEN, begin):
+        cursor.at += len(OPEN)
+        try:
+            return {"register": {"register": OPEN, "unit": read_unit(cursor)}}
+        except Fault:
+            cursor.at = begin
     while end < len(cursor.text) and cursor.text[end].isascii() and (cursor.text[end].isalpha() or cursor.text[end] in "_."):
         end += 1
     word, behind = cursor.text[begin:end], cursor.text[end : end + 1]

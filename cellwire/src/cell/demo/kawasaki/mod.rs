@@ -85,7 +85,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { port, queue, speed, plant, robot, pc } =
         settings::read("kawasaki-msg", Settings::default(), &options.settings)?;
     let picture = match &options.drawing {
-        Some(file) => Picture::from_file(file, SHEET)?,
+        Some(file) => Picture::from_file(file, SHEET, false)?,
         None => Picture::built_in(SHEET)?,
     };
     let layout = plant.layout()?;
@@ -329,7 +329,7 @@ mod tests {
         let object = demo(&options).unwrap().to_json();
         assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &6.into()), "{object}");
         let [given, drawn] = [given, drawn].map(|file| {
-            let picture = Picture::from_file(&file, SHEET).unwrap();
+            let picture = Picture::from_file(&file, SHEET, false).unwrap();
             std::fs::remove_file(file).unwrap();
             picture
         });

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::io::drawing::{self, Picture};
 use crate::io::input;
+use crate::io::sheet;
 use crate::links::kawasaki_msg::sheet::Lines;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
@@ -44,12 +45,12 @@ impl Jobs {
         Self::new(rows, plant, layout).with_context(|| file.display().to_string())
     }
 
-    /// The lines of a picture, on a board of this size.
+    /// The lines of a picture, on a board of this size; `allow` leaves out what a pen cannot follow.
     ///
     /// # Errors
     /// When the file cannot be read, the plant's jobs are no lines, or a line is out of the robot's reach.
-    pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point) -> Result<Self> {
-        let (picture, layout) = (Picture::from_file(file, sheet)?, plant.layout()?);
+    pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point, allow: bool) -> Result<Self> {
+        let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
         let lines = Lines::of(&layout)?;
         let rows = (1..).zip(lines.jobs(&picture)).collect();
         Self::new(rows, plant, layout).with_context(|| file.display().to_string())
@@ -117,10 +118,10 @@ impl Jobs {
     ///
     /// # Errors
     /// When the plant's jobs are no lines, or the file cannot be written.
-    pub fn draw(&self, file: &Path, sheet: drawing::Point) -> Result<()> {
+    pub fn draw(&self, file: &Path, size: drawing::Point) -> Result<()> {
         let lines = Lines::of(&self.layout)?;
         let drawn: Vec<_> = self.work.iter().map(|work| lines.line(work)).collect();
-        drawing::write_svg(file, sheet, &drawn)
+        sheet::write(file, size, &drawn, ["drawn", "pen lifted"])
     }
 }
 

@@ -235,9 +235,14 @@ impl Words {
         ensure!("XYZABCIJRFS".contains(letter), "{letter} is not supported");
         ensure!(self.get(letter).is_none(), "{letter} is given twice");
         match value {
-            Value::Literal(number) => self.0.push((letter, f64::from(*number))),
+            Value::Literal(number) => self.0.push((letter, exact(*number))),
             other => bail!("{letter}{other} is no number"),
         }
         Ok(())
     }
+}
+
+/// A literal as it is spelled: the reader has it in single precision, in which 25.4 is something else.
+fn exact(number: f32) -> f64 {
+    number.to_string().parse().unwrap_or_else(|_| number.into())
 }

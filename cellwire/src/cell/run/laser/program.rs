@@ -9,8 +9,8 @@ use laser_eb90::{Class, HostConfig, timing};
 use super::route::{Instruction, MAX_INSTRUCTIONS};
 use super::settings::{Coordinate, Mapping};
 use super::{csv, dxf, gcode};
-use crate::io::drawing;
 use crate::io::input;
+use crate::io::sheet;
 
 /// The bytes around the floats of an instruction, and of a frame.
 const OVERHEAD: (usize, usize) = (6, 7);
@@ -82,10 +82,12 @@ impl Program {
         (frames, time)
     }
 
-    /// The least and the greatest of X and Y, in mm.
-    pub fn bounds(&self, mapping: &Mapping) -> Option<([f32; 2], [f32; 2])> {
+    /// The least and the greatest of X and Y, in mm, to a thousandth.
+    pub fn bounds(&self, mapping: &Mapping) -> Option<([f64; 2], [f64; 2])> {
+        // A negative zero plus zero is zero.
+        let shown = |value: f32| (f64::from(value) * 1000.0).round() / 1000.0 + 0.0;
         let points = self.instructions.iter().filter_map(|it| place(it, mapping));
-        points.fold(None, |bounds, [x, y]| {
+        points.map(|point| point.map(shown)).fold(None, |bounds, [x, y]| {
             let ([left, low], [right, high]) = bounds.unwrap_or(([x, y], [x, y]));
             Some(([left.min(x), low.min(y)], [right.max(x), high.max(y)]))
         })
@@ -102,7 +104,7 @@ impl Program {
         };
         let route: Vec<_> = self.instructions.iter().filter_map(way).collect();
         ensure!(!route.is_empty(), "no instruction has X and Y: nothing can be drawn");
-        drawing::write_route(file, &route)
+        sheet::write_route(file, &route, ["cut", "moved"])
     }
 }
 

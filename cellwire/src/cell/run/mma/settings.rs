@@ -8,7 +8,7 @@ use mmacell_proto::{CentralConfig, PlatformPose, RobotPose};
 use mmacell_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::io::drawing;
+use crate::io::sheet;
 use cellwire_links::json;
 use cellwire_links::settings::{ANY_TIME, Configure, Fields};
 
@@ -93,7 +93,7 @@ impl Settings {
             route.extend(cameras.map(|pose| (place(pose), false)));
             route.extend([(place(part.pick), false), (place(part.place), true)]);
         }
-        drawing::write_route(file, &route)
+        sheet::write_route(file, &route, ["with a part", "empty"])
     }
 }
 

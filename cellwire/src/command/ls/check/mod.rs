@@ -156,7 +156,7 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
 }
 
 /// The files, and in place of a folder the .ls files in and below it, in order.
-fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+pub(super) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
         let before = files.len();

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fanuc_ls::{Document, Instruction, Motion, MotionKind, Operation, Program};
+use fanuc_ls::{Document, Instruction, Mistake, Motion, MotionKind, Operation, Problem, Program, Rules};
 
 /// A program that runs.
 #[derive(Debug)]
@@ -30,6 +30,9 @@ pub enum Step {
 /// The programs that a program needs, by their names in capitals.
 pub type Programs = BTreeMap<String, Arc<Loaded>>;
 
+/// The programs of macros, by the names of these in capitals.
+pub type Macros = BTreeMap<String, String>;
+
 /// Something of the programs that the simulation does not do, or does otherwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
@@ -43,15 +46,15 @@ pub struct Finding {
 ///
 /// # Errors
 /// When the file cannot be read, or a controller would not take it.
-pub fn load(path: &Path) -> Result<(String, Programs, Vec<Finding>)> {
+pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Finding>)> {
     let mut programs = Programs::new();
     let mut survey = Survey::default();
-    let first = read(path)?;
+    let first = read(path, macros)?;
     let main = first.program.name.to_uppercase();
     let mut open = vec![first];
     while let Some(loaded) = open.pop() {
         let name = loaded.program.name.to_uppercase();
-        survey.look(&name, &loaded);
+        survey.look(&name, &loaded, macros);
         let calls =
             (1..).zip(&loaded.steps).filter_map(|(line, step)| Some((line, step.called()?.to_uppercase())));
         let calls: Vec<(usize, String)> = calls.collect();
@@ -63,7 +66,7 @@ pub fn load(path: &Path) -> Result<(String, Programs, Vec<Finding>)> {
                 continue;
             }
             match beside(path, &called) {
-                Some(path) => open.push(read(&path)?),
+                Some(path) => open.push(read(&path, macros)?),
                 None => {
                     let what =
                         format!("CALL {called} is passed over: there is no {called}.LS beside the program");
@@ -75,11 +78,21 @@ pub fn load(path: &Path) -> Result<(String, Programs, Vec<Finding>)> {
     Ok((main, programs, survey.findings()))
 }
 
-fn read(path: &Path) -> Result<Loaded> {
+fn read(path: &Path, macros: &Macros) -> Result<Loaded> {
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let program = Document::decode_bytes(&bytes).and_then(|document| document.program());
-    let program = program.with_context(|| format!("{}: `cellwire ls check` shows more", path.display()))?;
-    let steps = program.instructions.iter().map(Step::of).collect();
+    let wrong = || format!("{}: `cellwire ls check` shows more", path.display());
+    let document = Document::decode_bytes(&bytes).with_context(wrong)?;
+    let program = document.program().with_context(wrong)?;
+    // A controller does not run a block without its end.
+    let is_block = |problem: &Problem| {
+        use Mistake::{Crossed, NotOpen, Open, RepeatedElse};
+        matches!(problem, Problem::Mistake(Open { .. } | NotOpen { .. } | Crossed { .. } | RepeatedElse))
+    };
+    let findings = document.findings(&Rules::default());
+    if let Some(finding) = findings.iter().find(|finding| is_block(&finding.problem)) {
+        return Err(anyhow::anyhow!("{finding}").context(wrong()));
+    }
+    let steps = program.instructions.iter().map(|instruction| Step::of(instruction, macros)).collect();
     Ok(Loaded { program, steps })
 }
 
@@ -104,10 +117,16 @@ impl Finding {
 }
 
 impl Step {
-    fn of(instruction: &Instruction) -> Self {
-        match instruction {
-            Instruction::Motion(motion) => Self::Motion(Box::new(motion.clone())),
-            other => other.operation().map_or(Self::Pass, |operation| Self::Operation(Box::new(operation))),
+    fn of(instruction: &Instruction, macros: &Macros) -> Self {
+        match (instruction, instruction.operation()) {
+            (Instruction::Motion(motion), _) => Self::Motion(Box::new(motion.clone())),
+            (_, Some(Operation::Macro { name, arguments })) => match macros.get(&name.to_uppercase()) {
+                Some(program) => {
+                    Self::Operation(Box::new(Operation::Call { program: program.clone(), arguments }))
+                }
+                None => Self::Pass,
+            },
+            (_, operation) => operation.map_or(Self::Pass, |operation| Self::Operation(Box::new(operation))),
         }
     }
 
@@ -134,7 +153,7 @@ impl Survey {
         self.0.into_iter().map(|(what, places)| Finding { what, places }).collect()
     }
 
-    fn look(&mut self, name: &str, loaded: &Loaded) {
+    fn look(&mut self, name: &str, loaded: &Loaded, macros: &Macros) {
         for (line, instruction) in (1..).zip(&loaded.program.instructions) {
             if matches!(instruction, Instruction::Other(text) if text.contains('$')) {
                 self.add("system variables are 0 until the program sets them, and do nothing", name, line);
@@ -143,6 +162,8 @@ impl Survey {
                 Instruction::Motion(motion) => self.motion(name, line, motion),
                 Instruction::Nested(_) => self.add("instructions of TB and TA are passed over", name, line),
                 Instruction::Other(text) => match instruction.operation() {
+                    Some(Operation::Macro { name, .. }) if macros.contains_key(&name.to_uppercase()) => {}
+                    Some(Operation::Command { name: "SKIP CONDITION" | "OFFSET CONDITION", .. }) => {}
                     None | Some(Operation::Macro { .. }) => {
                         self.add(format!("`{text}` is not understood, it is passed over"), name, line)
                     }
@@ -193,8 +214,9 @@ impl Survey {
             MotionKind::Arc => self.add("A runs as a straight line", name, line),
             MotionKind::Joint | MotionKind::Linear | MotionKind::Circular => {}
         }
-        for option in motion.options.split([' ', '\t', '\n']).filter(|option| !option.is_empty()) {
-            let is_known = ["ACC", "Offset,", "Tool_Offset,"].iter().any(|known| option.starts_with(known));
+        for option in motion.each_option() {
+            let known = ["ACC", "Offset", "Tool_Offset,", "Skip,", "Interrupt,", "FINE"];
+            let is_known = known.iter().any(|known| option.starts_with(known));
             let word: String = option.chars().take_while(|c| c.is_alphabetic() || *c == '_').collect();
             if !is_known && !word.is_empty() {
                 self.add(format!("the motion option {word} is ignored"), name, line);

@@ -267,7 +267,7 @@ pub(super) fn signal(kind: ItemKind, n: u32) -> Option<Signal> {
     })
 }
 
-fn is_word(kind: ItemKind) -> bool {
+pub(super) fn is_word(kind: ItemKind) -> bool {
     matches!(
         kind,
         ItemKind::GroupInput | ItemKind::GroupOutput | ItemKind::AnalogInput | ItemKind::AnalogOutput

@@ -8,8 +8,10 @@ mod load;
 mod machine;
 mod memory;
 mod position;
+mod preset;
 
-pub use load::{Finding, Programs, load};
+pub use load::{Finding, Macros, Programs, load};
 pub use machine::Machine;
 pub use memory::{Memory, Value};
 pub use position::Place;
+pub use preset::Preset;

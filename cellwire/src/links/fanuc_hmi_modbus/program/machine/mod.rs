@@ -3,15 +3,16 @@
 mod moves;
 mod operations;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use fanuc_ls::{Expression, Item, Operation};
+use fanuc_ls::{Expression, Instruction, Item, Operation};
 use serde_json::{Value as Json, json};
 
 use super::load::{Loaded, Programs, Step};
 use super::memory::{Fault, Memory, Surroundings, Value};
 use super::position::Place;
-use cellwire_motion::{Kinematics as _, Planner, Pose};
+use cellwire_motion::{Planner, Pose};
 use cellwire_sim::fanuc::Tables;
 
 /// What an instruction that is no motion takes, in s.
@@ -45,8 +46,20 @@ pub struct Machine {
     /// Since when a `WAIT` waits.
     waits: Option<f64>,
     state: State,
-    frame: u32,
-    tool: u32,
+    /// UFRAME_NUM and UTOOL_NUM, once something has selected them.
+    pub frame: Option<u32>,
+    /// See `frame`.
+    pub tool: Option<u32>,
+    /// Whose arm it is, for an alarm that it cannot reach a place.
+    pub robot: String,
+    /// SKIP CONDITION.
+    skip: Option<Expression>,
+    /// When a motion with Skip ends, while it runs.
+    skipping: Option<f64>,
+    /// OFFSET CONDITION.
+    offset: Option<Item>,
+    /// How often a program has jumped to each of its labels.
+    jumps: BTreeMap<String, u32>,
     speed: f64,
     events: Vec<Json>,
 }
@@ -92,8 +105,13 @@ impl Machine {
             due: 0.0,
             waits: None,
             state: State::Running,
-            frame: 0,
-            tool: 0,
+            frame: None,
+            tool: None,
+            robot: String::new(),
+            skip: None,
+            skipping: None,
+            offset: None,
+            jumps: BTreeMap::new(),
             speed: 1.0,
             events: Vec::new(),
         };
@@ -119,8 +137,35 @@ impl Machine {
 
     /// The tool's pose in the world frame, now.
     pub fn pose(&mut self) -> Pose {
-        let joints = self.planner.at(self.now);
-        self.planner.arm().forward(&joints)
+        self.planner.pose(self.now)
+    }
+
+    /// The instruction that waits, where it is, and since when in s.
+    pub fn waiting(&self) -> Option<(String, f64)> {
+        let frame = self.stack.last()?;
+        let text = match frame.loaded.program.instructions.get(frame.next)? {
+            Instruction::Other(text) => text.as_str(),
+            _ => "an instruction",
+        };
+        let name = &frame.loaded.program.name;
+        self.waits.map(|since| (format!("`{text}` in {name}:{}", frame.next + 1), since))
+    }
+
+    /// Whether it waits for what nothing in it will change: no pulse ends, no motion, no timer and no time-out.
+    pub fn waits_in_vain(&self) -> bool {
+        let endless = self.waiting().is_some_and(|(text, since)| {
+            self.now > since + 1.0
+                && !text.contains("TIMER")
+                && !text.contains("TIMEOUT")
+                && !text.contains('$')
+        });
+        endless && self.memory.pulses.is_empty() && self.now > self.rest
+    }
+
+    /// The label that it has jumped to most often, and how often.
+    pub fn loop_of(&self) -> Option<(&str, u32)> {
+        let most = self.jumps.iter().max_by_key(|(_, count)| **count)?;
+        Some((most.0.as_str(), *most.1))
     }
 
     /// The joints, now.
@@ -234,8 +279,8 @@ impl Machine {
         f: impl FnOnce(&mut Memory, &mut Tables, &Surroundings<'_>) -> Result<T, Fault>,
     ) -> Result<T, Fault> {
         let joints = self.planner.at(self.now);
-        let world = self.planner.arm().forward(&joints);
-        let here = self.user_frame(self.frame).inverse().then(world);
+        let world = self.planner.pose(self.now);
+        let here = self.user_frame(self.frame.unwrap_or(0)).inverse().then(world);
         let here = Place::Cartesian { xyzwpr: here.to_xyzwpr(), folded: None };
         let arguments: &[Value] = self.stack.last().map_or(&[], |frame| &frame.arguments);
         let around = Surroundings {
@@ -263,7 +308,7 @@ impl Machine {
 }
 
 /// The item that a text is, such as `P[R[1]]`.
-fn parsed(text: &str) -> Option<Item> {
+pub(super) fn parsed(text: &str) -> Option<Item> {
     match Operation::decode(&format!("R[1]={text}")) {
         Some(Operation::Assign(_, Expression::Item(item))) => Some(item),
         _ => None,

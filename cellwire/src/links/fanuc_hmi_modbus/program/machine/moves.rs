@@ -1,14 +1,15 @@
 //! Motions: where they go, how fast, and how close they come.
 
 use fanuc_ls::{
-    Expression, Index, Item, ItemKind, Motion, MotionKind, Speed, SpeedUnit, Target, Termination,
+    Expression, Index, Item, ItemKind, Motion, MotionKind, Operation, Speed, SpeedUnit, Target, Termination,
 };
+use serde_json::json;
 
 use super::super::load::Loaded;
 use super::super::memory::{Fault, Value};
 use super::super::position::Place;
-use super::{FASTEST, Flow, Machine, RAMP, parsed};
-use cellwire_motion::{Goal, Kinematics as _, Move, Pace, Pose, Way};
+use super::{FASTEST, Flow, Machine, PERIOD, RAMP, parsed};
+use cellwire_motion::{Goal, Kinematics as _, Move, MoveError, Pace, Pose, Way};
 use cellwire_sim::fanuc::Tables;
 
 impl Machine {
@@ -18,6 +19,11 @@ impl Machine {
         loaded: &Loaded,
         tables: &mut Tables,
     ) -> Result<Flow, Fault> {
+        let skip = motion.each_option().into_iter().find_map(skip_of);
+        let skips = skip.is_some();
+        if let (Some(end), Some((label, keeps))) = (self.skipping, skip) {
+            return self.watch(end, label, keeps, loaded, tables);
+        }
         let (place, frame, tool) = self.place(&motion.target, loaded, tables)?;
         let tool_frame =
             self.memory.frames.get(&(true, tool)).map_or(Pose::IDENTITY, |tool| Pose::from_xyzwpr(*tool));
@@ -29,7 +35,10 @@ impl Machine {
         }
         let frame = self.user_frame(frame);
         let mut goal = place.goal(frame);
-        if let Some(item) = motion.offset() {
+        let is_bare = motion.each_option().contains(&"Offset");
+        let of_condition = || self.offset.clone().ok_or("Offset without an OFFSET CONDITION");
+        let offset = if is_bare { Some(of_condition()?) } else { motion.offset() };
+        if let Some(item) = offset {
             let [x, y, z, ..] = *self.register(&item, loaded, tables)?.parts();
             let moved = match goal {
                 Goal::Pose(pose, folded) => Some(Goal::Pose(
@@ -66,11 +75,45 @@ impl Machine {
                 self.number_of(register, loaded, tables)?.clamp(0.0, 100.0) / 100.0
             }
         };
-        let ramp = RAMP / acceleration(&motion.options);
-        let motion = Move { goal, way, pace, ramp, blend };
-        let (next, end) = self.planner.add(self.now, &motion).map_err(|error| error.to_string())?;
+        let ramp = RAMP / acceleration(&motion.each_option());
+        let motion = Move { goal, way, pace, ramp, blend: if skips { 0.0 } else { blend } };
+        let (next, end) = self.planner.add(self.now, &motion).map_err(|error| match error {
+            MoveError::Unreachable { .. } | MoveError::Joint { .. } => {
+                format!("{error}: it is {}", self.robot)
+            }
+            error => error.to_string(),
+        })?;
         self.rest = self.rest.max(end);
+        if skips {
+            self.skipping = Some(end);
+            return Ok(Flow::Again(self.now + PERIOD));
+        }
         Ok(Flow::Later(next))
+    }
+
+    /// A motion with Skip: its condition ends it, and the next line follows; without, its label follows when it has ended.
+    fn watch(
+        &mut self,
+        end: f64,
+        label: Item,
+        keeps: Option<Operation>,
+        loaded: &Loaded,
+        tables: &mut Tables,
+    ) -> Result<Flow, Fault> {
+        let condition = self.skip.clone().ok_or("Skip without a SKIP CONDITION")?;
+        if self.with(loaded, tables, |memory, tables, around| memory.bit(&condition, tables, around))? {
+            self.planner.halt(self.now);
+            (self.rest, self.skipping) = (self.now, None);
+            if let Some(keeps) = keeps {
+                self.operate(&keeps, loaded, tables)?;
+            }
+            return Ok(Flow::Next);
+        }
+        if self.now < end {
+            return Ok(Flow::Again(end.min(self.now + PERIOD)));
+        }
+        self.skipping = None;
+        self.jump(&label, loaded, tables)
     }
 
     fn pace(&mut self, speed: &Speed, loaded: &Loaded, tables: &mut Tables) -> Result<Pace, Fault> {
@@ -107,15 +150,32 @@ impl Machine {
             Target::Other(text) => parsed(text).ok_or_else(|| format!("{text} is not modelled"))?,
         };
         let place = self.register(&item, loaded, tables)?;
-        let (mut frame, mut tool) = (self.frame, self.tool);
+        let (mut frame, mut tool) = (self.frame.unwrap_or(0), self.tool.unwrap_or(0));
         if item.kind == ItemKind::Position {
             let number = self
                 .with(loaded, tables, |memory, tables, around| memory.index(&item.index, tables, around))?;
             let group = loaded.program.position(number).and_then(|position| position.groups.first());
-            frame = group.and_then(|group| group.user_frame).map_or(frame, u32::from);
-            tool = group.and_then(|group| group.user_tool).map_or(tool, u32::from);
+            let of = (group.and_then(|group| group.user_frame), group.and_then(|group| group.user_tool));
+            self.assume(number, of);
+            frame = fitting(number, ("UFRAME", of.0.map(u32::from)), self.frame)?.unwrap_or(frame);
+            tool = fitting(number, ("UTOOL", of.1.map(u32::from)), self.tool)?.unwrap_or(tool);
         }
         Ok((place, frame, tool))
+    }
+
+    /// Whoever starts a program that selects no frames has selected those of its first position.
+    fn assume(&mut self, number: u32, (frame, tool): (Option<u16>, Option<u16>)) {
+        let mut assumed = Vec::new();
+        for (name, of, selected) in [("UFRAME", frame, &mut self.frame), ("UTOOL", tool, &mut self.tool)] {
+            if let (Some(of), None) = (of, *selected) {
+                *selected = Some(of.into());
+                assumed.push(format!("{name}_NUM={of}"));
+            }
+        }
+        if !assumed.is_empty() {
+            let what = format!("{}, as in P[{number}]: nothing selects it", assumed.join(" and "));
+            self.event("assumed", &json!({"what": what}));
+        }
     }
 
     pub(super) fn register(
@@ -147,8 +207,33 @@ fn item(kind: ItemKind, number: u32) -> Item {
     Item { kind, group: None, index: Index::Number(number), element: None, name: None }
 }
 
+/// The frame of a position, where it has one; it is the selected one, or a controller stops.
+fn fitting(
+    number: u32,
+    (kind, of): (&str, Option<u32>),
+    selected: Option<u32>,
+) -> Result<Option<u32>, Fault> {
+    match (of, selected) {
+        (Some(of), Some(selected)) if of != selected => {
+            Err(format!("P[{number}] is of {kind} {of}, and {kind}_NUM={selected} is selected"))
+        }
+        _ => Ok(of),
+    }
+}
+
+/// The label of `Skip,LBL[1],PR[2]=LPOS`, and what is done when the condition holds.
+fn skip_of(option: &str) -> Option<(Item, Option<Operation>)> {
+    let (word, rest) = option.split_once(',')?;
+    if !["Skip", "Interrupt"].iter().any(|name| name.eq_ignore_ascii_case(word.trim())) {
+        return None;
+    }
+    let end = rest.find(']')? + 1;
+    let (label, keeps) = rest.split_at_checked(end)?;
+    Some((parsed(label.trim())?, keeps.trim_start().strip_prefix(',').and_then(Operation::decode)))
+}
+
 /// The share of `ACC50`.
-fn acceleration(options: &str) -> f64 {
-    let percent = options.split_whitespace().find_map(|word| word.strip_prefix("ACC")?.parse::<f64>().ok());
+fn acceleration(options: &[&str]) -> f64 {
+    let percent = options.iter().find_map(|word| word.strip_prefix("ACC")?.trim().parse::<f64>().ok());
     (percent.unwrap_or(100.0) / 100.0).clamp(0.01, 5.0)
 }

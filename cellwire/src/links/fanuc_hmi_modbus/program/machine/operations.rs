@@ -44,11 +44,11 @@ impl Machine {
                 Flow::Next
             }
             Operation::UserFrame(value) => {
-                self.frame = self.selected(value, loaded, tables)?;
+                self.frame = Some(self.selected(value, loaded, tables)?);
                 Flow::Next
             }
             Operation::UserTool(value) => {
-                self.tool = self.selected(value, loaded, tables)?;
+                self.tool = Some(self.selected(value, loaded, tables)?);
                 Flow::Next
             }
             Operation::Override(value) => {
@@ -126,6 +126,16 @@ impl Machine {
                 self.event("alarm", &json!({"why": format!("UALM[{n}]")}));
                 Flow::Stop("alarm")
             }
+            Operation::Command { name: "SKIP CONDITION", operands, .. } => {
+                self.skip = operands.first().cloned();
+                Flow::Next
+            }
+            Operation::Command { name: "OFFSET CONDITION", text, .. } => {
+                // A user frame may follow.
+                self.offset = Some(text.split_once(',').map_or(text.as_str(), |(register, _)| register))
+                    .and_then(|register| parsed(register.trim()));
+                Flow::Next
+            }
             Operation::End => Flow::Return,
             Operation::Abort => Flow::Stop("ABORT"),
             Operation::Pause => Flow::Stop("PAUSE"),
@@ -150,7 +160,7 @@ impl Machine {
         signal(item.kind, n).ok_or_else(|| format!("{}[{n}] is no signal", item.kind))
     }
 
-    fn jump(&mut self, label: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
+    pub(super) fn jump(&mut self, label: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
         let n =
             self.with(loaded, tables, |memory, tables, around| memory.index(&label.index, tables, around))?;
         let is_label = |step: &Step| {
@@ -158,6 +168,7 @@ impl Machine {
                 if matches!(&**operation, Operation::Label(item) if item.index == Index::Number(n)))
         };
         let found = loaded.steps.iter().position(is_label);
+        *self.jumps.entry(format!("LBL[{n}] of {}", loaded.program.name)).or_default() += 1;
         found.map(Flow::To).ok_or_else(|| format!("there is no LBL[{n}]"))
     }
 

@@ -1,19 +1,22 @@
 //! Pictures for machines that draw lines: an SVG file to lines, and lines to an SVG file.
 
+mod paths;
+
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use kurbo::{Affine, BezPath, PathEl, Point as CurvePoint};
+use kurbo::{Affine, PathEl, Point as CurvePoint};
 use usvg::roxmltree::{Document, Node, ParsingOptions};
-use usvg::tiny_skia_path::PathSegment;
 
 use crate::io::files;
+use crate::io::output::remark;
+use paths::Outlines;
 
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
-const BUILT_IN: &str = include_str!("../../assets/robot.svg");
+const BUILT_IN: &str = include_str!("../../../assets/robot.svg");
 
 /// How far a line may be from the curve that it approximates, in millimetres on the sheet.
 const TOLERANCE: f64 = 0.05;
@@ -74,23 +77,30 @@ impl Picture {
     /// # Errors
     /// Never for a sheet that has an area.
     pub fn built_in(sheet: Point) -> Result<Self> {
-        Self::from_svg(BUILT_IN.as_bytes(), sheet)
+        Self::from_svg(BUILT_IN.as_bytes(), sheet, false).map(|(picture, _)| picture)
     }
 
-    /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not.
+    /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not. What the file shows and a pen cannot
+    /// follow, such as text and clips, is named: it is left out where that is allowed.
     ///
     /// # Errors
-    /// When the file cannot be read, is not an SVG file, has no lines, or is larger than any machine draws.
-    pub fn from_file(path: &Path, sheet: Point) -> Result<Self> {
+    /// When the file cannot be read, is not an SVG file, has no lines, has what is not to be left out, or is larger than any machine draws.
+    pub fn from_file(path: &Path, sheet: Point, allow: bool) -> Result<Self> {
         let mut data = Vec::new();
         File::open(path)
             .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut data))
             .with_context(|| format!("cannot read the drawing {}", path.display()))?;
         ensure!(data.len() as u64 <= MAX_BYTES, "the drawing {} is larger than 32 MiB", path.display());
-        Self::from_svg(&data, sheet).with_context(|| format!("the drawing {}", path.display()))
+        let read = Self::from_svg(&data, sheet, allow);
+        let (picture, left_out) = read.with_context(|| format!("the drawing {}", path.display()))?;
+        if !left_out.is_empty() {
+            remark(&format!("warning: the drawing {} without {left_out}", path.display()));
+        }
+        Ok(picture)
     }
 
-    fn from_svg(data: &[u8], sheet: Point) -> Result<Self> {
+    /// The picture, and what is left out of it.
+    fn from_svg(data: &[u8], sheet: Point, allow: bool) -> Result<(Self, String)> {
         let text = core::str::from_utf8(data).context("is not an SVG file: its text is not UTF-8")?;
         let document =
             Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
@@ -101,8 +111,13 @@ impl Picture {
             "has more than {MAX_ELEMENTS} elements, with those that `use` repeats, or nests them deeper than {MAX_DEPTH}"
         );
         let tree = usvg::Tree::from_xmltree(&document, &options()).context("is not an SVG file")?;
-        let mut path = BezPath::new();
-        collect(tree.root(), &mut path);
+        let outlines = Outlines::of(&document, &tree)?;
+        let left_out = outlines.left_out();
+        ensure!(
+            allow || left_out.is_empty(),
+            "has {left_out}: turn them into paths and lines, or leave them out with `kawasaki draw --allow`"
+        );
+        let mut path = outlines.path;
         let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
         ensure!(
             VIEW_BOX.contains(&width) && VIEW_BOX.contains(&height),
@@ -120,27 +135,34 @@ impl Picture {
             path.elements().iter().flat_map(points).all(is_near),
             "has lines that go further than {MAX_SHEETS} sheets: is the view box right?"
         );
-        // Limited to the sheet, as by an end stop of the pen: a picture may extend beyond its own view box.
-        let on_sheet =
-            |p: CurvePoint| Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) };
+        // A picture may extend beyond its view box: nobody sees what is outside.
         let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
-        let mut start = pen.at;
-        kurbo::flatten(path, TOLERANCE * 100.0, |element| match element {
-            PathEl::MoveTo(p) => {
-                start = on_sheet(p);
-                pen.go(start, false);
+        let (mut start, mut last) = (CurvePoint::ZERO, CurvePoint::ZERO);
+        let mut line = |from: CurvePoint, to: CurvePoint| {
+            if let Some((from, to)) = within(from, to, sheet) {
+                pen.go(from, false);
+                pen.go(to, true);
             }
-            PathEl::LineTo(p) => pen.go(on_sheet(p), true),
-            PathEl::ClosePath => pen.go(start, true),
+        };
+        kurbo::flatten(path, TOLERANCE * 100.0, |element| match element {
+            PathEl::MoveTo(p) => (start, last) = (p, p),
+            PathEl::LineTo(p) => {
+                line(last, p);
+                last = p;
+            }
+            PathEl::ClosePath => {
+                line(last, start);
+                last = start;
+            }
             PathEl::QuadTo(..) | PathEl::CurveTo(..) => {} // flattened: there are none
         });
         pen.trim();
         ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
-        anyhow::ensure!(
+        ensure!(
             !pen.lines.is_empty(),
             "has no lines to draw: only outlines are drawn, and text must be turned into paths first"
         );
-        Ok(Self { lines: pen.lines, sheet })
+        Ok((Self { lines: pen.lines, sheet }, left_out))
     }
 
     /// How many of the lines are drawn.
@@ -156,37 +178,6 @@ impl Picture {
 pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
     let document = document(sheet).add(strokes(lines, true, "black", 0.25));
     files::write(path, document.to_string().as_bytes())
-}
-
-/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a margin.
-///
-/// # Errors
-/// When the route leaves 10 km, or the file cannot be written.
-pub fn write_route(path: &Path, route: &[([f64; 2], bool)]) -> Result<()> {
-    let of = |axis: usize| route.iter().filter_map(move |(place, _)| place.get(axis).copied());
-    let least = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
-    let most = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
-    let ([left, _], [right, top]) = (least, most);
-    let (width, height) = (right - left, top - least[1]);
-    anyhow::ensure!(width < 1e7 && height < 1e7, "the way leaves 10 km: check its units");
-    let margin = (width.max(height) / 20.0).max(1.0);
-    let sheet = Point { x: hundredths(width + 2.0 * margin), y: hundredths(height + 2.0 * margin) };
-    let point =
-        |[x, y]: [f64; 2]| Point { x: hundredths(x - left + margin), y: hundredths(top - y + margin) };
-    let ways = route.iter().zip(route.iter().skip(1));
-    let lines: Vec<Line> = ways
-        .map(|((from, _), (to, draws))| Line { draws: *draws, from: point(*from), to: point(*to) })
-        .collect();
-    // On a small sheet thin lines, on a large one lines that can be seen.
-    let width = mm(sheet.x.max(sheet.y)) / 400.0;
-    let between = strokes(&lines, false, "#d04000", width / 3.0).set("stroke-dasharray", width);
-    let document = document(sheet).add(between).add(strokes(&lines, true, "black", width));
-    files::write(path, document.to_string().as_bytes())
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "it saturates")]
-fn hundredths(mm: f64) -> i32 {
-    (mm * 100.0).round() as i32
 }
 
 fn document(sheet: Point) -> svg::Document {
@@ -303,28 +294,25 @@ fn points(element: &PathEl) -> impl Iterator<Item = CurvePoint> + use<> {
     points.into_iter().flatten()
 }
 
-fn collect(group: &usvg::Group, out: &mut BezPath) {
-    for node in group.children() {
-        match node {
-            usvg::Node::Group(inner) => collect(inner, out),
-            usvg::Node::Path(path) if path.is_visible() => {
-                let Some(data) = path.data().clone().transform(path.abs_transform()) else { continue };
-                data.segments().for_each(|segment| out.push(element(segment)));
+/// The part of a line that is on the sheet.
+fn within(from: CurvePoint, to: CurvePoint, sheet: Point) -> Option<(Point, Point)> {
+    let way = to - from;
+    let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
+    for (at, step, most) in [(from.x, way.x, f64::from(sheet.x)), (from.y, way.y, f64::from(sheet.y))] {
+        if step == 0.0 {
+            if !(-0.5..=most + 0.5).contains(&at) {
+                return None;
             }
-            usvg::Node::Path(_) | usvg::Node::Image(_) | usvg::Node::Text(_) => {}
+            continue;
         }
+        let (a, b) = (-at / step, (most - at) / step);
+        (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
     }
-}
-
-fn element(segment: PathSegment) -> PathEl {
-    let point = |p: usvg::tiny_skia_path::Point| CurvePoint::new(f64::from(p.x), f64::from(p.y));
-    match segment {
-        PathSegment::MoveTo(p) => PathEl::MoveTo(point(p)),
-        PathSegment::LineTo(p) => PathEl::LineTo(point(p)),
-        PathSegment::QuadTo(a, p) => PathEl::QuadTo(point(a), point(p)),
-        PathSegment::CubicTo(a, b, p) => PathEl::CurveTo(point(a), point(b), point(p)),
-        PathSegment::Close => PathEl::ClosePath,
-    }
+    let on_sheet = |share: f64| {
+        let p = from + way * share;
+        Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) }
+    };
+    (enters <= leaves).then(|| (on_sheet(enters), on_sheet(leaves)))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "clamped to the sheet right after; `as` saturates")]
@@ -333,100 +321,4 @@ fn whole(x: f64) -> i32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const A4: Point = Point { x: 29700, y: 21000 };
-
-    fn picture_text(body: &str) -> String {
-        format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 297 210">{body}</svg>"#)
-    }
-
-    fn picture(body: &str) -> Result<Picture> {
-        Picture::from_svg(picture_text(body).as_bytes(), A4)
-    }
-
-    #[test]
-    fn the_built_in_picture_is_detailed_and_continuous() {
-        let picture = Picture::built_in(A4).unwrap();
-        assert!(picture.strokes() >= 2000, "{}", picture.strokes());
-        assert!(picture.lines.windows(2).all(|w| w[0].to == w[1].from));
-        assert!(picture.lines.windows(2).all(|w| w[0].draws || w[1].draws), "two moves in a row");
-        assert!(picture.lines.iter().all(|l| l.from != l.to));
-    }
-
-    #[test]
-    fn a_square_is_a_move_and_four_lines() {
-        let picture =
-            picture(r#"<rect x="10" y="20" width="30" height="40" fill="none" stroke="red"/>"#).unwrap();
-        let corner = |x, y| Point { x, y };
-        let at = [corner(1000, 2000), corner(4000, 2000), corner(4000, 6000), corner(1000, 6000)];
-        let line = |draws, from, to| Line { draws, from, to };
-        assert_eq!(
-            picture.lines,
-            [
-                line(false, corner(0, 0), at[0]),
-                line(true, at[0], at[1]),
-                line(true, at[1], at[2]),
-                line(true, at[2], at[3]),
-                line(true, at[3], at[0]),
-            ]
-        );
-    }
-
-    #[test]
-    fn a_curve_stays_within_the_tolerance() {
-        let picture = picture(r#"<circle cx="100" cy="100" r="50" fill="none" stroke="red"/>"#).unwrap();
-        assert!(picture.strokes() > 20);
-        for line in picture.lines.iter().filter(|l| l.draws) {
-            let middle = (f64::from(line.from.x + line.to.x) / 2.0, f64::from(line.from.y + line.to.y) / 2.0);
-            let radius = (middle.0 - 10000.0).hypot(middle.1 - 10000.0);
-            assert!((radius - 5000.0).abs() <= 7.0, "{radius}");
-        }
-    }
-
-    #[test]
-    fn what_cannot_be_drawn_is_reported() {
-        let error = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
-        assert!(error(picture("")).contains("has no lines to draw"));
-        assert!(error(Picture::from_svg(b"no svg", A4)).starts_with("is not an SVG file"));
-        let missing = Picture::from_file(Path::new("no/such.svg"), A4);
-        assert!(error(missing).starts_with("cannot read the drawing no/such.svg"));
-        let endless = Picture::from_file(Path::new("/dev/zero"), A4);
-        assert_eq!(error(endless), "the drawing /dev/zero is larger than 32 MiB");
-    }
-
-    #[test]
-    fn no_drawing_is_too_large_to_be_refused() {
-        let error = |text: &str| format!("{:#}", Picture::from_svg(text.as_bytes(), A4).unwrap_err());
-        let svg = |head: &str, body: &str| {
-            format!(r#"<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>"#)
-        };
-        let curve = r#"<path d="M0 0 C 1 1 2 3 4 5" stroke="red"/>"#;
-        let tiny = error(&svg(r#"viewBox="0 0 1e-30 1e-30""#, curve));
-        assert!(tiny.starts_with("has a view box of 0.0"), "{tiny}");
-        let far = r#"<path d="M0 0 C 1e30 1 2 3e30 4 5 A 1e20 1 0 0 0 1e19 5" stroke="red"/>"#;
-        let far = error(&svg(r#"viewBox="0 0 297 210""#, far));
-        assert_eq!(far, "has lines that go further than 100 sheets: is the view box right?");
-        let mut body = String::from(r#"<g id="a0"><path d="M0 0 L 9 9" stroke="red"/></g>"#);
-        for level in 1..40 {
-            let below = level - 1;
-            body += &format!(r##"<g id="a{level}"><use href="#a{below}"/><use href="#a{below}"/></g>"##);
-        }
-        let laughs = error(&svg(r#"viewBox="0 0 297 210""#, &body));
-        let refused =
-            "has more than 1000000 elements, with those that `use` repeats, or nests them deeper than 256";
-        assert_eq!(laughs, refused);
-        let deep = "<g>".repeat(2000) + &"</g>".repeat(2000);
-        assert_eq!(error(&svg(r#"viewBox="0 0 297 210""#, &deep)), refused);
-    }
-
-    #[test]
-    fn a_drawing_opens_no_other_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let other = folder.path().join("other.svg");
-        std::fs::write(&other, picture_text(r#"<path d="M0 0 L 9 9" stroke="red"/>"#)).unwrap();
-        let image = format!(r#"<image href="{}" width="9" height="9"/>"#, other.display());
-        assert!(format!("{:#}", picture(&image).unwrap_err()).contains("has no lines to draw"));
-    }
-}
+mod tests;

@@ -1,0 +1,266 @@
+//! Edits of all of a [`Document`]: speeds, what is named by a number, names, positions, line numbers. Each changes the words that
+//! it means and leaves every other byte.
+
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::format;
+use alloc::string::ToString;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use crate::attribute::Attribute;
+use crate::document::Document;
+use crate::edit::Edit;
+use crate::error::EncodeError;
+use crate::expression::ItemKind;
+use crate::instruction::Instruction;
+use crate::motion::{Motion, Speed};
+use crate::parts::{at, offset};
+use crate::position::{AxisName, Position};
+use crate::references::{self, Reference};
+use crate::statement::Statement;
+
+impl Document {
+    /// Gives motions another speed, where `speed` has one for them. How many have changed.
+    ///
+    /// ```
+    /// use fanuc_ls::{Document, Speed, SpeedUnit};
+    ///
+    /// let text = "/PROG A\n/MN\n1:L P[1] 100mm/sec FINE ;\n2:J P[1] 100% FINE ;\n/END\n";
+    /// let mut document = Document::decode(text)?;
+    /// let half = |motion: &fanuc_ls::Motion| match motion.speed {
+    ///     Speed::Fixed { value, unit: unit @ SpeedUnit::MmPerSec } => Some(Speed::Fixed { value: value / 2.0, unit }),
+    ///     _ => None,
+    /// };
+    /// assert_eq!(document.set_speeds(half)?, 1);
+    /// assert_eq!(document.as_str(), text.replace("100mm", "50mm"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When a speed cannot be written; nothing has changed.
+    pub fn set_speeds(
+        &mut self,
+        mut speed: impl FnMut(&Motion) -> Option<Speed>,
+    ) -> Result<usize, EncodeError> {
+        let mut edits = Vec::new();
+        for index in 0..self.parts.statements.len() {
+            let Some(Instruction::Motion(mut motion)) = self.instruction(index) else { continue };
+            let Some(new) = speed(&motion) else { continue };
+            motion.speed = new;
+            edits.extend(self.motion_edit(index, &motion)?);
+        }
+        self.apply(edits)
+    }
+
+    /// Puts another register, input, label, position or frame wherever one is named by its number. All at once: two may change
+    /// places. A frame is also what `UFRAME_NUM=` and the positions name, a position also what `/POS` has. How many have changed.
+    ///
+    /// ```
+    /// use fanuc_ls::{Document, ItemKind};
+    ///
+    /// let text = "/PROG A\n/MN\n1:  R[1:a]=R[2] ;\n2:  !R[1] ;\n/END\n";
+    /// let mut document = Document::decode(text)?;
+    /// let swap = |kind, number| match (kind, number) {
+    ///     (ItemKind::Register, 1) => Some((kind, 2)),
+    ///     (ItemKind::Register, 2) => Some((kind, 1)),
+    ///     _ => None,
+    /// };
+    /// assert_eq!(document.replace_items(swap)?, 2);
+    /// assert_eq!(document.as_str(), text.replace("R[1:a]=R[2]", "R[2:a]=R[1]"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When two labels or positions would have one number, or a controller has none of it; nothing has changed.
+    pub fn replace_items(
+        &mut self,
+        mut to: impl FnMut(ItemKind, u32) -> Option<(ItemKind, u32)>,
+    ) -> Result<usize, EncodeError> {
+        let mut edits: Vec<Edit> = Vec::new();
+        let mut defined: BTreeMap<(bool, u32), u32> = BTreeMap::new();
+        let mut changed = |kind: ItemKind, number: u32| {
+            let new = to(kind, number).filter(|new| *new != (kind, number));
+            if let Some((item, number)) = new
+                && !item.range().contains(&number)
+            {
+                let (low, high) = (*item.range().start(), *item.range().end());
+                return Err(EncodeError::ItemRange { item, number, low, high });
+            }
+            Ok(new)
+        };
+        let mut define = |kind: ItemKind, old: u32, new: u32| {
+            let before = defined.insert((kind == ItemKind::Label, new), old);
+            // One that the file has twice is its own matter.
+            let is_other = before.is_some_and(|before| before != old);
+            if is_other { Err(EncodeError::Taken { item: kind, number: new }) } else { Ok(()) }
+        };
+        for (start, found) in self.named() {
+            let new = changed(found.kind, found.number)?;
+            let (kind, number) = new.unwrap_or((found.kind, found.number));
+            if found.kind == ItemKind::Label && self.is_definition(start) {
+                define(ItemKind::Label, found.number, number)?;
+            }
+            if new.is_some() {
+                edits.push((moved(&found.digits, start), number.to_string()));
+            }
+            if kind != found.kind {
+                edits.push((moved(&found.letters, start), kind.to_string()));
+            }
+        }
+        for block in &self.parts.blocks {
+            for (kind, number, place) in references::of_position(at(&self.text, block)) {
+                let new = changed(kind, number)?.map_or(number, |(_, number)| number);
+                if kind == ItemKind::Position {
+                    define(kind, number, new)?;
+                }
+                if new != number {
+                    edits.push((moved(&place, block.start), new.to_string()));
+                }
+            }
+        }
+        self.apply(edits)
+    }
+
+    /// Gives a register, an input, an output, a label or a position a name wherever it is named by its number, or takes its name
+    /// away with an empty one. A jump does not name its label. How many places have changed.
+    ///
+    /// # Errors
+    /// When the name would end before its end; nothing has changed.
+    pub fn set_item_name(&mut self, kind: ItemKind, number: u32, name: &str) -> Result<usize, EncodeError> {
+        let is_name = |c: char| !(c.is_control() || matches!(c, '[' | ']' | '"' | '{'));
+        if name.trim() != name || !name.chars().all(is_name) {
+            return Err(EncodeError::ItemName);
+        }
+        let mut edits: Vec<Edit> = Vec::new();
+        let marked =
+            |mark: &str| if name.is_empty() { name.to_string() } else { format!(":{mark}{name}{mark}") };
+        for (start, found) in self.named() {
+            if (found.kind, found.number) != (kind, number) || found.is_selection {
+                continue;
+            }
+            let is_jump = kind == ItemKind::Label && !self.is_definition(start);
+            match &found.name {
+                Some(place) if !name.is_empty() => edits.push((moved(place, start), name.to_string())),
+                Some(place) => edits.push((start + found.digits.end..start + place.end, name.to_string())),
+                None if is_jump => {}
+                None => edits.push((start + found.digits.end..start + found.digits.end, marked(""))),
+            }
+        }
+        let blocks = self.parts.blocks.iter().filter(|_| kind == ItemKind::Position);
+        for block in blocks {
+            let text = at(&self.text, block);
+            let header = references::of_position(text).find(|(kind, ..)| *kind == ItemKind::Position);
+            if let Some((_, found, place)) = header.filter(|(_, found, _)| *found == number)
+                && found == number
+                && let Some(length) = text.get(place.end..).and_then(|rest| rest.find("]"))
+            {
+                edits.push((moved(&(place.end..place.end + length), block.start), marked("\"")));
+            }
+        }
+        self.apply(edits)
+    }
+
+    /// Moves positions by X, Y and Z in mm, in the frame that each is in: those that `which` names and that are given in X, Y and Z.
+    /// How many have moved, and the numbers of those that `which` names and that have no X, Y and Z.
+    ///
+    /// # Errors
+    /// When a position cannot be written; nothing has changed.
+    pub fn shift_positions(
+        &mut self,
+        by: [f64; 3],
+        mut which: impl FnMut(&Position) -> bool,
+    ) -> Result<(usize, Vec<u32>), EncodeError> {
+        let (mut edits, mut others) = (Vec::new(), Vec::new());
+        for mut position in self.positions() {
+            if !which(&position) {
+                continue;
+            }
+            let mut axes =
+                position.groups.first_mut().map(|group| group.axes.iter_mut()).into_iter().flatten();
+            let names = [AxisName::X, AxisName::Y, AxisName::Z];
+            let mut found = 0;
+            for axis in &mut axes {
+                let by = names.iter().zip(by).find(|(name, _)| **name == axis.name);
+                if let (Some((_, by)), Some(value)) = (by, &mut axis.value) {
+                    // Programs of post-processors have six decimals, controllers three.
+                    *value = format!("{:.6}", *value + by).parse().unwrap_or(*value);
+                    found += 1;
+                }
+            }
+            match found {
+                3 => edits.extend(self.position_edit(&position)?),
+                _ => others.push(position.number),
+            }
+        }
+        Ok((self.apply(edits)?, others))
+    }
+
+    /// Numbers the lines from 1, right-aligned in four columns as controllers do, and brings LINE_COUNT up to date. How many numbers
+    /// have changed.
+    ///
+    /// # Errors
+    /// None is known: what would not be read again is not written.
+    pub fn renumber_lines(&mut self) -> Result<usize, EncodeError> {
+        let mut edits: Vec<Edit> = Vec::new();
+        let mut number = 0usize;
+        for (range, nested) in &self.parts.statements {
+            let text = at(&self.text, range);
+            let statement = Statement::new(text, *nested);
+            if *nested {
+                continue;
+            }
+            number += 1;
+            if statement.place().is_some()
+                && statement.number() != Some(number)
+                && let Some(colon) = text.find(':')
+            {
+                edits.push((range.start..range.start + colon, format!("{number:4}")));
+            }
+        }
+        edits.extend(self.line_count(number));
+        self.apply(edits)
+    }
+
+    /// The place of the number that LINE_COUNT has, and the one that it gets.
+    pub(crate) fn line_count(&self, count: usize) -> Option<Edit> {
+        let section = self.parts.attributes.clone()?;
+        let mut attributes = self.parts.attributes(&self.text);
+        let (place, _) = attributes.find(|(_, attribute)| {
+            attribute
+                .as_ref()
+                .is_ok_and(|attribute| matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN"))
+        })?;
+        let value = Attribute::value_place(at(&self.text, &(place.start..section.end)))?;
+        let start = offset(&self.text, value);
+        Some((start..start + value.len(), count.to_string()))
+    }
+
+    /// Whatever statements name by a number, and where the text of its instruction begins.
+    fn named(&self) -> impl Iterator<Item = (usize, Reference)> {
+        self.parts.statements(&self.text).flat_map(|statement| {
+            let body = statement.body();
+            let start = offset(&self.text, body);
+            references::find(body).map(move |found| (start, found))
+        })
+    }
+
+    /// Whether the instruction that begins here is the label itself.
+    fn is_definition(&self, start: usize) -> bool {
+        let words = self.text.get(start..).unwrap_or("");
+        ["LBL", "LABEL"]
+            .iter()
+            .any(|word| words.get(..word.len()).is_some_and(|w| w.eq_ignore_ascii_case(word)))
+    }
+
+    /// The kinds and numbers that statements and positions name.
+    pub fn items(&self) -> BTreeSet<(ItemKind, u32)> {
+        let of_blocks =
+            self.parts.blocks.iter().flat_map(|block| references::of_position(at(&self.text, block)));
+        let named = self.named().map(|(_, found)| (found.kind, found.number));
+        named.chain(of_blocks.map(|(kind, number, _)| (kind, number))).collect()
+    }
+}
+
+fn moved(place: &Range<usize>, by: usize) -> Range<usize> {
+    place.start + by..place.end + by
+}

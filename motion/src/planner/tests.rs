@@ -1,0 +1,159 @@
+use super::*;
+
+const HOME: [f64; 6] = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
+
+fn planner() -> Planner {
+    Planner::new(Arm::LR_MATE_200ID, Limits::LR_MATE_200ID, HOME)
+}
+
+fn linear(planner: &Planner, x: f64, y: f64, blend: f64) -> Move {
+    let home = planner.arm.forward(&HOME);
+    let goal = Goal::Pose(Pose { position: [x, y, 200.0], ..home }, None);
+    Move { goal, way: Way::Linear, pace: Pace::Path(100.0), ramp: 0.2, blend }
+}
+
+#[test]
+fn a_line_is_straight_has_its_speed_and_stops_at_its_end() {
+    let mut planner = planner();
+    let first = linear(&planner, 400.0, 0.0, 0.0);
+    let (_, end) = planner.add(0.0, &first).unwrap();
+    let second = linear(&planner, 400.0, 150.0, 0.0);
+    let (next, stop) = planner.add(end, &second).unwrap();
+    assert!(
+        (next - stop).abs() < 1e-12 && (stop - end - 1.7).abs() < 1e-9,
+        "150 mm at 100 mm/s and the ramp"
+    );
+    let arm = planner.arm;
+    let mut at = |time: f64| arm.forward(&planner.at(time)).position;
+    for k in 0..=170 {
+        let [x, _, z] = at(end + f64::from(k) * 0.01);
+        assert!((x - 400.0).abs() < 1e-6 && (z - 200.0).abs() < 1e-6, "{k}: {x} {z}");
+    }
+    let mut planner = self::planner();
+    planner.add(0.0, &first).unwrap();
+    planner.add(end, &second).unwrap();
+    let mut at = |time: f64| arm.forward(&planner.at(time)).position;
+    let (a, b) = (at(end + 0.8), at(end + 0.9));
+    assert!((b[1] - a[1] - 10.0).abs() < 1e-6, "100 mm/s in the middle");
+    assert!((at(stop)[1] - 150.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_corner_is_rounded_the_more_the_less_the_next_motion_waits() {
+    let corner = |blend: f64| {
+        let mut planner = planner();
+        let arm = planner.arm;
+        let start = linear(&planner, 350.0, 0.0, 0.0);
+        let (_, begin) = planner.add(0.0, &start).unwrap();
+        let first = linear(&planner, 450.0, 0.0, blend);
+        let (next, _) = planner.add(begin, &first).unwrap();
+        let mut second = linear(&planner, 450.0, 100.0, 0.0);
+        second.blend = 0.0;
+        // What is added later may not be known before it begins.
+        let mut nearest = f64::MAX;
+        let mut slowest = f64::MAX;
+        let mut before: Option<[f64; 3]> = None;
+        let mut time = begin;
+        let mut added = None;
+        while added.is_none_or(|end| time < end) {
+            if added.is_none() && time >= next {
+                added = Some(planner.add(next, &second).unwrap().1);
+            }
+            let [x, y, _] = arm.forward(&planner.at(time)).position;
+            nearest = nearest.min((x - 450.0).hypot(y));
+            if let (Some([bx, by, _]), true) = (before, time > begin + 0.3 && time < next + 0.5) {
+                slowest = slowest.min((x - bx).hypot(y - by) / 0.004);
+            }
+            before = Some([x, y, 0.0]);
+            time += 0.004;
+        }
+        let [x, y, _] = arm.forward(&planner.at(time + 1.0)).position;
+        assert!((x - 450.0).abs() < 1e-6 && (y - 100.0).abs() < 1e-6, "it arrives");
+        (nearest, slowest)
+    };
+    let (fine, slow_fine) = corner(0.0);
+    let (half, slow_half) = corner(0.5);
+    let (full, slow_full) = corner(1.0);
+    assert!(fine < 0.1 && half > 0.2 && full > 2.0 * half, "{fine} {half} {full} mm from the corner");
+    assert!(
+        slow_fine < 5.0 && slow_half > slow_fine && slow_full > 65.0,
+        "{slow_fine} {slow_half} {slow_full} mm/s"
+    );
+    // 100 mm/s, 0.2 s: the mean distance from the middle of both averages is 13/72 of 20 mm on each side, and 1/√2 of it away.
+    assert!((full - 20.0 * 13.0 / 72.0 / 2f64.sqrt()).abs() < 0.05, "{full}");
+}
+
+#[test]
+fn joints_arrive_together_and_the_slowest_one_decides() {
+    let mut planner = planner();
+    let goal = [90.0, 19.0, 0.0, 0.0, -90.0, 0.0];
+    let motion =
+        Move { goal: Goal::Joints(goal), way: Way::Joint, pace: Pace::Share(0.5), ramp: 0.1, blend: 0.0 };
+    let (_, end) = planner.add(0.0, &motion).unwrap();
+    assert!((end - 0.5).abs() < 1e-9, "90° at half of 450°/s, and the ramp: {end}");
+    let middle = planner.at(end / 2.0);
+    assert!((middle[0] - 45.0).abs() < 1e-9 && (middle[1] - 9.5).abs() < 1e-9, "{middle:?}");
+    assert_eq!(planner.at(end), goal);
+    let far = Move { goal: Goal::Joints([171.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..motion };
+    assert_eq!(
+        planner.add(end, &far).unwrap_err().to_string(),
+        "J1 would be at 171.0°: its range is -170° to 170°"
+    );
+    let pose = Pose { position: [900.0, 0.0, 0.0], ..Pose::IDENTITY };
+    let out = Move { goal: Goal::Pose(pose, None), ..motion };
+    assert!(matches!(planner.add(end, &out), Err(MoveError::Unreachable { .. })));
+}
+
+#[test]
+fn an_arc_goes_through_its_point() {
+    let mut planner = planner();
+    let home = planner.arm.forward(&HOME);
+    let start = linear(&planner, 450.0, 0.0, 0.0);
+    let (_, begin) = planner.add(0.0, &start).unwrap();
+    // Around (400, 0): from 450 through (400, 50) to 350.
+    let goal = Goal::Pose(Pose { position: [350.0, 0.0, 200.0], ..home }, None);
+    let arc = Move { goal, way: Way::Arc([400.0, 50.0, 200.0]), ..start };
+    let (_, end) = planner.add(begin, &arc).unwrap();
+    let length = core::f64::consts::PI * 50.0;
+    assert!((end - begin - length / 100.0 - 0.2).abs() < 0.01, "{}", end - begin);
+    let arm = planner.arm;
+    let mut highest: f64 = 0.0;
+    for k in 0..=100 {
+        let [x, y, _] = arm.forward(&planner.at(begin + (end - begin) * f64::from(k) / 100.0)).position;
+        assert!(((x - 400.0).hypot(y) - 50.0).abs() < 1e-3, "{x} {y}");
+        highest = highest.max(y);
+    }
+    assert!(highest > 49.9, "through the via point, not around the other side");
+    let line = Move { goal, way: Way::Arc([450.0, 0.0, 200.0]), ..start };
+    assert_eq!(planner.add(end, &line), Err(MoveError::Arc));
+}
+
+#[test]
+fn a_short_motion_gets_its_speed_and_loses_it_in_its_time() {
+    let mut planner = planner();
+    let goal = Goal::Joints([0.5, 0.0, 0.0, 0.0, -90.0, 0.0]);
+    let motion = Move { goal, way: Way::Joint, pace: Pace::Share(1.0), ramp: 0.2, blend: 0.0 };
+    let (_, end) = planner.add(0.0, &motion).unwrap();
+    let at: Vec<f64> = (0..=26).map(|n| planner.at(0.008 * f64::from(n))[0]).collect();
+    let speeds: Vec<f64> = at.windows(2).map(|pair| (pair[1] - pair[0]) / 0.008).collect();
+    let jumps = speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(speeds[0], f64::max);
+    assert!(jumps < 0.6 && speeds.iter().any(|speed| *speed > 3.5), "{jumps} {speeds:?}");
+    assert!((end - 0.2).abs() < 0.002 && (at[26] - 0.5).abs() < 1e-9);
+}
+
+#[test]
+fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
+    let mut planner = planner();
+    let far = linear(&planner, 9000.0, 0.0, 0.0);
+    let refused = planner.add(0.0, &far).unwrap_err();
+    assert!(matches!(refused, MoveError::Unreachable { .. }), "{refused}");
+    let mut planner = planner.anywhere();
+    let from = planner.pose(0.0).position[0];
+    let (_, end) = planner.add(0.0, &far).unwrap();
+    assert!((end - (9000.0 - from).hypot(planner.pose(0.0).position[2] - 200.0) / 100.0 - 0.2).abs() < 0.01);
+    planner.halt(10.0);
+    let here = planner.pose(20.0).position[0];
+    assert!((here - from - 990.0).abs() < 20.0, "{here} from {from}");
+    let (_, end) = planner.add(20.0, &far).unwrap();
+    assert!((planner.pose(end).position[0] - 9000.0).abs() < 1e-6);
+}

@@ -204,8 +204,8 @@ fn serve(
         progress: &mut |done| progress.set_position(done as u64),
     };
     let absence = (!args.robot_timeout.is_zero()).then_some(args.robot_timeout);
-    let runner = Runner::new(jobs, config, settings.order, absence, operator);
-    runner.run(journal, &mut meeting, &trace)
+    let runner = Runner::new(jobs, config, journal, settings.order, absence, operator);
+    runner.run(&mut meeting, &trace)
 }
 
 /// `number,line,outcome` of every job.

@@ -1,5 +1,7 @@
 //! The PC: what it does between two looks at the connection is its program's.
 
+use std::cell::RefCell;
+use std::io;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -26,6 +28,14 @@ pub trait Program {
     /// # Errors
     /// Whatever ends the run as a failure.
     fn step(&mut self, session: &mut Self::Session) -> Result<bool>;
+
+    /// Keeps what has to survive the program, before what the session has written is sent.
+    ///
+    /// # Errors
+    /// It could not be kept: nothing is sent, and the connection ends.
+    fn keep(&mut self, _session: &mut Self::Session) -> io::Result<()> {
+        Ok(())
+    }
 
     /// Something has happened.
     ///
@@ -113,8 +123,10 @@ impl<P: Program> Server<'_, P> {
     /// The inner error is why the connection is to be closed.
     fn turn(&mut self) -> Result<Result<(), String>> {
         let Self { session, driver, program, .. } = self;
-        let turn = driver.turn(session, Some(GLANCE), |session, event| {
-            match program.notify(session, Notification::Event(event)) {
+        let program = RefCell::new(program);
+        let keep = |session: &mut P::Session| program.borrow_mut().keep(session);
+        let turn = driver.turn_keeping(session, Some(GLANCE), keep, |session, event| {
+            match program.borrow_mut().notify(session, Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Some(error)),
                 Ok(()) if event == PcEvent::Disconnect => ControlFlow::Break(None),
                 Ok(()) => ControlFlow::Continue(()),

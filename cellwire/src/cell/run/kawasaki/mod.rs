@@ -2,8 +2,8 @@
 
 mod jobs;
 mod journal;
+mod order;
 mod run;
-mod session;
 mod settings;
 
 pub use jobs::Jobs;

@@ -1,16 +1,17 @@
 //! The run: one order after another, until every job is done.
 
+use std::io;
 use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use kawasaki_msg::{PcConfig, PcEvent, Phase, SessionError};
+use kawasaki_msg::{LargePc, PcConfig, PcEvent, Phase, SessionError};
 use robot_session::now;
 use serde_json::{Value, json};
 
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
-use super::session::{Journaled, Order};
+use super::order::Order;
 use crate::cell::run::{Operator, Word};
 use crate::io::drive::Lost;
 use crate::io::journal::{Outcome, Span};
@@ -32,11 +33,16 @@ pub enum Ended {
     },
 }
 
+type Pc<'a> = LargePc<'static, Order<'a>>;
+
 /// Jobs that are executed.
 #[allow(missing_debug_implementations, reason = "it holds what notifies")]
 pub struct Runner<'a> {
     jobs: &'a Jobs,
     config: PcConfig<'static>,
+    journal: &'a mut Journal,
+    /// Why nothing is sent any more.
+    failed: Option<anyhow::Error>,
     operator: Operator<'a>,
     /// The number of the next order, if somebody has named one.
     order: Option<u16>,
@@ -62,6 +68,7 @@ impl<'a> Runner<'a> {
     pub fn new(
         jobs: &'a Jobs,
         config: PcConfig<'static>,
+        journal: &'a mut Journal,
         order: Option<u16>,
         absence: Option<Duration>,
         operator: Operator<'a>,
@@ -71,6 +78,8 @@ impl<'a> Runner<'a> {
         Self {
             jobs,
             config,
+            journal,
+            failed: None,
             operator,
             order,
             absence,
@@ -91,10 +100,10 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
-    pub fn run(mut self, journal: &'a mut Journal, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
+    pub fn run(mut self, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
         let layout = self.jobs.layout().clone();
-        let mut pc = kawasaki_msg::LargePc::sized(self.config)?.with_ranges(layout)?;
-        if let Some(flight) = &journal.record().flight {
+        let mut pc = LargePc::sized(self.config)?.with_ranges(layout)?;
+        if let Some(flight) = &self.journal.record().flight {
             if flight.max_number != self.config.max_number {
                 bail!(
                     "order {} was begun with max_number = {}: finish it with the same",
@@ -111,34 +120,33 @@ impl<'a> Runner<'a> {
                 json!({"event": "order_resumed", "order": order, "executed": flight.executed, "sent": sent}),
             )?;
         }
-        let session = Journaled { pc, journal, failed: None };
-        pc::run(meeting, session, trace, &mut self)?;
+        pc::run(meeting, pc, trace, &mut self)?;
         Ok(self.ended.unwrap_or(Ended::Stopped))
     }
 
     /// The next order: all jobs that are not done.
-    fn begin(&mut self, session: &mut Journaled<'a>) -> Result<()> {
-        let used = &session.journal.record().numbers;
+    fn begin(&mut self, session: &mut Pc<'a>) -> Result<()> {
+        let used = &self.journal.record().numbers;
         let free = || core::iter::repeat_with(|| fastrand::u16(1..)).find(|number| !used.contains(number));
         // After 65 thousand orders every number was used.
         let any = || if used.len() < usize::from(u16::MAX) / 2 { free() } else { None };
         let number = self.order.take().or_else(any).unwrap_or_else(|| fastrand::u16(1..));
-        let places = session.journal.begin(number, self.config.max_number)?;
+        let places = self.journal.begin(number, self.config.max_number)?;
         (self.before, self.reported) = (self.jobs.work.len() - places.len(), 0);
-        session.pc.start(number, Order { jobs: &self.jobs.work, places })?;
+        session.start(number, Order { jobs: &self.jobs.work, places })?;
         Ok(())
     }
 
     /// The order ends after the job that is being executed; where the plant lacks that, after those that the robot has queued.
-    fn break_off(session: &mut Journaled<'a>) {
-        if let Err(SessionError::Lacks { .. }) = session.pc.interrupt() {
+    fn break_off(session: &mut Pc<'a>) {
+        if let Err(SessionError::Lacks { .. }) = session.interrupt() {
             // It is ending already, or is not begun: then it is tried again.
-            let _ = session.pc.end();
+            let _ = session.end();
         }
     }
 
     /// What the operator has typed since.
-    fn listen(&mut self, session: &mut Journaled<'a>) -> Result<()> {
+    fn listen(&mut self) -> Result<()> {
         loop {
             let text = match self.operator.words.try_recv() {
                 Ok(text) => text,
@@ -155,18 +163,18 @@ impl<'a> Runner<'a> {
                     "stopping"
                 }
                 (Some(Word::Done), Some((first, count))) => {
-                    self.answer(session, first, count, count)?;
+                    self.answer(first, count, count)?;
                     continue;
                 }
                 (Some(Word::Repeat), Some((first, count))) => {
-                    self.answer(session, first, count, 0)?;
+                    self.answer(first, count, 0)?;
                     continue;
                 }
                 (None, Some((first, count))) => {
                     // The number of the last job that is done.
                     let last = text.trim().parse().ok().filter(|last| (first..=first + count).contains(last));
                     match last {
-                        Some(last) => self.answer(session, first, count, last - first)?,
+                        Some(last) => self.answer(first, count, last - first)?,
                         None => self.hint(&format!(
                             "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
                             first + count
@@ -214,16 +222,16 @@ impl<'a> Runner<'a> {
     }
 
     /// Of the jobs that were asked about, the first `done` are.
-    fn answer(&mut self, session: &mut Journaled<'a>, first: usize, count: usize, done: usize) -> Result<()> {
+    fn answer(&mut self, first: usize, count: usize, done: usize) -> Result<()> {
         let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
         if done > 0 {
-            session.journal.note(&answer(Outcome::Done, first, done))?;
+            self.journal.note(&answer(Outcome::Done, first, done))?;
         }
         if done < count {
-            session.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
+            self.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
         }
         self.question = None;
-        (self.operator.progress)(session.journal.count(Outcome::Done));
+        (self.operator.progress)(self.journal.count(Outcome::Done));
         (self.operator.notify)(json!({"event": "answered", "first": first + 1, "count": count, "done": done}))
     }
 
@@ -235,8 +243,8 @@ impl<'a> Runner<'a> {
     }
 
     /// The jobs of the order up to this count are done.
-    fn done(&mut self, session: &Journaled<'a>, executed: u32) -> Result<()> {
-        let Some(flight) = &session.journal.record().flight else { return Ok(()) };
+    fn done(&mut self, executed: u32) -> Result<()> {
+        let Some(flight) = &self.journal.record().flight else { return Ok(()) };
         let from = self.reported;
         self.reported = executed.max(from);
         let indices = from as usize..executed as usize;
@@ -257,20 +265,20 @@ impl<'a> Runner<'a> {
         json!({"event": event, "first": first + 1, "count": count, "lines": lines})
     }
 
-    fn event(&mut self, session: &mut Journaled<'a>, event: PcEvent) -> Result<()> {
+    fn event(&mut self, event: PcEvent) -> Result<()> {
         match event {
-            PcEvent::Progress { executed, .. } => return self.done(session, executed),
+            PcEvent::Progress { executed, .. } => return self.done(executed),
             PcEvent::ExecutedAhead { index } => {
-                session.journal.note(&Entry::Ahead { ahead: index })?;
-                let flight = session.journal.record().flight.as_ref();
+                self.journal.note(&Entry::Ahead { ahead: index })?;
+                let flight = self.journal.record().flight.as_ref();
                 let place = flight.and_then(|flight| flight.places.get(index as usize).copied());
                 let line = place.map(|place| self.span("done", place, 1));
                 return line.map_or(Ok(()), &mut *self.operator.notify);
             }
             PcEvent::OrderOver { executed, complete, .. } => {
-                self.done(session, executed)?;
-                let was_sent = session.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
-                session.journal.note(&Entry::End { end: executed, unknown: executed })?;
+                self.done(executed)?;
+                let was_sent = self.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
+                self.journal.note(&Entry::End { end: executed, unknown: executed })?;
                 (self.operator.notify)(serde_json::to_value(event)?)?;
                 if complete || self.paused || self.stopping || !was_sent {
                     return Ok(());
@@ -282,13 +290,13 @@ impl<'a> Runner<'a> {
                 );
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
-                self.done(session, executed)?;
-                session.journal.note(&Entry::End { end: executed, unknown: sent })?;
+                self.done(executed)?;
+                self.journal.note(&Entry::End { end: executed, unknown: sent })?;
                 let why = "the robot has forgotten the order: it was restarted, or was given another one";
                 return (self.operator.notify)(json!({"event": "unknown", "order": order, "why": why}));
             }
             PcEvent::OrderRefused { given_up: true, active, .. } => {
-                session.journal.note(&Entry::End { end: 0, unknown: 0 })?;
+                self.journal.note(&Entry::End { end: 0, unknown: 0 })?;
                 self.ended = Some(Ended::Refused { active });
             }
             PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),
@@ -318,14 +326,25 @@ impl<'a> Runner<'a> {
 }
 
 impl<'a> Program for Runner<'a> {
-    type Session = Journaled<'a>;
+    type Session = Pc<'a>;
 
-    fn step(&mut self, session: &mut Journaled<'a>) -> Result<bool> {
-        if let Some(error) = session.failed.take() {
+    /// Nothing is sent that the journal does not have.
+    fn keep(&mut self, session: &mut Pc<'a>) -> io::Result<()> {
+        if session.order().is_none() {
+            return Ok(());
+        }
+        self.journal.progress(session.executed(), session.sent()).map_err(|error| {
+            self.failed = Some(error);
+            io::Error::other("the journal cannot be written")
+        })
+    }
+
+    fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
+        if let Some(error) = self.failed.take() {
             return Err(error);
         }
-        self.listen(session)?;
-        if session.pc.order().is_some() {
+        self.listen()?;
+        if session.order().is_some() {
             if self.stopping && !self.connected {
                 // Nothing can be sent: the robot executes what it has queued.
                 return Ok(false);
@@ -342,9 +361,9 @@ impl<'a> Program for Runner<'a> {
         if self.question.is_some() || self.paused {
             return Ok(true);
         }
-        if let Some((first, count)) = session.journal.unknown() {
+        if let Some((first, count)) = self.journal.unknown() {
             self.ask(first, count)?;
-        } else if session.journal.count(Outcome::NotSent) == 0 {
+        } else if self.journal.count(Outcome::NotSent) == 0 {
             self.ended = Some(Ended::Complete);
         } else {
             self.begin(session)?;
@@ -352,9 +371,9 @@ impl<'a> Program for Runner<'a> {
         Ok(self.ended.is_none())
     }
 
-    fn notify(&mut self, session: &mut Journaled<'a>, notification: Notification<'_>) -> Result<()> {
+    fn notify(&mut self, _session: &mut Pc<'a>, notification: Notification<'_>) -> Result<()> {
         let line = match notification {
-            Notification::Event(event) => return self.event(session, event),
+            Notification::Event(event) => return self.event(event),
             Notification::Connected(peer) => {
                 (self.connected, self.since, self.met) = (true, now(), true);
                 json!({"event": "connected", "peer": peer})

@@ -420,7 +420,7 @@ fn parse(seed: u64, bytes: &[u8]) -> Parsed {
         return Parsed::Nothing;
     }
     let length = u32::from_le_bytes([l0, l1, l2, l3]) as usize;
-    let Some(message) = rest.get(..length) else { return Parsed::More(HEAD + length) };
+    let Some(message) = rest.get(..length) else { return Parsed::More(HEAD.saturating_add(length)) };
     if u32::from_le_bytes([c0, c1, c2, c3]) != checksum(seed, message) {
         return Parsed::Nothing;
     }

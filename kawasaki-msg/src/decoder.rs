@@ -31,7 +31,7 @@ pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {
     /// How far the message is known that the buffer begins with.
     progress: Progress,
     /// So many bytes before the buffer are in nothing that was returned.
-    skipped: usize,
+    skipped: u64,
     /// Why they are skipped; without it they are garbage.
     corruption: Option<DecodeError>,
     finished: bool,
@@ -70,7 +70,7 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
                 Ok(None) => DecodeError::Incomplete { offset: 0, found: bytes.len() },
                 Err(error) => error,
             };
-            self.corruption = Some(error.moved(self.offset()));
+            self.corruption = Some(error.moved(offset(self.buffer.position())));
             self.skip(1);
         }
         self.find_start().map(Err)
@@ -87,24 +87,15 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
             self.finished = false;
             return None;
         }
-        let (length, offset) = (self.skipped, self.offset().wrapping_sub(self.skipped));
-        self.skipped = 0;
+        let offset = offset(robot_session::Decoder::position(self));
+        let length = usize::try_from(core::mem::take(&mut self.skipped)).unwrap_or(usize::MAX);
         Some(self.corruption.take().unwrap_or(DecodeError::Garbage { offset, length }))
     }
 
     fn skip(&mut self, length: usize) {
         self.progress = Progress::NONE;
         self.buffer.take(length);
-        self.skipped = self.skipped.wrapping_add(length);
-    }
-
-    /// The stream's offset of the first byte in the buffer.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the offset of an error begins anew where it is full"
-    )]
-    const fn offset(&self) -> usize {
-        self.buffer.position() as usize
+        self.skipped += length as u64;
     }
 }
 
@@ -147,11 +138,17 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     }
 
     fn position(&self) -> u64 {
-        self.buffer.position() - self.skipped as u64
+        self.buffer.position() - self.skipped
     }
 
     fn clear(&mut self) {
         self.buffer.clear();
         (self.progress, self.skipped, self.corruption, self.finished) = (Progress::NONE, 0, None, false);
     }
+}
+
+/// What an error has as its offset.
+#[expect(clippy::cast_possible_truncation, reason = "the offset of an error begins anew where it is full")]
+const fn offset(position: u64) -> usize {
+    position as usize
 }

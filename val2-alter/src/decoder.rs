@@ -40,9 +40,9 @@ pub struct Decoder<M> {
     start: usize,
     end: usize,
     /// The end of what `next_frame` returned last.
-    position: usize,
+    position: u64,
     /// Bytes from `position` on that belong to no frame and are not reported yet.
-    skipped: usize,
+    skipped: u64,
     /// DLEs after them: part of the next frame if a start mark follows, else skipped.
     spare_dles: usize,
     /// `buffer[start]` is the checksum of the frame before: counted there, but perhaps the first DLE of the next start mark.
@@ -93,7 +93,17 @@ impl<M: Message> Decoder<M> {
 
     /// The number of bytes that are neither returned as a frame nor as an error.
     pub fn pending(&self) -> usize {
-        self.skipped + self.spare_dles + (self.end - self.start) - usize::from(self.lent)
+        whole(self.skipped).saturating_add(self.held())
+    }
+
+    fn held(&self) -> usize {
+        self.spare_dles + (self.end - self.start) - usize::from(self.lent)
+    }
+
+    /// What a frame and an error have as their offset.
+    #[expect(clippy::cast_possible_truncation, reason = "the offset begins anew where it is full")]
+    const fn offset(&self) -> usize {
+        self.position as usize
     }
 
     /// Reads the frame at `start`, of which `available` bytes are there. An error comes with the number of bytes that it is about.
@@ -122,15 +132,15 @@ impl<M: Message> Decoder<M> {
     #[inline]
     fn plain(&mut self) -> Option<Received<M>> {
         let available = self.end - self.start;
-        if self.reading.has_begun() || self.skipped | self.read_before > 0 || available < SHORTEST {
+        if self.reading.has_begun() || self.skipped > 0 || self.read_before > 0 || available < SHORTEST {
             return None;
         }
         let data = plain_data(self.buffer.get(self.start..)?, available, self.framing)?;
         let message = M::decode(data, self.framing).ok()?;
         let length = plain_len(data, self.framing);
         self.start += length;
-        let (offset, length) = (self.position, core::mem::take(&mut self.spare_dles) + length);
-        self.position = offset.wrapping_add(length);
+        let (offset, length) = (self.offset(), core::mem::take(&mut self.spare_dles) + length);
+        self.position += length as u64;
         Some(Received { offset, length, message })
     }
 
@@ -152,7 +162,7 @@ impl<M: Message> Decoder<M> {
                 }
                 if at_mark || self.finished {
                     if !at_mark {
-                        self.skipped += core::mem::take(&mut self.spare_dles);
+                        self.skipped += core::mem::take(&mut self.spare_dles) as u64;
                     }
                     if let Some(error) = self.take_error() {
                         return Some(Err(error));
@@ -170,7 +180,7 @@ impl<M: Message> Decoder<M> {
                     return Some(Ok(Received { offset, length, message }));
                 }
                 Err((error, extent)) => {
-                    let at = self.position.wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
+                    let at = self.offset().wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
                     let error = error.shifted(at);
                     (self.error, self.news) = (Some(error), Some(error));
                     self.read_before = self.read_before.max(extent);
@@ -215,8 +225,8 @@ impl<M: Message> Decoder<M> {
     /// Bytes at `start` belong to no frame, nor do the DLEs before them.
     fn skip(&mut self, count: usize) {
         if count > 0 {
-            self.skipped += core::mem::take(&mut self.spare_dles);
-            self.skipped += self.consume(count);
+            self.skipped += core::mem::take(&mut self.spare_dles) as u64;
+            self.skipped += self.consume(count) as u64;
         }
     }
 
@@ -236,18 +246,19 @@ impl<M: Message> Decoder<M> {
 
     /// The error for all that was skipped.
     fn take_error(&mut self) -> Option<DecodeError> {
-        let (offset, length) = (self.position, core::mem::take(&mut self.skipped));
-        self.position = self.position.wrapping_add(length);
+        let (offset, skipped) = (self.offset(), core::mem::take(&mut self.skipped));
+        let length = whole(skipped);
+        self.position += skipped;
         let error = self.error.take();
         (length > 0).then(|| error.unwrap_or(DecodeError::StartMark { offset, length }))
     }
 
     fn accept(&mut self, length: usize) -> (usize, usize) {
-        let offset = self.position;
+        let offset = self.offset();
         let checksum = self.bytes().get(length - 1);
         let lent = !self.framing.stuffed_checksum && checksum == Some(&DLE);
         let length = core::mem::take(&mut self.spare_dles) + self.consume(length);
-        self.position = offset.wrapping_add(length);
+        self.position += length as u64;
         if lent {
             self.start -= 1;
             self.read_before = self.read_before.max(1);
@@ -324,13 +335,18 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
     }
 
     fn position(&self) -> u64 {
-        self.position as u64
+        self.position
     }
 
     fn clear(&mut self) {
-        self.position = self.position.wrapping_add(self.pending());
+        self.position += self.skipped + self.held() as u64;
         (self.start, self.end, self.skipped, self.spare_dles, self.read_before) = (0, 0, 0, 0, 0);
         (self.lent, self.error, self.news, self.finished) = (false, None, None, false);
         self.reading = Reading::NEW;
     }
+}
+
+/// So many bytes, or as many as the machine counts.
+fn whole(bytes: u64) -> usize {
+    usize::try_from(bytes).unwrap_or(usize::MAX)
 }

@@ -196,7 +196,7 @@ impl Form {
             Self::Pcap { header, .. } => {
                 let head = if header.is_modified_format() { 24 } else { 16 };
                 let Some(captured) = word(8, header.is_bigendian()) else { return Ok(None) };
-                (captured as usize + head, head)
+                ((captured as usize).saturating_add(head), head)
             }
             Self::PcapNg { is_big, .. } => {
                 let is_big = match data.get(8..12) {

@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::fine::{self, FINE, UNIT};
+use crate::cell::fine::{self, FINE, UNIT};
 use cellwire_motion::Pose;
 
 /// Where the robot is at a time.

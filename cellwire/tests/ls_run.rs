@@ -96,6 +96,22 @@ fn a_controller_begins_with_what_a_file_says() {
 }
 
 #[test]
+fn signals_beyond_the_tables_of_modbus_are_there() {
+    let folder = Folder::new("run-beyond");
+    let instructions = "DO[11025]=PULSE,0.5sec\nDO[11017]=ON\nIF (DO[11025] AND DO[11017] AND DI[11001] AND !DO[11018]),CALL ON\n\
+                        WAIT DO[11025]=OFF\nGO[1001]=300\nIF (GO[1001]=300),CALL OFF";
+    folder.write("A.LS", &program("A", instructions, &[]));
+    folder.write("ON.LS", &program("ON", "MESSAGE[on]", &[]));
+    folder.write("OFF.LS", &program("OFF", "MESSAGE[off]", &[]));
+    folder.write("cell.toml", "\"DI[11001]\" = true\n");
+    let output = folder.run("ls run A.LS --preset cell.toml");
+    assert_eq!(output.status.code(), Some(0), "{}{}", out(&output), err(&output));
+    for text in ["on", "off"] {
+        assert!(out(&output).contains(&format!(r#""text":"{text}""#)), "{}", out(&output));
+    }
+}
+
+#[test]
 fn what_does_not_end_says_what_it_waits_for_or_where_it_goes_around() {
     let folder = Folder::new("run-waits");
     folder.write("A.LS", &program("A", "WAIT .10(sec)\nWAIT (DI[3] AND R[1]=0)", &[]));

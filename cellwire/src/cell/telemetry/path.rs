@@ -20,7 +20,8 @@ pub struct Sample {
 
 /// The length of the tool's path, in mm.
 pub fn length(samples: &[Sample]) -> f64 {
-    samples.windows(2).map(distance).sum()
+    // The sum of nothing would be -0.0.
+    samples.windows(2).map(distance).fold(0.0, |sum, distance| sum + distance)
 }
 
 fn distance(pair: &[Sample]) -> f64 {

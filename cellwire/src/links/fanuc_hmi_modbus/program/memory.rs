@@ -128,6 +128,7 @@ impl Memory {
             Index::Item(item) => match self.read(item, tables, around)? {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
                 Value::Number(number) if (1.0..=65_535.0).contains(&number) => Ok(number.round() as u32),
+                Value::Number(number) => Err(format!("{number} is no index")),
                 other => Err(format!("{other:?} is no index")),
             },
             Index::Untaught => Err("an index is not filled in".into()),
@@ -168,7 +169,11 @@ impl Memory {
                     None => Value::Place(place),
                     Some(element) => {
                         let element = self.index(element, tables, around)?;
-                        Value::Number(place.element(element).ok_or_else(|| format!("PR[{n},{element}]"))?)
+                        Value::Number(
+                            place
+                                .element(element)
+                                .ok_or_else(|| format!("PR[{n},{element}] is not modelled"))?,
+                        )
                     }
                 }
             }
@@ -212,6 +217,10 @@ impl Memory {
             (ItemKind::StringRegister, Value::Text(text)) => drop(self.strings.insert(n, text)),
             (ItemKind::StringRegister, Value::Number(number)) => {
                 self.strings.insert(n, number.to_string());
+            }
+            (ItemKind::Timer, Value::Number(seconds)) => {
+                let timer = self.timers.entry(n).or_default();
+                *timer = Timer { seconds, since: timer.since.map(|_| around.now) };
             }
             (ItemKind::Marker, Value::Bit(bit)) => drop(self.markers.insert(n, bit)),
             (ItemKind::PositionRegister, Value::Place(place)) if item.element.is_none() => {

@@ -96,6 +96,22 @@ fn a_controller_begins_with_what_a_file_says() {
 }
 
 #[test]
+fn signals_beyond_the_tables_of_modbus_are_there() {
+    let folder = Folder::new("run-beyond");
+    let instructions = "DO[11025]=PULSE,0.5sec\nDO[11017]=ON\nIF (DO[11025] AND DO[11017] AND DI[11001] AND !DO[11018]),CALL ON\n\
+                        WAIT DO[11025]=OFF\nTIMER[1]=(2.5)\nR[1]=TIMER[1]\nGO[1001]=300\nIF (GO[1001]=300 AND R[1]=2.5),CALL OFF";
+    folder.write("A.LS", &program("A", instructions, &[]));
+    folder.write("ON.LS", &program("ON", "MESSAGE[on]", &[]));
+    folder.write("OFF.LS", &program("OFF", "MESSAGE[off]", &[]));
+    folder.write("cell.toml", "\"DI[11001]\" = true\n");
+    let output = folder.run("ls run A.LS --preset cell.toml");
+    assert_eq!(output.status.code(), Some(0), "{}{}", out(&output), err(&output));
+    for text in ["on", "off"] {
+        assert!(out(&output).contains(&format!(r#""text":"{text}""#)), "{}", out(&output));
+    }
+}
+
+#[test]
 fn what_does_not_end_says_what_it_waits_for_or_where_it_goes_around() {
     let folder = Folder::new("run-waits");
     folder.write("A.LS", &program("A", "WAIT .10(sec)\nWAIT (DI[3] AND R[1]=0)", &[]));
@@ -120,6 +136,9 @@ fn a_robot_that_does_not_reach_is_named_and_a_path_needs_none() {
     let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: it is an LR Mate 200iD, for want of another";
     assert!(out(&output).contains(alarm), "{}", out(&output));
     assert!(err(&output).contains("help: --robot FILE describes the robot, "), "{}", err(&output));
+    folder.write("B.LS", &program("B", "J P[1] 50% FINE", &[2500.0]));
+    let nowhere = folder.run("ls run B.LS");
+    assert!(err(&nowhere).ends_with("\n0.000 s, 0.0 mm\n"), "{}", err(&nowhere));
     let drawn = folder.run("ls run A.LS --no-reach --out made");
     assert_eq!(drawn.status.code(), Some(0), "{}", err(&drawn));
     let path = folder.read("made/path.csv");

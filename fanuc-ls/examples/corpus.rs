@@ -16,7 +16,8 @@ fn main() {
     for path in &files {
         let name = path.strip_prefix(&folder).expect("it is below the folder");
         let bytes = std::fs::read(path).expect("the file can be read");
-        for (what, example) in found(&bytes, every) {
+        let place = name.display().to_string();
+        for (what, example) in found(&bytes, every.then_some(place.as_str())) {
             let example = || format!("{}: {example}", name.display());
             let (count, repositories, _) =
                 rows.entry(what).or_insert_with(|| (0, BTreeSet::new(), example()));
@@ -30,8 +31,8 @@ fn main() {
     }
 }
 
-/// What a file is and has, each with an example.
-fn found(bytes: &[u8], every: bool) -> BTreeMap<String, String> {
+/// What a file is and has, each with an example. With its name, each finding is printed.
+fn found(bytes: &[u8], every: Option<&str>) -> BTreeMap<String, String> {
     let mut found = BTreeMap::from([("  files".to_owned(), String::new())]);
     let document = match Document::decode_bytes(bytes) {
         Ok(document) => document,
@@ -54,8 +55,8 @@ fn found(bytes: &[u8], every: bool) -> BTreeMap<String, String> {
         let text = document.as_str();
         let start = text[..finding.offset].rfind('\n').map_or(0, |at| at + 1);
         let line = text[start..].lines().next().unwrap_or("").trim();
-        if every {
-            println!("@{what}\t{finding} | {line}\t{}", document.name());
+        if let Some(file) = every {
+            println!("@{what}\t{finding} | {line}\t{file}");
         }
         found.entry(what).or_insert_with(|| format!("{finding} | {line}"));
     }

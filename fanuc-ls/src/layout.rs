@@ -9,7 +9,6 @@ use crate::document::Document;
 use crate::edit::{Edit, words};
 use crate::error::EncodeError;
 use crate::instruction::Instruction;
-use crate::motion::{Speed, SpeedUnit};
 use crate::parts::{at, offset};
 use crate::position::Position;
 use crate::statement::Statement;
@@ -88,12 +87,7 @@ fn line(text: &str, number: usize) -> Option<String> {
     let mut new = String::new();
     instruction.encode(&mut new);
     let laid_out = match &instruction {
-        Instruction::Motion(motion) => {
-            let new = new.trim_end();
-            let new = with_seconds(&motion.speed, new);
-            let new = new.as_str();
-            format!("{}   ", respelled(body, new)?)
-        }
+        Instruction::Motion(_) => format!("{}   ", respelled(body, new.trim_end())?),
         Instruction::Comment(_) | Instruction::Empty => new,
         _ => {
             let before = text.get(..offset(text, body)).unwrap_or("");
@@ -112,19 +106,6 @@ fn line(text: &str, number: usize) -> Option<String> {
     let laid_out = format!("{number:4}:{laid_out} ;");
     let again = Statement::new(&laid_out, false).decode();
     again.is_ok_and(|again| is_same(&instruction, &again)).then_some(laid_out)
-}
-
-/// A motion whose seconds have one decimal and a zero before the point, as controllers print them.
-fn with_seconds(speed: &Speed, motion: &str) -> String {
-    let Speed::Fixed { value, unit: SpeedUnit::Sec } = *speed else { return motion.to_string() };
-    let written = format!(" {speed}");
-    let number = format!("{value:.1}");
-    let number = if number.parse() == Ok(value) { number } else { format!("{value}") };
-    // The options behind it may have the same words, names before it are in brackets.
-    match motion.split_once(&written) {
-        Some((before, after)) => format!("{before} {number}sec{after}"),
-        None => motion.to_string(),
-    }
 }
 
 fn is_same(before: &Instruction, after: &Instruction) -> bool {

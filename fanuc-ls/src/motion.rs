@@ -248,7 +248,7 @@ impl fmt::Display for Target {
 pub enum Speed {
     /// `100mm/sec`.
     Fixed {
-        /// The number. Written with as many decimals as it has.
+        /// The number. Written with as many decimals as it has; seconds with at least one.
         value: f64,
         /// Its unit.
         unit: SpeedUnit,
@@ -309,6 +309,12 @@ impl Speed {
 
     fn encode(&self, out: &mut String) {
         match self {
+            // Controllers print `0.6sec` and `2.0sec`.
+            Self::Fixed { value, unit: SpeedUnit::Sec } => {
+                let tenths = format!("{value:.1}");
+                let exact = if tenths.parse() == Ok(*value) { tenths } else { format!("{value}") };
+                out.push_str(&exact);
+            }
             Self::Fixed { value, .. } => push_shortest(out, *value),
             Self::Register { register, .. } => out.push_str(register),
             Self::Named(name) => out.push_str(name),

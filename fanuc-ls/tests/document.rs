@@ -163,7 +163,7 @@ fn a_motion_that_gets_or_loses_words_keeps_the_others() {
     // Spelled with other words than the writer's: the instruction is written anew.
     assert_eq!(
         change("   1:L P[1:] 5.0sec FINE;", &|m| m.speed = Speed::Fixed { value: 6.0, unit: SpeedUnit::Sec }),
-        "   1:L P[1:] 6sec FINE;"
+        "   1:L P[1:] 6.0sec FINE;"
     );
 }
 

@@ -182,6 +182,20 @@ fn what_is_sound_has_no_finding() {
 }
 
 #[test]
+fn a_long_instruction_of_a_block_goes_on_in_the_next_line() {
+    let program = |second: &str| {
+        format!(
+            "/PROG  A\n/MN\n   1:J P[1] 100% CNT0 TB   0.00sec,P-SPS    ;\n      1:  TC_ONLINE (!DI[63:out] AND \n\
+             \x20      :  {second} ;\n      2:  F[1]=(M[1] [&] \n       :  !M[2] [+] \n       :  M[3]) ;\n       ------ ;\n\
+             \x20  2:  END ;\n/POS\nP[1]{{\n GP1:\n UF : 0, UT : 1,\n J1= 0.500 deg\n}};\n/END\n"
+        )
+    };
+    assert_eq!(found(&program("M[95:safe] AND M[3])")), []);
+    // A mistake is found in the line that it is in.
+    assert_eq!(found(&program("M[95:safe] AND [3])")), [(5, "expected".to_owned(), Level::Error)]);
+}
+
+#[test]
 fn a_name_is_perhaps_a_macro_and_nothing_worse() {
     for text in ["OPEN HAND 1", "Op. Entry Menu('Chute')", "GRIP_CLOSE"] {
         let (program, first) = program("mn", text);

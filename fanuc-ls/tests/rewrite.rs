@@ -38,7 +38,7 @@ fn a_speed_is_one_word_of_its_line() {
     };
     assert_eq!(document.set_speeds(slower), Ok(1));
     let before = "   8:L P[2] 3.0sec CNT100 Offset,PR[5:PR[1] up]    ;";
-    assert_eq!(difference(&document), [(before, before.replace("3.0", ".75"))]);
+    assert_eq!(difference(&document), [(before, before.replace("3.0", "0.75"))]);
     assert_eq!(
         document.set_speeds(|_| Some(Speed::mm_per_sec(5.0))),
         Err(EncodeError::SpeedUnit { line: 3 })

@@ -60,13 +60,15 @@ impl Found<'_> {
 /// Every mistake in a text.
 pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usize, Problem)> {
     let mut found = Found { text, around, found: Vec::new() };
+    let mut open = None;
     let lines: Vec<Line<'_>> = { parts.statements(text) }
         .map(|statement| {
             let place = statement.body();
+            open = open.filter(|_| statement.is_nested());
             let what = match statement.decode() {
                 Ok(Instruction::Empty | Instruction::Comment(_)) => What::Nothing,
                 Ok(Instruction::Nested(_)) => {
-                    nested(statement.text(), &mut found);
+                    nested(statement.text(), &mut open, &mut found);
                     What::Nothing
                 }
                 Ok(Instruction::Motion(motion)) => {
@@ -112,10 +114,16 @@ fn continues_block(text: &str, place: &str) -> bool {
     is_deep && !last.ends_with(';') && margin.trim().starts_with(':')
 }
 
-/// A line of the block of a motion, if it is one instruction as a whole.
-fn nested(text: &str, found: &mut Found<'_>) {
-    let Some(line) = text.trim_end().strip_suffix(';') else { return };
-    let body = line.trim_start().trim_start_matches(|c: char| c.is_ascii_digit());
+/// A line of the block of a motion, if it ends an instruction; `open` is where that has begun, if not in this line.
+fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) {
+    let begin = open.take().unwrap_or(offset(found.text, line));
+    let end = offset(found.text, line) + line.trim_end().len();
+    let instruction = found.text.get(begin..end).unwrap_or("");
+    let Some(instruction) = instruction.strip_suffix(';') else {
+        *open = Some(begin);
+        return;
+    };
+    let body = instruction.trim_start().trim_start_matches(|c: char| c.is_ascii_digit());
     let Some(body) = body.strip_prefix(':').map(str::trim) else { return };
     if !body.is_empty() && !body.starts_with('!') {
         read(body, found);

@@ -281,7 +281,10 @@ static bool write_motion(struct fanuc_ls_writer *writer, const struct fanuc_ls_m
     put_word(writer, " ");
     if (motion->speed_kind == FANUC_LS_SPEED_FIXED) {
         plain(motion->speed, speed);
-        without_zero(speed);
+        if (motion->unit != FANUC_LS_SEC)
+            without_zero(speed);
+        else if (strchr(speed, '.') == NULL)
+            strcat(speed, ".0");
         put_word(writer, speed);
     } else {
         put(writer, motion->speed_text);

@@ -1,6 +1,5 @@
 //! FANUC telemetry: what logs it, the program that was to be run, and the comparison of the two.
 
-mod fine;
 pub mod logger;
 pub mod path;
 pub mod plausibility;

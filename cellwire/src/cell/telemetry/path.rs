@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::fine::{self, FINE, UNIT};
+use crate::cell::fine::{self, FINE, UNIT};
 use cellwire_motion::Pose;
 
 /// Where the robot is at a time.
@@ -20,7 +20,8 @@ pub struct Sample {
 
 /// The length of the tool's path, in mm.
 pub fn length(samples: &[Sample]) -> f64 {
-    samples.windows(2).map(distance).sum()
+    // The sum of nothing would be -0.0.
+    samples.windows(2).map(distance).fold(0.0, |sum, distance| sum + distance)
 }
 
 fn distance(pair: &[Sample]) -> f64 {

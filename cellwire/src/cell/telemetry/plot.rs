@@ -9,8 +9,8 @@ use cellwire_motion::{Deviation, State};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::fine::{self, FINE, UNIT};
 use super::recording::Comparison;
+use crate::cell::fine::{self, FINE, UNIT};
 
 const RED: RGBColor = RGBColor(200, 60, 50);
 const GREEN: RGBColor = RGBColor(40, 140, 70);

@@ -160,7 +160,10 @@ def write_speed(speed: Json, kind: str) -> str:
         return text_of(value["register"]) + written
     if form != "fixed" or not in_range(decimal(value["value"]), unit):
         raise Refused("a speed is within the range of its unit")
-    return without_zero(plain(value["value"])) + written
+    digits = plain(value["value"])
+    if unit == "sec":
+        return (digits if "." in digits else digits + ".0") + written
+    return without_zero(digits) + written
 
 
 def write_termination(termination: Any) -> str:

@@ -11,17 +11,18 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::central::Log;
 use super::workpiece::{Outcome, Record};
+use crate::cell::fine::{self, FINE, UNIT};
 use crate::io::files;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-const SIZE: (i32, i32) = (1600, 603);
-const LEFT: i32 = 150;
-const RIGHT: i32 = 30;
-const TOP: i32 = 124;
-const LANE: i32 = 52;
+const SIZE: (i32, i32) = (1600 * UNIT, 603 * UNIT);
+const LEFT: i32 = 150 * UNIT;
+const RIGHT: i32 = 30 * UNIT;
+const TOP: i32 = 124 * UNIT;
+const LANE: i32 = 52 * UNIT;
 const LANES: i32 = 8;
-const BAR: i32 = 30;
+const BAR: i32 = 30 * UNIT;
 
 const INK: RGBColor = RGBColor(40, 44, 52);
 const FAINT: RGBColor = RGBColor(205, 210, 218);
@@ -73,7 +74,7 @@ pub fn draw(path: &Path, shown: &Shown) -> Result<()> {
     picture.draw(shown).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     drop(root);
-    files::write(path, drawn.as_bytes())
+    files::write(path, fine::shown(&drawn).as_bytes())
 }
 
 /// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.
@@ -102,10 +103,16 @@ type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 impl Picture<'_, '_> {
     fn draw(&self, shown: &Shown) -> Drawn {
         self.area.fill(&WHITE)?;
-        self.text((LEFT, 30), "Pick and place: what each device of the cell does", 22, INK, HPos::Left)?;
+        self.text(
+            (LEFT, 30 * UNIT),
+            "Pick and place: what each device of the cell does",
+            22,
+            INK,
+            HPos::Left,
+        )?;
         let legend =
             "one attempt from line to line; a part that is missed or lost is tried again from step 7";
-        self.text((LEFT, 56), legend, 14, INK, HPos::Left)?;
+        self.text((LEFT, 56 * UNIT), legend, 14, INK, HPos::Left)?;
         self.legend()?;
         self.attempts(shown)?;
         self.axis()?;
@@ -138,10 +145,10 @@ impl Picture<'_, '_> {
             (GOOD, "placed"),
             (BAD, "missed, lost, dropped, given up"),
         ] {
-            let corners = [(left, 73), (left + 14, 87)];
+            let corners = [(left, 73 * UNIT), (left + 14 * UNIT, 87 * UNIT)];
             self.area.draw(&Rectangle::new(corners, color.filled()))?;
-            self.text((left + 20, 80), text, 13, INK, HPos::Left)?;
-            left += 44 + i32::try_from(text.len()).unwrap_or_default() * 28 / 5;
+            self.text((left + 20 * UNIT, 80 * UNIT), text, 13, INK, HPos::Left)?;
+            left += 44 * UNIT + i32::try_from(text.len()).unwrap_or_default() * 28 * UNIT / 5;
         }
         Ok(())
     }
@@ -149,36 +156,44 @@ impl Picture<'_, '_> {
     fn attempts(&self, shown: &Shown) -> Drawn {
         for (at, _) in shown.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
-            self.area.draw(&PathElement::new([(x, TOP - 14), (x, TOP + LANES * LANE)], FAINT))?;
+            self.area
+                .draw(&PathElement::new([(x, TOP - 14 * UNIT), (x, TOP + LANES * LANE)], thin(FAINT)))?;
         }
         Ok(())
     }
 
     fn axis(&self) -> Drawn {
         let bottom = TOP + LANES * LANE;
-        self.area.draw(&PathElement::new([(LEFT, bottom), (SIZE.0 - RIGHT, bottom)], INK))?;
+        self.area.draw(&PathElement::new([(LEFT, bottom), (SIZE.0 - RIGHT, bottom)], thin(INK)))?;
         let span = (self.to - self.from).as_secs_f64();
         let every = [1u32, 2, 5, 10, 20, 50].into_iter().find(|every| span / f64::from(*every) <= 20.0);
         let seconds =
             (0u32..).map(|n| n * every.unwrap_or(100)).take_while(|second| f64::from(*second) <= span);
         for second in seconds {
             let x = self.x(self.from + Duration::from_secs(second.into()));
-            self.area.draw(&PathElement::new([(x, bottom), (x, bottom + 5)], INK))?;
-            self.text((x, bottom + 16), &format!("{second} s"), 13, INK, HPos::Center)?;
+            self.area.draw(&PathElement::new([(x, bottom), (x, bottom + 5 * UNIT)], thin(INK)))?;
+            self.text((x, bottom + 16 * UNIT), &format!("{second} s"), 13, INK, HPos::Center)?;
         }
-        self.text(((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38), "time of the cell", 14, INK, HPos::Center)
+        self.text(
+            ((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38 * UNIT),
+            "time of the cell",
+            14,
+            INK,
+            HPos::Center,
+        )
     }
 
     fn lane(&self, row: i32, name: &str, spans: &[Span]) -> Drawn {
         let middle = TOP + row * LANE + LANE / 2;
-        self.text((LEFT - 14, middle), name, 15, INK, HPos::Right)?;
-        self.area.draw(&PathElement::new([(LEFT, middle), (SIZE.0 - RIGHT, middle)], FAINT))?;
+        self.text((LEFT - 14 * UNIT, middle), name, 15, INK, HPos::Right)?;
+        self.area.draw(&PathElement::new([(LEFT, middle), (SIZE.0 - RIGHT, middle)], thin(FAINT)))?;
         for span in spans.iter().filter(|span| span.to > self.from && span.from < self.to) {
             // A white line between neighbours.
-            let (left, right) = (self.x(span.from), (self.x(span.to) - 1).max(self.x(span.from) + 2));
+            let (left, right) =
+                (self.x(span.from), (self.x(span.to) - UNIT).max(self.x(span.from) + 2 * UNIT));
             let corners = [(left, middle - BAR / 2), (right, middle + BAR / 2)];
             self.area.draw(&Rectangle::new(corners, span.color.filled()))?;
-            let width = i32::try_from(span.label.chars().count()).unwrap_or_default() * 6;
+            let width = i32::try_from(span.label.chars().count()).unwrap_or_default() * 6 * UNIT;
             if width > 0 && width < right - left {
                 self.text(((left + right) / 2, middle), span.label, 12, WHITE, HPos::Center)?;
             }
@@ -188,7 +203,7 @@ impl Picture<'_, '_> {
 
     fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> Drawn {
         let middle = TOP + (LANES - 1) * LANE + LANE / 2;
-        self.text((LEFT - 14, middle), "The part is", 15, INK, HPos::Right)?;
+        self.text((LEFT - 14 * UNIT, middle), "The part is", 15, INK, HPos::Right)?;
         for (at, outcome) in outcomes.iter().filter(|(at, _)| self.shows(*at)) {
             let (color, label) = match outcome {
                 Outcome::Placed => (GOOD, "placed"),
@@ -197,15 +212,19 @@ impl Picture<'_, '_> {
                 Outcome::Dropped => (BAD, "dropped"),
             };
             let x = self.x(*at);
-            self.area.draw(&PathElement::new([(x, TOP), (x, middle - 8)], color.mix(0.45)))?;
-            self.area.draw(&Circle::new((x, middle), 6, color.filled()))?;
-            self.text((x - 12, middle), label, 14, color, HPos::Right)?;
+            self.area.draw(&PathElement::new(
+                [(x, TOP), (x, middle - 8 * UNIT)],
+                color.mix(0.45).stroke_width(FINE),
+            ))?;
+            self.area.draw(&Circle::new((x, middle), 6 * UNIT, color.filled()))?;
+            self.text((x - 12 * UNIT, middle), label, 14, color, HPos::Right)?;
         }
         Ok(())
     }
 
     fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> Drawn {
-        let style = TextStyle::from(("sans-serif", size)).color(&color).pos(Pos::new(side, VPos::Center));
+        let style =
+            TextStyle::from(("sans-serif", size * UNIT)).color(&color).pos(Pos::new(side, VPos::Center));
         self.area.draw_text(text, &style, at)
     }
 
@@ -219,6 +238,11 @@ impl Picture<'_, '_> {
         let share = share / (self.to - self.from).as_secs_f64().max(1e-9);
         LEFT + (share * f64::from(SIZE.0 - LEFT - RIGHT)) as i32
     }
+}
+
+/// A line of one pixel.
+fn thin(color: RGBColor) -> ShapeStyle {
+    color.stroke_width(FINE)
 }
 
 /// The spans of the steps that a device has something to do in; neighbours of one label are one.

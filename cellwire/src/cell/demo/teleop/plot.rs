@@ -10,6 +10,7 @@ use val2_alter::{Limits, Scale, timing};
 use crate::cell::demo::DemoOptions;
 use crate::cell::demo::teleop::cell::{CellConfig, CellRecord};
 use crate::cell::demo::teleop::cycles::Cycle;
+use crate::cell::fine::{self, FINE, UNIT};
 use crate::io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);
@@ -43,10 +44,10 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
     let span = first.at.as_secs_f64()..last.at.as_secs_f64();
 
     let mut picture = String::new();
-    let root = SVGBackend::with_string(&mut picture, (1100, 1240)).into_drawing_area();
+    let root = SVGBackend::with_string(&mut picture, (1100 * FINE, 1240 * FINE)).into_drawing_area();
     let failed = |error| anyhow!("cannot draw {}: {error}", path.display());
     root.fill(&WHITE).map_err(failed)?;
-    let (top, bottom) = root.split_vertically(900);
+    let (top, bottom) = root.split_vertically(900 * UNIT);
     let areas = top.split_evenly((3, 2));
     for (axis, (name, limit)) in AXES.into_iter().zip(limits.velocity).enumerate() {
         // Translations are on the left, rotations on the right.
@@ -77,7 +78,7 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
     panel.draw(&bottom, span).map_err(failed)?;
     root.present().map_err(failed)?;
     drop((root, top, bottom, areas));
-    files::write(path, picture.as_bytes())
+    files::write(path, fine::shown(&picture).as_bytes())
 }
 
 struct Panel {
@@ -96,10 +97,10 @@ impl Panel {
     ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
         let range = -self.limit * 2.0..self.limit * 2.0;
         let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ("sans-serif", 18))
-            .margin(12)
-            .x_label_area_size(36)
-            .y_label_area_size(64)
+            .caption(&self.title, ("sans-serif", 18 * UNIT))
+            .margin(12 * FINE)
+            .x_label_area_size(38 * FINE)
+            .y_label_area_size(70 * FINE)
             .build_cartesian_2d(span.clone(), range.clone())?;
         chart
             .configure_mesh()
@@ -108,29 +109,39 @@ impl Panel {
             .y_label_formatter(&|y| format!("{y:.0}"))
             .x_label_formatter(&|x| format!("{x:.1}"))
             .light_line_style(WHITE)
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
+            .bold_line_style(LIMIT.mix(0.25).stroke_width(FINE))
+            .axis_style(BLACK.stroke_width(FINE))
+            .set_all_tick_mark_size(5 * UNIT)
+            .label_style(("sans-serif", 13 * UNIT))
+            .axis_desc_style(("sans-serif", 14 * UNIT))
             .draw()?;
         for limit in [self.limit, -self.limit] {
             let ends = [(span.start, limit), (span.end, limit)];
-            let series = chart.draw_series(DashedLineSeries::new(ends, 6, 4, LIMIT.stroke_width(1)))?;
+            let series = chart.draw_series(DashedLineSeries::new(
+                ends,
+                6 * FINE,
+                4 * FINE,
+                LIMIT.stroke_width(FINE),
+            ))?;
             if limit > 0.0 {
-                let dash = |x, y| PathElement::new([(x, y), (x + 6, y)], LIMIT.stroke_width(1));
-                series
-                    .label("limit")
-                    .legend(move |(x, y)| EmptyElement::at((x, y)) + dash(0, 0) + dash(8, 0) + dash(16, 0));
+                let dash = |x, y| PathElement::new([(x, y), (x + 6 * UNIT, y)], LIMIT.stroke_width(FINE));
+                series.label("limit").legend(move |(x, y)| {
+                    EmptyElement::at((x, y)) + dash(0, 0) + dash(8 * UNIT, 0) + dash(16 * UNIT, 0)
+                });
             }
         }
         for (curve, style, label) in [
-            (&self.asked, ASKED.stroke_width(1), "target"),
-            (&self.limited, LIMITED.stroke_width(2), "reply"),
+            (&self.asked, ASKED.stroke_width(FINE), "target"),
+            (&self.limited, LIMITED.stroke_width(2 * FINE), "reply"),
         ] {
             let mut labelled = false;
             for piece in curve {
                 let clipped = piece.iter().map(|(at, value)| (*at, value.clamp(range.start, range.end)));
                 let series = chart.draw_series(LineSeries::new(clipped, style))?;
                 if !core::mem::replace(&mut labelled, true) {
-                    series.label(label).legend(move |(x, y)| PathElement::new([(x, y), (x + 22, y)], style));
+                    series
+                        .label(label)
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 22 * UNIT, y)], style));
                 }
             }
         }
@@ -138,8 +149,10 @@ impl Panel {
             .configure_series_labels()
             .position(SeriesLabelPosition::LowerLeft)
             .background_style(WHITE.mix(0.85))
-            .border_style(LIMIT)
-            .label_font(("sans-serif", 13))
+            .border_style(LIMIT.stroke_width(FINE))
+            .legend_area_size(30 * UNIT)
+            .margin(10 * UNIT)
+            .label_font(("sans-serif", 13 * UNIT))
             .draw()
     }
 }

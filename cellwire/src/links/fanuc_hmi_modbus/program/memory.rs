@@ -1,6 +1,6 @@
 //! What a program reads and writes: registers, position registers, strings, timers, inputs and outputs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use fanuc_hmi_modbus::Signal;
 use fanuc_ls::{Expression, Function, Index, Item, ItemKind, Operator};
@@ -23,6 +23,8 @@ pub struct Memory {
     pub pulses: Vec<(f64, Signal)>,
     /// System variables, as far as the program has set them.
     pub system: BTreeMap<String, f64>,
+    /// Signals beyond the tables of the Modbus server, as DO\[11025\]: a controller has them all the same.
+    beyond: HashMap<Signal, u16>,
     markers: BTreeMap<u32, bool>,
     timers: BTreeMap<u32, Timer>,
 }
@@ -126,6 +128,7 @@ impl Memory {
             Index::Item(item) => match self.read(item, tables, around)? {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
                 Value::Number(number) if (1.0..=65_535.0).contains(&number) => Ok(number.round() as u32),
+                Value::Number(number) => Err(format!("{number} is no index")),
                 other => Err(format!("{other:?} is no index")),
             },
             Index::Untaught => Err("an index is not filled in".into()),
@@ -139,10 +142,12 @@ impl Memory {
     pub fn read(&self, item: &Item, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
         let n = self.index(&item.index, tables, around)?;
         if let Some(signal) = signal(item.kind, n) {
-            return Ok(tables.signal(signal).map_or(Value::Bit(false), |value| match is_word(item.kind) {
+            let beyond = || self.beyond.get(&signal).copied().unwrap_or(0);
+            let value = tables.signal(signal).unwrap_or_else(beyond);
+            return Ok(match is_word(item.kind) {
                 true => Value::Number(value.into()),
                 false => Value::Bit(value != 0),
-            }));
+            });
         }
         Ok(match item.kind {
             ItemKind::Register => Value::Number(self.numbers.get(&n).copied().unwrap_or(0.0)),
@@ -164,7 +169,11 @@ impl Memory {
                     None => Value::Place(place),
                     Some(element) => {
                         let element = self.index(element, tables, around)?;
-                        Value::Number(place.element(element).ok_or_else(|| format!("PR[{n},{element}]"))?)
+                        Value::Number(
+                            place
+                                .element(element)
+                                .ok_or_else(|| format!("PR[{n},{element}] is not modelled"))?,
+                        )
                     }
                 }
             }
@@ -191,15 +200,16 @@ impl Memory {
         let n = self.index(&item.index, tables, around)?;
         let refused = |value: &Value| Err(format!("{}[{n}] does not take {value:?}", item.kind));
         if let Some(signal) = signal(item.kind, n) {
-            return match &value {
-                Value::Bit(bit) if !is_word(item.kind) => tables.set_signal(signal, u16::from(*bit)),
+            let value = match &value {
+                Value::Bit(bit) if !is_word(item.kind) => u16::from(*bit),
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
                 Value::Number(number) if is_word(item.kind) && (0.0..=65_535.0).contains(number) => {
-                    tables.set_signal(signal, number.round() as u16)
+                    number.round() as u16
                 }
                 value => return refused(value),
-            }
-            .ok_or_else(|| format!("{}[{n}] is not there", item.kind));
+            };
+            self.set_signal(signal, value, tables);
+            return Ok(());
         }
         match (item.kind, value) {
             (ItemKind::Register, Value::Number(number)) => drop(self.numbers.insert(n, number)),
@@ -207,6 +217,10 @@ impl Memory {
             (ItemKind::StringRegister, Value::Text(text)) => drop(self.strings.insert(n, text)),
             (ItemKind::StringRegister, Value::Number(number)) => {
                 self.strings.insert(n, number.to_string());
+            }
+            (ItemKind::Timer, Value::Number(seconds)) => {
+                let timer = self.timers.entry(n).or_default();
+                *timer = Timer { seconds, since: timer.since.map(|_| around.now) };
             }
             (ItemKind::Marker, Value::Bit(bit)) => drop(self.markers.insert(n, bit)),
             (ItemKind::PositionRegister, Value::Place(place)) if item.element.is_none() => {
@@ -230,6 +244,13 @@ impl Memory {
         Ok(())
     }
 
+    /// Gives a signal a value, 0 or 1 to a bit.
+    pub(super) fn set_signal(&mut self, signal: Signal, value: u16, tables: &mut Tables) {
+        if tables.set_signal(signal, value).is_none() {
+            self.beyond.insert(signal, value);
+        }
+    }
+
     /// Starts, stops or resets a timer.
     pub fn time(&mut self, n: u32, action: fanuc_ls::TimerAction, now: f64) {
         let timer = self.timers.entry(n).or_default();
@@ -249,6 +270,10 @@ impl Memory {
 /// The signal that an item is.
 pub(super) fn signal(kind: ItemKind, n: u32) -> Option<Signal> {
     let n = u16::try_from(n).ok()?;
+    let has_zero = matches!(kind, ItemKind::OperatorInput | ItemKind::OperatorOutput);
+    if n == 0 && !has_zero {
+        return None;
+    }
     Some(match kind {
         ItemKind::Flag => Signal::Flag(n),
         ItemKind::DigitalInput => Signal::Di(n),

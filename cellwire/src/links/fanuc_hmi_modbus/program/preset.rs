@@ -85,7 +85,8 @@ fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) ->
             Value::Integer(word) if is_word(kind) => u16::try_from(*word)?,
             _ => bail!("{}", if is_word(kind) { "give a number, 0 to 65535" } else { "give true or false" }),
         };
-        return tables.set_signal(signal, bit).context("there is none of this number");
+        machine.memory.set_signal(signal, bit, tables);
+        return Ok(());
     }
     match kind {
         ItemKind::Register => drop(machine.memory.numbers.insert(n, number.context("give a number")?)),

@@ -298,12 +298,11 @@ impl Machine {
 
     fn end_pulses(&mut self, tables: &mut Tables) {
         let now = self.now;
-        self.memory.pulses.retain(|(end, signal)| {
-            if *end <= now {
-                tables.set_signal(*signal, 0);
-            }
-            *end > now
-        });
+        let (ended, going) = self.memory.pulses.drain(..).partition::<Vec<_>, _>(|(end, _)| *end <= now);
+        self.memory.pulses = going;
+        for (_, signal) in ended {
+            self.memory.set_signal(signal, 0, tables);
+        }
     }
 }
 

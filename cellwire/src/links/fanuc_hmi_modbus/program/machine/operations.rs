@@ -59,7 +59,7 @@ impl Machine {
             }
             Operation::Pulse(item, seconds) => {
                 let signal = self.signal_of(item, loaded, tables)?;
-                tables.set_signal(signal, 1).ok_or_else(|| format!("{}: not there", item.kind))?;
+                self.memory.set_signal(signal, 1, tables);
                 self.memory.pulses.push((self.now + seconds.unwrap_or(0.1), signal));
                 Flow::Next
             }

@@ -1,12 +1,12 @@
 //! Plots that are not on whole pixels.
 
 /// How many units of a plot are a pixel: the drawing library rounds every place to a whole unit.
-pub(super) const FINE: u32 = 10;
+pub(in crate::cell) const FINE: u32 = 10;
 /// The same, for places.
-pub(super) const UNIT: i32 = 10;
+pub(in crate::cell) const UNIT: i32 = 10;
 
 /// A plot in its size: it was drawn with [`FINE`] units a pixel.
-pub(super) fn shown(plot: &str) -> String {
+pub(in crate::cell) fn shown(plot: &str) -> String {
     let size = |name: &str| -> Option<u32> {
         let (_, rest) = plot.split_once(&format!(" {name}=\""))?;
         rest.split_once('"')?.0.parse().ok()

@@ -10,7 +10,7 @@ DEFAULT_GROUP	= 1,*,*,*,*;
    3:J P[1] 100% CNT60    ;
    4:L P[2] 200mm/sec CNT60    ;
    5:C P[1]    
-    :  P[2] .5sec FINE    ;
+    :  P[2] 0.5sec FINE    ;
 /POS
 P[1]{
    GP1:

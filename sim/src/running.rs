@@ -122,6 +122,7 @@ impl<D: Device + Send + 'static> Running<D> {
     }
 }
 
+#[cfg(any(unix, feature = "serialport"))]
 const NOWHERE: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 0);
 
 impl<D: Device> Running<D> {
@@ -332,6 +333,7 @@ fn dial<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, address: So
 }
 
 /// On a line, which no end of a connection closes.
+#[cfg(any(unix, feature = "serialport"))]
 fn stay<D: Device, T: Transport>(simulator: &mut Simulator<D>, shared: &Shared<D>, line: T) {
     let mut device = Loop::new(simulator, shared);
     device.connect(line);

@@ -241,7 +241,7 @@ fn a_dropped_future_loses_nothing() {
         let [near, far] = line(7, NEVER);
         let server = serve(far);
         let mut count = 0;
-        let row = run("its future dropped after 1 to 3 polls", kind, near, 4000, || {
+        let row = run("its future dropped after 1 to 3 polls", kind, near, 10_000, || {
             count += 1;
             Some(1 + rng.below(3) as u32)
         });

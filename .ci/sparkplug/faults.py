@@ -18,6 +18,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from pysparkplug._protobuf import sparkplug_b_pb2 as pb
 
+from ground import free_port
 from links import LINKS
 
 parser = argparse.ArgumentParser()
@@ -64,17 +65,6 @@ def spawn(command, log, **options):
     process = subprocess.Popen(command, stdout=open(folder / log, "a"), **options)
     processes.append(process)
     return process
-
-
-def free_port():
-    while True:
-        port = random.randrange(20_000, 30_000)
-        with socket.socket() as found:
-            try:
-                found.bind(("127.0.0.1", port))
-                return port
-            except OSError:
-                pass
 
 
 def wait(what, condition, seconds):

@@ -15,6 +15,7 @@ GROUP, NODE = "hall-3", "bridge-1"
 
 
 def free_port():
+    """Of those that the system gives to nobody who asks for any: the simulators do."""
     while True:
         port = random.randrange(20_000, 30_000)
         with socket.socket() as found:

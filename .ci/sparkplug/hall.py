@@ -2,7 +2,6 @@
 import argparse
 import json
 import os
-import random
 import re
 import signal
 import socket
@@ -13,6 +12,7 @@ import urllib.request
 from pathlib import Path
 
 from consumer import STATEMENTS, Consumer
+from ground import free_port
 from links import LINKS
 
 parser = argparse.ArgumentParser()
@@ -40,18 +40,6 @@ folder = args.place / "run"
 subprocess.run(["rm", "-rf", folder], check=True)
 folder.mkdir(parents=True)
 processes = []
-
-
-def free_port():
-    """Of those that the system gives to nobody who asks for any: the simulators do."""
-    while True:
-        port = random.randrange(20_000, 30_000)
-        with socket.socket() as found:
-            try:
-                found.bind(("127.0.0.1", port))
-                return port
-            except OSError:
-                pass
 
 
 def wait(what, condition, seconds=60):

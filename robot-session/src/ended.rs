@@ -16,8 +16,8 @@ pub enum Ended<B> {
     Stalled,
 }
 
-/// How long a peer may take no byte of what it is sent, unless a driver is given another time: 10 s. On a line whose receiver may hold the
-/// sender (RTS/CTS) it is longer than that is right.
+/// How long a peer may take no byte of what it is sent, unless a driver is given another time: 10 s. Where the receiver of a line may hold
+/// the sender (RTS/CTS), give the driver a longer time than that.
 pub const STALL: Duration = Duration::from_secs(10);
 
 impl Ended<()> {

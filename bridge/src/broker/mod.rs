@@ -286,6 +286,20 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// The next message was handed over with this number: it is in flight then. Without one (QoS 0) it is published, and its token returned.
+fn hand_over(
+    sent: &Mutex<VecDeque<Option<u64>>>,
+    number: u16,
+    flight: &mut HashMap<u16, u64>,
+) -> Option<u64> {
+    let token = lock(sent).pop_front().flatten()?;
+    if number == 0 {
+        return Some(token);
+    }
+    flight.insert(number, token);
+    None
+}
+
 async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(Happened)) {
     let mut flight: HashMap<u16, u64> = HashMap::new();
     let why = loop {
@@ -322,11 +336,11 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
                 payload: message.payload.to_vec(),
                 is_retained: message.retain,
             }),
-            Event::Outgoing(Outgoing::Publish(number)) => match (lock(sent).pop_front().flatten(), number) {
-                (Some(token), 0) => report(Happened::Published(token)),
-                (Some(token), number) => drop(flight.insert(number, token)),
-                (None, _) => {}
-            },
+            Event::Outgoing(Outgoing::Publish(number)) => {
+                if let Some(token) = hand_over(sent, number, &mut flight) {
+                    report(Happened::Published(token));
+                }
+            }
             Event::Incoming(Incoming::PubAck(ack)) => {
                 let Some(token) = flight.remove(&ack.pkid) else {
                     match ack.reason {

@@ -8,7 +8,9 @@ use rumqttc::{
     AsyncClient, ConnectionError, Event, EventLoop, Incoming, MqttOptions, Outgoing, QoS, SubscribeFilter,
 };
 
-use super::{Happened, IN_FLIGHT, LONGEST, Options, Password, ROOM, certificate_advice, lock, transport};
+use super::{
+    Happened, IN_FLIGHT, LONGEST, Options, Password, ROOM, certificate_advice, hand_over, transport,
+};
 
 pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
@@ -58,11 +60,11 @@ pub(super) async fn run(
                 payload: message.payload.to_vec(),
                 is_retained: message.retain,
             }),
-            Event::Outgoing(Outgoing::Publish(number)) => match (lock(sent).pop_front().flatten(), number) {
-                (Some(token), 0) => report(Happened::Published(token)),
-                (Some(token), number) => drop(flight.insert(number, token)),
-                (None, _) => {}
-            },
+            Event::Outgoing(Outgoing::Publish(number)) => {
+                if let Some(token) = hand_over(sent, number, &mut flight) {
+                    report(Happened::Published(token));
+                }
+            }
             Event::Incoming(Incoming::PubAck(ack)) => {
                 if let Some(token) = flight.remove(&ack.pkid) {
                     report(Happened::Published(token));

@@ -7,11 +7,11 @@ use cellwire_links::codec::{self, Found};
 use cellwire_links::link::{Accepted, Link};
 use cellwire_links::settings::insert;
 use cellwire_links::vectors::{Outcome, Vector, vectors};
+use robot_session::contract::Rng;
 use robot_session::tokio::Codec;
 use serde_json::{Map, Value, json};
 use testkit::contract::{Objects, change};
 use testkit::reference_file;
-use testkit::rng::Rng;
 use tokio_util::codec::Decoder as _;
 
 /// The codecs of a link.

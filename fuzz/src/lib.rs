@@ -14,8 +14,8 @@ use std::rc::Rc;
 
 use cellwire_links::LINKS;
 use codec::Codecs;
-use testkit::contract::{Held, scripted};
-use testkit::rng::Rng;
+use robot_session::contract::{Rng, scripted};
+use testkit::contract::Held;
 
 /// What a target does with an input.
 pub type Body = dyn Fn(&[u8]);

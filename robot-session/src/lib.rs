@@ -8,6 +8,8 @@ extern crate std;
 
 mod buffer;
 mod bytes;
+#[cfg(feature = "contract")]
+pub mod contract;
 mod counters;
 mod decoder;
 #[cfg(feature = "embedded-io")]

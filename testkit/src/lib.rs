@@ -1,8 +1,7 @@
 //! What the tests of every link share. Never published.
 //!
-//! - [`contract`]: what `robot-session` promises, for any decoder and any session
+//! - [`contract`]: decoders and ends of the table as what `robot_session::contract` takes
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
-//! - [`chunking`]: every way to cut a stream that a decoder must not notice
 //! - [`model`]: both machines of a link as one system, every state of which is explored
 //! - [`turn`]: one turn of an end on that link
 //! - `controller` (feature `links`): a Kawasaki robot as the tests use it, ours and the one that AS programs make
@@ -14,7 +13,6 @@
 #[doc = include_str!("../../README.md")]
 struct Readme;
 
-pub mod chunking;
 pub mod contract;
 #[cfg(feature = "links")]
 pub mod controller;
@@ -23,7 +21,6 @@ pub mod link;
 #[cfg(feature = "links")]
 pub mod links;
 pub mod model;
-pub mod rng;
 #[cfg(feature = "soak")]
 pub mod soak;
 mod turn;

@@ -15,7 +15,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 pub use crate::faults::{FaultCounts, Faults};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// One of the two ends of a [`Link`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

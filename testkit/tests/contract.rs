@@ -4,8 +4,9 @@
 
 use cellwire_links::vectors::{Outcome, Vector};
 use cellwire_links::{LINKS, Link};
+use robot_session::contract;
 use serde_json::{Map, Value};
-use testkit::contract::{self, Held, Objects};
+use testkit::contract::{Held, Objects};
 
 /// The strings of calls that each session is tried with.
 const SEEDS: u64 = 300;

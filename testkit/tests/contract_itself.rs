@@ -10,9 +10,9 @@ use core::time::Duration;
 use std::panic::catch_unwind;
 
 use cellwire_links::end::{By, Called, End, Once, Room};
-use robot_session::{Decoder, Session as _};
+use robot_session::{Decoder, Session as _, contract};
 use serde_json::{Map, Value, json};
-use testkit::contract::{self, Held, Story};
+use testkit::contract::{Held, Story};
 use toy::{Asker, Line, Lines, TooLong};
 
 /// What a broken decoder does wrong.

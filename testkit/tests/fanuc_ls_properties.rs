@@ -7,7 +7,7 @@ use fanuc_ls::{
     MotionKind, Position, Problem, Program, Rules, Speed, SpeedUnit, Target, Termination,
 };
 use proptest::prelude::*;
-use testkit::rng::Rng;
+use robot_session::contract::Rng;
 
 /// Coordinates and speeds that three decimals hold, so that what is read back can be compared.
 fn thousandths(rng: &mut Rng, below: usize) -> f64 {

@@ -216,7 +216,7 @@ fn what_the_pc_says_is_true_when_anything_can_happen() {
 fn anything_can_happen<C: Controller>(seeds: u64) {
     let (mut unknown, mut interrupted, mut complete) = (0, 0, 0);
     for seed in 0..seeds {
-        let mut rng = testkit::rng::Rng::new(seed);
+        let mut rng = robot_session::contract::Rng::new(seed);
         let mut rig = any::<C>(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 100);
         rig.motion = Some(3 * MS);
         let jobs = 40 + rng.below(40) as u32;

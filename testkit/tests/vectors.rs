@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use cellwire_links::codec::items;
 use cellwire_links::vectors::{Outcome, Vector, vectors};
 use cellwire_links::{LINKS, Link};
+use robot_session::contract::{after_a_cut, chunkings};
 use serde_json::{Map, Value};
-use testkit::chunking::{after_a_cut, chunkings};
 use val2_alter::{HostMessage, Message as _, RobotMessage};
 
 /// The vectors that one codec reads.

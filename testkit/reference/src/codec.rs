@@ -3,8 +3,8 @@
 use anyhow::{Result, ensure};
 use cellwire_links::Link;
 use cellwire_links::codec::{Codec, Found, items};
+use robot_session::contract::chunkings;
 use serde_json::{Map, Value};
-use testkit::chunking::chunkings;
 
 /// The codec of what `from` sends.
 pub(crate) fn codec(link: &str, from: Option<&str>, options: &Map<String, Value>) -> Result<Box<dyn Codec>> {

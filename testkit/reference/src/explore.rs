@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use testkit::rng::Rng;
+use robot_session::contract::Rng;
 
 use crate::ends;
 use crate::json::{self, Object};

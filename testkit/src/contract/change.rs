@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// Changes a value in one place: a leaf becomes another of its kind, a list longer or shorter.
 pub fn change(value: &mut Value, rng: &mut Rng) {

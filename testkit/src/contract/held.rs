@@ -1,12 +1,43 @@
 //! Every end of the table, with the configurations, calls and bytes of its stories.
 
-use cellwire_links::Link;
-use cellwire_links::end::EndRow;
-use cellwire_links::vectors::unhex;
-use serde_json::Value;
+use core::time::Duration;
 
-use super::session::{Held, Story};
+use cellwire_links::Link;
+use cellwire_links::end::{By, EndRow, Make, Once};
+use cellwire_links::vectors::unhex;
+use robot_session::contract::{Happened, Rng, Subject};
+use serde_json::{Map, Value, json};
+
+use super::change;
+use super::open::Open;
+use super::tabled::Tabled;
 use crate::reference;
+
+/// A story, as far as it says what may be done with an end.
+#[derive(Debug)]
+pub struct Story {
+    /// The configuration.
+    pub config: Map<String, Value>,
+    /// Bytes that the other end may send.
+    pub inputs: Vec<Vec<u8>>,
+    /// What its user may call, and with what.
+    pub calls: Vec<(String, Value)>,
+}
+
+/// An end, and what is done with it.
+#[derive(Debug)]
+pub struct Held {
+    /// Its name.
+    pub name: String,
+    /// How it is made.
+    pub make: Make,
+    /// What it begins and ends again.
+    pub once: &'static [Once],
+    /// At least one.
+    pub stories: Vec<Story>,
+    /// The fields of its configuration that are times, those that limit others last.
+    pub times: Vec<String>,
+}
 
 impl Held {
     /// An end of the table.
@@ -34,6 +65,106 @@ impl Held {
             once: row.once,
             stories,
             times: times.collect(),
+        }
+    }
+
+    /// With every time for ever that may be, the longest of those that limit one another first.
+    fn endless(&self, config: &Map<String, Value>) -> Map<String, Value> {
+        let mut endless = config.clone();
+        for time in self.times.iter().rev() {
+            // Of a gap `null` is none.
+            let most = if time == "gap" { u64::MAX.into() } else { Value::Null };
+            for never in [most, u32::MAX.into()] {
+                let before = endless.insert(time.clone(), never);
+                if (self.make)(&endless, None).is_ok() {
+                    break;
+                }
+                endless.remove(time);
+                endless.extend(before.map(|before| (time.clone(), before)));
+            }
+        }
+        endless
+    }
+
+    /// One of what a story has; of all stories now and then, or where it has none.
+    fn pick<'a, T>(&'a self, rng: &mut Rng, story: usize, of: fn(&Story) -> &[T]) -> Option<&'a T> {
+        let own = of(&self.stories[story]);
+        if !own.is_empty() && rng.chance(0.8) {
+            return own.get(rng.below(own.len()));
+        }
+        let count = self.stories.iter().map(|story| of(story).len()).sum();
+        let place = rng.below(count);
+        self.stories.iter().flat_map(of).nth(place)
+    }
+}
+
+impl Subject for Held {
+    type Session = Tabled;
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn configurations(&self) -> usize {
+        self.stories.len()
+    }
+
+    fn session(&self, story: usize, is_endless: bool) -> Tabled {
+        let config = &self.stories[story].config;
+        let endless = is_endless.then(|| self.endless(config));
+        Tabled((self.make)(endless.as_ref().unwrap_or(config), None).unwrap())
+    }
+
+    fn input(&self, end: &Tabled, story: usize, rng: &mut Rng) -> Vec<u8> {
+        let mut bytes = self.pick(rng, story, |story| &story.inputs).unwrap().clone();
+        bytes.truncate(end.0.max_input());
+        bytes
+    }
+
+    fn call(&self, end: &mut Tabled, story: usize, now: Duration, rng: &mut Rng) -> Option<String> {
+        let (name, argument) = self.pick(rng, story, |story| &story.calls)?;
+        let mut argument = argument.clone();
+        if rng.chance(0.2) {
+            change(&mut argument, rng);
+        }
+        // What the state does not allow is refused, and changes nothing.
+        let result = end.0.call(now, name, &argument).ok();
+        Some(format!("{name}: {result:?}"))
+    }
+
+    fn event(&self, event: &String) -> Option<String> {
+        // What is so until more bytes come depends on how the input is cut.
+        (!event.starts_with(r#"{"event":"out_of_step""#)).then(|| event.clone())
+    }
+
+    fn may_be_cut(&self, story: usize, bytes: &[u8]) -> bool {
+        // A packet of Kawasaki's ends where a read ends outside of a message: one message may be cut anywhere, several not between them.
+        let is_one =
+            matches!(bytes, [b'<', within @ .., b'>'] if !within.iter().any(|byte| b"<>".contains(byte)));
+        let is_datagram = self.stories[story].config.get("datagrams") == Some(&json!(true));
+        !is_datagram && (is_one || !self.name.starts_with("kawasaki"))
+    }
+
+    fn dropped_notices(&self, dropped: &u64) -> u64 {
+        *dropped
+    }
+
+    fn watch(&self) -> impl FnMut(Happened<'_, String>) {
+        let mut open = Open::new(self.once);
+        move |happened| match happened {
+            Happened::Connection => open.note(By::Connection, 1),
+            Happened::Byte(byte) => open.note(By::Byte(byte), 1),
+            Happened::Sent(_) => open.note(By::Sent, 1),
+            Happened::Called(call) => {
+                if let Some(name) = call.strip_suffix(": Some(Ok(()))") {
+                    open.note(By::Call(name), 1);
+                }
+            }
+            Happened::Event(event) => {
+                let object: Value = serde_json::from_str(event).unwrap();
+                let times = object["count"].as_u64().unwrap_or(1);
+                open.note(By::Event(object["event"].as_str().unwrap()), times);
+            }
         }
     }
 }

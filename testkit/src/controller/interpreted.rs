@@ -12,7 +12,7 @@ use kawasaki_msg::{
 };
 
 use super::Controller;
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The number of the one socket.
 const SOCKET: i32 = 7;

@@ -11,8 +11,8 @@ use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
 use crate::{Carrier, turn};
+use robot_session::contract::Rng;
 
 pub(super) const TASK: Row =
     Row { link: "mmacell-proto", transport: "task", job: "parts", one_in: None, session };

@@ -6,7 +6,7 @@ use super::log::{Log, Mark};
 use super::tally::Tally;
 use crate::Carrier;
 use crate::link::{Delivery, End, Faults, Link};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// What some bytes begin with, by the protocol's own check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -19,8 +19,8 @@ use fanuc_hmi_modbus::{
 };
 use pipe::{Pipe, line};
 use rig::{KINDS, Kind, Over, Rig};
+use robot_session::contract::Rng;
 use robot_session::{Driver, Session as _, now};
-use testkit::rng::Rng;
 
 const MS: Duration = Duration::from_millis(1);
 const TIMEOUT: Duration = Duration::from_millis(200);

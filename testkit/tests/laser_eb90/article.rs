@@ -1,6 +1,6 @@
 //! The article's own host against our controller: it repeats a frame for each error code, and frames have no number.
 
-use testkit::rng::Rng;
+use robot_session::contract::Rng;
 use testkit::soak::{Article, Fault, frame};
 
 use crate::cell::MS;

@@ -8,7 +8,7 @@ use robot_session::{Machine as _, Session as _};
 
 use super::pair::{AGE, CLAIMED};
 use crate::model::{Margin, Step};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "isra-ball host";

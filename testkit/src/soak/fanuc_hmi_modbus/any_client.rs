@@ -10,8 +10,8 @@ use robot_session::Encode as _;
 use super::bank::{Asked, held, is_held};
 use super::{Cell, MS, SETTLE, UNIT, Way};
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
 use crate::soak::Reported;
+use robot_session::contract::Rng;
 
 pub(super) struct AnyClient {
     pub(super) open: Vec<Open>,

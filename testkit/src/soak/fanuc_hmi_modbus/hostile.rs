@@ -7,8 +7,8 @@ use robot_session::{Encode as _, Session as _};
 
 use super::{Cell, MS, UNIT, Way};
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
 use crate::turn;
+use robot_session::contract::Rng;
 
 impl Cell {
     /// Before our client comes one that keeps no rule: it asks for anything, does not wait, uses transactions again, and sends

@@ -8,7 +8,7 @@ use robot_session::Encode as _;
 use super::bank::Bank;
 use super::{Cell, MS, UNIT, Way};
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// What nobody asks for: the value that the data of other units would write.
 pub(super) const PLANTED: u16 = 0x0BAD;

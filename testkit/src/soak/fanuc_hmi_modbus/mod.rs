@@ -18,8 +18,8 @@ use self::bank::{Asked, Bank, REFUSALS, Write, is_held};
 use self::lawful::{Lawful, PLANTED, planted};
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
-use crate::rng::Rng;
 use crate::turn;
+use robot_session::contract::Rng;
 
 pub(super) const TCP: Row = Row {
     link: "fanuc-hmi-modbus",

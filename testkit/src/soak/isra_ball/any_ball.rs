@@ -9,7 +9,7 @@ use isra_ball::{ENQ, Keys, Packet, Status};
 
 use super::{Hand, MS, Made, Wire};
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 pub(super) struct AnyBall {
     /// When it answers.

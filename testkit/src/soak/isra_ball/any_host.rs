@@ -11,9 +11,9 @@ use isra_ball::{BallEvent, ENQ, Frame, HostConfig, Status};
 
 use super::{Hand, MS, SERIAL, WORK, misfortune_of_ball, new_ball};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
 use crate::soak::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::{Carrier, turn};
+use robot_session::contract::Rng;
 
 pub(crate) const ANY_HOST: Row = Row {
     transport: "serial, any host",

@@ -21,8 +21,8 @@ use self::any_ball::AnyBall;
 pub(super) use self::any_host::{ANY_HOST, HOSTILE_HOST};
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
 use crate::turn;
+use robot_session::contract::Rng;
 
 pub(super) const SERIAL: Row = Row {
     link: "isra-ball",

@@ -9,8 +9,8 @@ use super::text;
 use super::{Cell, MS};
 use crate::controller::Controller;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
 use crate::soak::kawasaki_msg::picture::line;
+use robot_session::contract::Rng;
 
 pub(super) struct AnyPc {
     max_number: u16,

@@ -13,7 +13,7 @@ use kawasaki_msg::{
 
 use super::{MS, text};
 use crate::controller::Controller;
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 pub(super) struct AnyRobot {
     rng: Rng,

@@ -8,7 +8,7 @@ use super::picture::Picture;
 use super::{Cell, LIMIT, MS, Mishap};
 use crate::controller::Controller;
 use crate::link::End;
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// Jobs of a hostile PC begin at this place, where no picture of ours is.
 pub(super) const FAR: i32 = 9_000_000;

@@ -23,7 +23,7 @@ use self::picture::{Picture, line};
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::controller::{AsRobot, Controller, Native};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 pub(super) const TCP: Row = Row {
     link: "kawasaki-msg",

@@ -2,7 +2,7 @@
 
 use kawasaki_msg::{JobKind, JobSource, Line, Point, Supply};
 
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The line of a job: it says which one it is.
 pub(super) fn line(job: usize) -> Line {

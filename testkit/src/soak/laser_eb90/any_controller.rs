@@ -12,7 +12,7 @@ use laser_eb90::{Class, Decoder, Frame, Instruction, Instructions, Payload, Prof
 use super::Marked;
 use crate::Carrier;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The longest until corrupt bytes are judged, from a decision to its answer, and of an execution.
 pub(super) const SILENCE: Duration = Duration::from_millis(80);

@@ -12,7 +12,7 @@ use robot_work_queue::Reader;
 
 use super::super::{Ledger, Log, Mark, Reported, Row, Tally};
 use crate::link::FaultCounts;
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The article's host.
 pub(crate) const ANY_HOST: Row = Row {

@@ -21,8 +21,8 @@ pub use self::any_host::{Article, Fault, frame};
 use super::wire::Cable;
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Unseen, Wire};
 use crate::link::{End, Faults};
-use crate::rng::Rng;
 use crate::turn;
+use robot_session::contract::Rng;
 
 pub(super) const SERIAL: Row = Row {
     link: "laser-eb90",

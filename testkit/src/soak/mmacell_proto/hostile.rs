@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::collections::VecDeque;
 
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The commands that are not answered, oldest first, and the beginning of an answer.
 #[derive(Default)]

@@ -19,8 +19,8 @@ use self::hostile::{Pipeline, any_command, any_reply};
 use self::robot::{Line, Robot};
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
 use crate::{Carrier, turn};
+use robot_session::contract::Rng;
 
 pub(super) const TCP: Row = Row {
     link: "mmacell-proto",

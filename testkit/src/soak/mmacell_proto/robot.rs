@@ -7,7 +7,7 @@ use mmacell_proto::{Device, DeviceConfig, Order, RobotPose};
 use super::{HOME, MS, Wire};
 use crate::Carrier;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 /// The robot's owner.
 pub(super) struct Robot {

@@ -15,7 +15,7 @@ use val2_alter::{
 use super::{MS, Values};
 use crate::Carrier;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
+use robot_session::contract::Rng;
 
 pub(super) struct AnyController {
     config: ControllerConfig,

@@ -15,8 +15,8 @@ use val2_alter::{
 use super::{Cell, MS, exception, values};
 use crate::Carrier;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
 use crate::soak::{Mark, Reported};
+use robot_session::contract::Rng;
 
 pub(super) struct AnyHost {
     decoder: Decoder<RobotMessage>,

@@ -9,8 +9,8 @@ use val2_alter::{
 };
 
 use super::MS;
-use crate::rng::Rng;
 use crate::soak::{Log, Tally};
+use robot_session::contract::Rng;
 
 /// A random walk over the protocol's messages, and over any bytes, instead of the other end: everything that was asked for has one
 /// outcome, and whatever the controller says, no value is above the limits, nor farther from the one before.

@@ -17,8 +17,8 @@ use self::any_controller::AnyController;
 use self::any_host::AnyHost;
 use super::{Check, Ledger, Log, Mark, Peer, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
-use crate::rng::Rng;
 use crate::{Carrier, turn};
+use robot_session::contract::Rng;
 
 pub(super) const SERIAL: Row = Row {
     link: "val2-alter",

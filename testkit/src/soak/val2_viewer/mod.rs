@@ -19,8 +19,8 @@ use self::peers::{Seen, Stranger, Watched};
 use super::wire::Cable;
 use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
-use crate::rng::Rng;
 use crate::turn;
+use robot_session::contract::Rng;
 
 pub(super) const SERIAL: Row = Row {
     link: "val2-viewer",

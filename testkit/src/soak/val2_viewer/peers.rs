@@ -8,8 +8,8 @@ use val2_viewer::{ENQ, HostConfig, PosePacket, XOFF, XON};
 use super::{DISPLAY, MS, Made, anything};
 use crate::Carrier;
 use crate::link::{Delivery, End};
-use crate::rng::Rng;
 use crate::soak::wire::Cable;
+use robot_session::contract::Rng;
 
 /// A peer that chooses among what the source permits, or sends anything, in place of one of our ends.
 pub(super) struct Stranger {

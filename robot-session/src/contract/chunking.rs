@@ -1,5 +1,8 @@
 //! Every way to cut a stream that a decoder must not notice.
 
+use std::vec;
+use std::vec::Vec;
+
 /// The ways to read `bytes` that must all give the same frames: whole, byte by byte, and in two pieces at every byte.
 pub fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
     let whole = core::iter::once(vec![bytes]);

@@ -1,11 +1,12 @@
-//! The rules of [`robot_session::Decoder`].
+//! The rules of [`Decoder`].
 
 use core::fmt::Debug;
+use std::format;
+use std::string::String;
+use std::vec::Vec;
 
-use robot_session::Decoder;
-
-use crate::chunking::chunkings;
-use crate::rng::Rng;
+use super::{Rng, chunkings};
+use crate::Decoder;
 
 /// A frame or an error as text, and the stream offset just after it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,6 +1,7 @@
 //! A seeded generator: the same seed gives the same run on every machine, for ever. And one whose choices are a fuzzer's bytes.
 
 use core::time::Duration;
+use std::vec::Vec;
 
 /// Where choices come from.
 #[derive(Debug, Clone)]

@@ -1,0 +1,82 @@
+//! What is held to the contract of a session.
+
+use core::fmt::Debug;
+use core::time::Duration;
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+
+use super::Rng;
+use crate::Session;
+
+/// What a session does, or what is done with it.
+#[derive(Debug)]
+pub enum Happened<'a, E> {
+    /// A connection is made or lost.
+    Connection,
+    /// A byte arrives on a connection.
+    Byte(u8),
+    /// Something is transmitted, in one piece.
+    Sent(&'a [u8]),
+    /// An event is reported.
+    Event(&'a E),
+    /// The user's call has this result.
+    Called(&'a str),
+}
+
+/// A session that is held to the contract: how it is made, what its peer may send, and what its user may call.
+///
+/// Random choices are those of the [`Rng`]: what is made of equal choices on equal sessions must be equal.
+pub trait Subject {
+    /// The session, with what its user keeps beside it.
+    type Session: Session<Event: Debug>;
+
+    /// Its name in messages.
+    fn name(&self) -> &str {
+        core::any::type_name::<Self::Session>()
+    }
+
+    /// The number of configurations that are tried in turn, 1 or more.
+    fn configurations(&self) -> usize {
+        1
+    }
+
+    /// A new session with a configuration. With `is_endless`, each of its timeouts is the longest that is allowed.
+    fn session(&self, configuration: usize, is_endless: bool) -> Self::Session;
+
+    /// What the peer may send at once: most of it valid. Longer input than [`Session::MAX_INPUT`] is cut there.
+    fn input(&self, session: &Self::Session, configuration: usize, rng: &mut Rng) -> Vec<u8>;
+
+    /// Makes one of the user's calls, valid or not, and returns its name and result as text. `None`: there are no calls.
+    fn call(
+        &self,
+        _session: &mut Self::Session,
+        _configuration: usize,
+        _now: Duration,
+        _rng: &mut Rng,
+    ) -> Option<String> {
+        None
+    }
+
+    /// An event as text. `None` if it depends on how the input is divided into reads.
+    fn event(&self, event: &<Self::Session as Session>::Event) -> Option<String> {
+        Some(format!("{event:?}"))
+    }
+
+    /// Whether these bytes may arrive in several reads. False of datagrams.
+    fn may_be_cut(&self, _configuration: usize, _bytes: &[u8]) -> bool {
+        true
+    }
+
+    /// The number of notices that a session has dropped. Which ones depends on how the input is divided into reads, so events are not
+    /// compared then.
+    fn dropped_notices(&self, _statistics: &<Self::Session as Session>::Statistics) -> u64 {
+        0
+    }
+
+    /// A check of one session's life, called with all that happens in order: for example that each request has one outcome. It panics
+    /// if something is wrong.
+    fn watch(&self) -> impl FnMut(Happened<'_, <Self::Session as Session>::Event>) {
+        |_| ()
+    }
+}

@@ -119,6 +119,26 @@ pub struct Decimal {
 impl Decimal {
     /// The most decimals that a number can have.
     pub const MAX_PLACES: u8 = 9;
+
+    /// The nearest number with so many decimals; halves are rounded away from zero. `None` of NaN and infinities, of what is beyond an
+    /// `i32` of units, and of more places than 9.
+    ///
+    /// ```
+    /// use kawasaki_msg::Decimal;
+    /// let degrees = Decimal::nearest(-12.3456, 3);
+    /// assert_eq!(degrees, Some(Decimal { units: -12_346, places: 3 }));
+    /// assert_eq!(Decimal::nearest(0.0 / 0.0, 3), None);
+    /// ```
+    pub fn nearest(value: f64, places: u8) -> Option<Self> {
+        if places > Self::MAX_PLACES {
+            return None;
+        }
+        let scaled = value * f64::from(10u32.pow(u32::from(places)));
+        let units = scaled + 0.5_f64.copysign(scaled);
+        let fits = units > f64::from(i32::MIN) - 1.0 && units < f64::from(i32::MAX) + 1.0;
+        #[expect(clippy::cast_possible_truncation, reason = "it fits, without what is after the point")]
+        fits.then_some(Self { units: units as i32, places })
+    }
 }
 
 impl fmt::Display for Decimal {
@@ -138,5 +158,30 @@ impl fmt::Display for Decimal {
 impl serde::Serialize for Decimal {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         if self.places == 0 { serializer.serialize_i32(self.units) } else { serializer.collect_str(self) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Decimal;
+
+    fn units(value: f64, places: u8) -> Option<i32> {
+        Decimal::nearest(value, places).map(|decimal| decimal.units)
+    }
+
+    #[test]
+    fn a_float_becomes_the_nearest_decimal_or_none() {
+        assert_eq!(units(1.5, 0), Some(2));
+        assert_eq!(units(-1.5, 0), Some(-2));
+        assert_eq!(units(-0.0004, 3), Some(0));
+        assert_eq!(units(2_147_483.647, 3), Some(i32::MAX));
+        assert_eq!(units(2_147_483_647.4, 0), Some(i32::MAX));
+        assert_eq!(units(2_147_483_647.5, 0), None);
+        assert_eq!(units(-2_147_483_648.4, 0), Some(i32::MIN));
+        assert_eq!(units(-2_147_483_648.5, 0), None);
+        assert_eq!(units(1e300, 9), None);
+        assert_eq!(units(f64::NAN, 3), None);
+        assert_eq!(units(f64::NEG_INFINITY, 3), None);
+        assert_eq!(units(1.0, 10), None);
     }
 }

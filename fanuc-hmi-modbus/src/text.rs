@@ -1,6 +1,6 @@
 //! Strings, alarms and program names: the registers of an assignment with `$MULTIPLY` −1.
 
-use crate::error::TextError;
+pub use crate::error::TextError;
 
 /// The bytes of a string in registers, the first in the high byte of the first register, up to the first NUL or the end; how many.
 /// `out` has room for two a register, or what does not fit is left out.

@@ -168,7 +168,7 @@ fn what_no_order_can_be_is_refused() {
 #[test]
 fn the_state_is_that_after_a_lost_connection() {
     use kawasaki_msg::robot_session::Machine as _;
-    use pc::{Input, Machine, Sent};
+    use pc::machine::{Input, Machine, Sent};
     let config = PcConfig { max_number: 63, ..PcConfig::TCP }.machine();
     let now = Duration::from_secs(1);
     let mut lost = Machine::<1>::new();

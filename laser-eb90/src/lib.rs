@@ -7,31 +7,31 @@
 extern crate std;
 
 pub mod controller;
-pub mod decoder;
-pub mod error;
-pub mod frame;
+mod decoder;
+mod error;
+mod frame;
 pub mod host;
-pub mod instruction;
-pub mod items;
+mod instruction;
+mod items;
 #[cfg(feature = "serde")]
 mod json;
-pub mod payload;
-pub mod profile;
+mod payload;
+mod profile;
 #[cfg(feature = "spec")]
 mod spec;
 pub mod timing;
 #[cfg(feature = "tokio")]
 pub mod tokio;
-pub mod words;
+mod words;
 
 pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStatistics};
 pub use decoder::Decoder;
-pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
+pub use error::{ConfigError, DecodeError, EncodeError, SessionError, WordUse};
 pub use frame::{Frame, MAX_PAYLOAD};
 pub use host::machine::UnknownReason;
 pub use host::{Host, HostConfig, HostEvent, HostStatistics};
 pub use instruction::{Instruction, Instructions};
-pub use items::{Item, Items, Values};
+pub use items::{Item, Items, Number, Values};
 pub use payload::Payload;
 pub use profile::{ByteOrder, Flag, Profile, Tags, Tail, Width};
 pub use robot_session;

@@ -115,7 +115,7 @@ fn an_answer_is_waited_for_but_not_for_ever() {
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
     assert_eq!(
         (robot.machine().link, robot.poll_timeout()),
-        (kawasaki_msg::robot::Link::Connecting { reported: true }, None)
+        (kawasaki_msg::robot::machine::Link::Connecting { reported: true }, None)
     );
     robot.handle_connected(Duration::ZERO);
     let second = Duration::from_secs(1);
@@ -185,7 +185,7 @@ fn a_silent_robot_is_given_up() {
     pc.handle_timeout(Duration::from_secs(10));
     assert_eq!(pc.poll_event(), Some(PcEvent::Disconnect));
     pc.handle_disconnected(Duration::from_secs(10));
-    assert_eq!((pc.machine().link, pc.poll_timeout()), (kawasaki_msg::pc::Link::Listening, None));
+    assert_eq!((pc.machine().link, pc.poll_timeout()), (kawasaki_msg::pc::machine::Link::Listening, None));
 }
 
 #[test]

@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use robot_session::{Expiry, Unexpected, is_due};
 
-use super::config::{Config, Rule, Takeover};
-use super::state::{
+pub use super::config::Config;
+use super::config::{Rule, Takeover};
+pub use super::state::{
     Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
-    Reply, Report, Rest, Sent, Stage, Start,
+    Rejection, Reply, Report, Rest, Sent, Stage, Start,
 };
 use crate::content::FromPc;
 use crate::phase::Phase;

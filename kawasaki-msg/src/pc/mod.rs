@@ -2,7 +2,7 @@
 
 mod config;
 mod event;
-mod machine;
+pub mod machine;
 mod reports;
 mod session;
 mod source;
@@ -10,11 +10,8 @@ mod state;
 
 #[doc(hidden)]
 pub use config::Rule;
-pub use config::{Config, PcConfig, Takeover};
+pub use config::{PcConfig, Takeover};
 pub use event::PcEvent;
 pub use session::{LargePc, Pc};
 pub use source::{JobSource, Supply};
-pub use state::{
-    Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
-    Rejection, Reply, Report, Rest, Sent, Stage, Start,
-};
+pub use state::CommandOutcome;

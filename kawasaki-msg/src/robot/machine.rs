@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use robot_session::{Expiry, Unexpected, is_due};
 
-use super::config::{Acks, Config, Rule};
-use super::state::{
+pub use super::config::Config;
+use super::config::{Acks, Rule};
+pub use super::state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Report, Stage, Starts,
+    Rejection, Replies, Report, Sent, Stage, Starts,
 };
 use crate::content::FromPc;
 use crate::phase::Phase;

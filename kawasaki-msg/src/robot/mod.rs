@@ -3,7 +3,7 @@
 mod config;
 mod event;
 mod intake;
-mod machine;
+pub mod machine;
 mod reading;
 mod session;
 mod state;
@@ -11,10 +11,7 @@ mod transmit;
 
 #[doc(hidden)]
 pub use config::Rule;
-pub use config::{Acks, Config, RecoveryLimits, RobotConfig};
+pub use config::{Acks, RecoveryLimits, RobotConfig};
 pub use event::RobotEvent;
 pub use session::{LargeRobot, Robot};
-pub use state::{
-    AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Report, Sent, Stage, Starts,
-};
+pub use state::RecoveryStep;

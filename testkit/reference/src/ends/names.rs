@@ -3,7 +3,9 @@
 use core::time::Duration;
 
 use cellwire_links::end::End;
-use kawasaki_msg::{ALL_NUMBERS, pc, robot};
+use kawasaki_msg::ALL_NUMBERS;
+use kawasaki_msg::pc::machine as pc;
+use kawasaki_msg::robot::machine as robot;
 use serde_json::{Map, Value};
 use testkit::links::{self, fanuc_hmi_modbus::rows, kawasaki_msg::rows as kawasaki};
 use testkit::model::Rows;

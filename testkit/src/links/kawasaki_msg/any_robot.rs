@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{
+use kawasaki_msg::pc::machine::{
     Action, Config, Count, Input, Link, Order, Outcome, Reply, Report, Rest, Sent, Stage, Start,
 };
 use kawasaki_msg::{FromRobot, Phase, Status};

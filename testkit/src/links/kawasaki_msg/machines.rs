@@ -1,6 +1,7 @@
 //! Both machines as the model drives them.
 
-use kawasaki_msg::{pc, robot};
+use kawasaki_msg::pc::machine as pc;
+use kawasaki_msg::robot::machine as robot;
 
 use crate::model::Drawn;
 

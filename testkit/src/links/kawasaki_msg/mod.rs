@@ -15,8 +15,9 @@ use core::time::Duration;
 pub use margins::margins;
 
 use kawasaki_msg::pc::Rule as PcRule;
+use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::Rule as RobotRule;
-use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover, pc};
+use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
 use robot_session::Rules;
 
 pub use any_pc::{AnyPc, Peer};

@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use robot_session::Machine as _;
 
-use kawasaki_msg::pc;
-use kawasaki_msg::robot::{Cycle, Link, Order, Stage};
+use kawasaki_msg::pc::machine as pc;
+use kawasaki_msg::robot::machine::{Cycle, Link, Order, Stage};
 
 use super::machines::{Pc, Robot};
 use super::step::executed;

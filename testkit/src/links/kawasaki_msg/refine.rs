@@ -4,11 +4,12 @@ use core::time::Duration;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use kawasaki_msg::robot::{AckState, Link};
+use kawasaki_msg::pc::machine as pc;
+use kawasaki_msg::robot::machine::{self as robot, AckState, Link};
 use kawasaki_msg::robot_session::{Decoder as _, Machine as _, Session as _};
 use kawasaki_msg::{
     Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, LargePc, LargeRobot, Line, PcEvent, Point,
-    RobotEvent, Supply, pc, robot,
+    RobotEvent, Supply,
 };
 use robot_work_queue::Reader;
 

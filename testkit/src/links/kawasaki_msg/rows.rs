@@ -2,8 +2,9 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{Config, Input, Machine, Order, Sent};
-use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status, robot};
+use kawasaki_msg::pc::machine::{Config, Input, Machine, Order, Sent};
+use kawasaki_msg::robot::machine as robot;
+use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status};
 use robot_session::Machine as _;
 
 use crate::model::{NOW, Rows};

@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{self, Outcome, Rest};
-use kawasaki_msg::robot::{self, Cycle, Link, Order, RecoveryStep, Stage};
+use kawasaki_msg::pc::machine::{self as pc, Outcome, Rest};
+use kawasaki_msg::robot::machine::{self as robot, Cycle, Link, Order, RecoveryStep, Stage};
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
 use robot_session::Machine as _;
 

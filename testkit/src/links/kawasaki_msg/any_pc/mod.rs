@@ -4,7 +4,7 @@ mod world;
 
 use core::time::Duration;
 
-use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
+use kawasaki_msg::robot::machine::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
 use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
 use robot_session::Machine as _;
 

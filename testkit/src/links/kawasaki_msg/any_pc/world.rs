@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use kawasaki_msg::FromPc;
-use kawasaki_msg::robot::{AckState, Link, Order, Replies, Stage};
+use kawasaki_msg::robot::machine::{AckState, Link, Order, Replies, Stage};
 
 use super::super::machines::Robot;
 

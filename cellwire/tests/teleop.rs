@@ -26,10 +26,10 @@ use cellwire::io::line::{Clock, Line, Lines};
 use cellwire::io::serial;
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::isra_ball::ball;
-use cellwire::links::val2_alter::Pose;
-use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
+use cellwire::links::val2_alter::puma::{self, PumaConfig};
 use cellwire_motion::latch::LatchConfig;
 use cellwire_sim::Viewer;
+use cellwire_sim::puma::{Pose, PumaEvent};
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use real_time::in_real_time;
@@ -37,27 +37,27 @@ use val2_alter::{ErrorCode, HostConfig, Motion};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-fn next(events: &Receiver<PumaEvent>) -> PumaEvent {
+fn next(events: &Receiver<puma::Notification>) -> puma::Notification {
     events.recv_timeout(PATIENCE).expect("the robot reports something")
 }
 
 /// Where the arm stands at the beginning of ALTER.
-fn wait_for_start(events: &Receiver<PumaEvent>) -> Pose {
+fn wait_for_start(events: &Receiver<puma::Notification>) -> Pose {
     loop {
-        if let PumaEvent::Started(pose) = next(events) {
+        if let puma::Notification::Robot(PumaEvent::Started(pose)) = next(events) {
             return pose;
         }
     }
 }
 
 /// Where the arm stands, and why, when the host has gone. A busy machine may have missed a window before.
-fn wait_for_end(events: &Receiver<PumaEvent>) -> (ErrorCode, Pose) {
+fn wait_for_end(events: &Receiver<puma::Notification>) -> (ErrorCode, Pose) {
     let (mut is_connected, mut end) = (true, None);
     loop {
         match next(events) {
-            PumaEvent::Connected(connected) => is_connected = connected,
-            PumaEvent::Started(_) => end = None,
-            PumaEvent::Ended(error, pose) => end = Some((error, pose)),
+            puma::Notification::Connected(connected) => is_connected = connected,
+            puma::Notification::Robot(PumaEvent::Started(_)) => end = None,
+            puma::Notification::Robot(PumaEvent::Ended(error, pose)) => end = Some((error, pose)),
             _ => {}
         }
         if let (false, Some(end)) = (is_connected, end) {
@@ -88,7 +88,8 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
         let (robot_port, robot) = serial::pair().unwrap();
         let (ball_port, ball) = serial::pair().unwrap();
         let (notify, events) = channel();
-        let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
+        let mut config = PumaConfig::default();
+        config.puma.restart = Duration::from_millis(200);
         let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
         let stopped = Arc::clone(&stop);
         let robot_thread = thread::spawn(move || {
@@ -151,7 +152,7 @@ fn whatever_goes_wrong(lines: Lines) {
         let config = CellConfig {
             time: Duration::from_millis(4500),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            controller: PumaConfig::default().controller,
+            controller: PumaConfig::default().puma.config,
             polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
             viewer: Viewer::default(),

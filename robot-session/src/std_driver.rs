@@ -68,10 +68,15 @@ pub enum Sent {
     Transmitted,
 }
 
-/// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session.
+/// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session. In a runtime of tokio whose
+/// clock is paused it is that clock's: a handle, its task and its session then stand in the same virtual time.
 pub fn now() -> Duration {
     static START: OnceLock<Instant> = OnceLock::new();
-    START.get_or_init(Instant::now).elapsed()
+    #[cfg(feature = "tokio")]
+    let now = ::tokio::time::Instant::now().into_std();
+    #[cfg(not(feature = "tokio"))]
+    let now = Instant::now();
+    now.saturating_duration_since(*START.get_or_init(|| now))
 }
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,

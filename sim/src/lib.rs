@@ -17,6 +17,8 @@ pub mod laser;
 pub mod mma;
 #[cfg(unix)]
 mod pty;
+#[cfg(feature = "puma")]
+pub mod puma;
 mod running;
 mod simulator;
 #[cfg(feature = "viewer")]
@@ -30,11 +32,13 @@ pub use device::{Device, Error, Executed, Notes, Settings};
 pub use fanuc::Fanuc;
 pub use faults::{Fault, Faults, Script};
 #[cfg(feature = "kawasaki")]
-pub use kawasaki::KawasakiRobot;
+pub use kawasaki::{KawasakiPc, KawasakiRobot};
 #[cfg(feature = "laser")]
 pub use laser::Laser;
 #[cfg(feature = "mma")]
 pub use mma::{MmaPlatform, MmaRobot};
+#[cfg(feature = "puma")]
+pub use puma::Puma;
 pub use robot_session;
 pub use running::Running;
 pub use simulator::{Simulator, Told};

@@ -3,10 +3,10 @@
 
 use core::time::Duration;
 
-use cellwire_sim::{Fault, KawasakiRobot, Script, Settings as _, Told};
-use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Error, pc};
-use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotEvent};
+use cellwire_sim::{Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Told};
+use kawasaki_msg::robot_session::tokio::{Listen, Tcp};
+use kawasaki_msg::tokio::{Error, pc, robot};
+use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Work};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -74,4 +74,42 @@ fn half_an_hour_of_drawing() {
     let connections =
         bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(RobotEvent::Connect))).count();
     assert!(connections > 3, "{connections}");
+}
+
+/// A robot's handle against a PC that loses its connection in the middle of packets, and begins one order after the other.
+#[tokio::test]
+async fn a_robot_draws_each_order_of_a_pc_once() {
+    let pc = KawasakiPc { jobs: jobs(300).into(), order: 65_535, repeat: true, ..KawasakiPc::default() };
+    let sim = pc.listen("127.0.0.1:0").unwrap();
+    sim.faults()
+        .follow(Script::new().answer(3, Fault::Cut).answer(9, Fault::Drop).request(20, Fault::Corrupt));
+    let to = Tcp::new(sim.address().to_string());
+    let ranges = <Line as Work>::Ranges::default();
+    let (_robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, ranges, 64, to).unwrap();
+    tokio::spawn(task.run());
+    let mut drawn = Vec::new();
+    let mut draw = async |orders: usize| {
+        while sim.executed().len() < orders {
+            // What the PC has done it says to nobody but the test.
+            let _ = tokio::time::timeout(MS, motion.wait()).await;
+            while let Some(job) = motion.take() {
+                drawn.push(job.work);
+                job.complete();
+            }
+        }
+    };
+    draw(2).await;
+    sim.faults().forget();
+    draw(3).await;
+    assert_eq!(drawn[..600], [jobs(300), jobs(300)].concat());
+    assert_eq!(sim.faults().happened().len(), 4);
+    let over = sim.executed().into_iter().map(|over| over.work);
+    let over: Vec<_> = over
+        .map(|over| match over {
+            PcEvent::OrderOver { order, executed, complete } => (order, executed, complete),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(over[..2], [(65_535, 300, true), (1, 300, true)]);
+    assert!(matches!(over[2], (2, 0..300, false)), "{over:?}");
 }

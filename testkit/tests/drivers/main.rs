@@ -58,8 +58,8 @@ struct Caller {
 }
 
 impl Caller {
-    fn new() -> Self {
-        let config = ClientConfig { in_flight: 4, timeout: TIMEOUT, ..ClientConfig::tcp() };
+    fn new(timeout: Duration) -> Self {
+        let config = ClientConfig { in_flight: 4, timeout, ..ClientConfig::tcp() };
         Self {
             client: Client::new(config).unwrap(),
             asked: HashMap::new(),
@@ -153,9 +153,21 @@ fn run(
     kind: Kind,
     pipe: Pipe,
     requests: u32,
+    polls: impl FnMut() -> Option<u32>,
+) -> Row {
+    run_within(TIMEOUT, fault, kind, pipe, requests, polls)
+}
+
+/// The same with another timeout of each request.
+fn run_within(
+    timeout: Duration,
+    fault: &'static str,
+    kind: Kind,
+    pipe: Pipe,
+    requests: u32,
     mut polls: impl FnMut() -> Option<u32>,
 ) -> Row {
-    let (mut caller, begun) = (Caller::new(), now());
+    let (mut caller, begun) = (Caller::new(timeout), now());
     let mut rig = Rig::new(kind, pipe.clone(), 300 * MS);
     caller.client.handle_connected(now());
     let (mut over, mut stuck) = (Vec::new(), false);
@@ -241,13 +253,14 @@ fn a_dropped_future_loses_nothing() {
         let [near, far] = line(7, NEVER);
         let server = serve(far);
         let mut count = 0;
-        let row = run("its future dropped after 1 to 3 polls", kind, near, 10_000, || {
+        // However busy the machine is, every reply comes.
+        let row = run_within(LONG, "its future dropped after 1 to 3 polls", kind, near, 10_000, || {
             count += 1;
             Some(1 + rng.below(3) as u32)
         });
         row.check();
         println!("{count} dropped");
-        assert!(count >= 50_000 && row.caller.failed == 0, "{count} dropped");
+        assert!(count >= 100_000 && row.caller.failed == 0, "{count} dropped");
         server.join().unwrap();
     }
 }
@@ -283,7 +296,7 @@ fn a_kill_between_keeping_and_writing_leaves_nothing_unknown() {
         for _ in 0..300 {
             let [near, far] = line(64, NEVER);
             let mut rig = Rig::new(kind, near, LONG);
-            let mut caller = Caller::new();
+            let mut caller = Caller::new(TIMEOUT);
             caller.client.handle_connected(now());
             caller.ask(1 + rng.below(4) as u32);
             let (mut kept, mut before, mut fails) = (0, 0, rng.below(4));

@@ -10,7 +10,7 @@ use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Polic
 
 use super::model::{Model, View, cause_text, segment_words};
 use crate::cell::teleop::input::FULL;
-use crate::links::val2_alter::Layout as Words;
+use cellwire_sim::puma::Layout as Words;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
 /// What is not live.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
+use cellwire_sim::Told;
 use kawasaki_msg::PcEvent;
 use robot_session::{Driver, Session, Transport as _};
 
@@ -21,7 +22,7 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// The program of a PC.
 pub trait Program {
     /// Its session.
-    type Session: Session<Event = PcEvent>;
+    type Session: Session<Event: Ends>;
 
     /// Acts on the session once everything that has happened was reported; false ends the run.
     ///
@@ -41,14 +42,39 @@ pub trait Program {
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn notify(&mut self, session: &mut Self::Session, notification: Notification<'_>) -> Result<()>;
+    fn notify(
+        &mut self,
+        session: &mut Self::Session,
+        notification: Notification<'_, Event<Self>>,
+    ) -> Result<()>;
+}
+
+/// What the session of a program reports.
+pub type Event<P> = <<P as Program>::Session as Session>::Event;
+
+/// An event that may end the connection.
+pub trait Ends {
+    /// Whether it does.
+    fn ends(&self) -> bool;
+}
+
+impl Ends for PcEvent {
+    fn ends(&self) -> bool {
+        *self == Self::Disconnect
+    }
+}
+
+impl Ends for Told<PcEvent> {
+    fn ends(&self) -> bool {
+        matches!(self, Self::Close(_))
+    }
 }
 
 /// What a PC reports while it runs.
 #[derive(Debug)]
-pub enum Notification<'a> {
+pub enum Notification<'a, E = PcEvent> {
     /// An event of the session.
-    Event(PcEvent),
+    Event(E),
     /// A robot has connected.
     Connected(String),
     /// The connection has ended, or cannot be opened.
@@ -126,9 +152,10 @@ impl<P: Program> Server<'_, P> {
         let program = RefCell::new(program);
         let keep = |session: &mut P::Session| program.borrow_mut().keep(session);
         let turn = driver.turn_keeping(session, Some(GLANCE), keep, |session, event| {
+            let ends = event.ends();
             match program.borrow_mut().notify(session, Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Some(error)),
-                Ok(()) if event == PcEvent::Disconnect => ControlFlow::Break(None),
+                Ok(()) if ends => ControlFlow::Break(None),
                 Ok(()) => ControlFlow::Continue(()),
             }
         });

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 
 use anyhow::{Context as _, Result};
-use kawasaki_msg::{LargePc, PcEvent, RobotEvent};
+use cellwire_sim::kawasaki::Pc;
+use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
+use kawasaki_msg::{PcEvent, RobotEvent};
 use serde_json::json;
 
 use super::meeting::Meeting;
@@ -31,14 +33,14 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
         None => Picture::built_in(SHEET)?,
     };
     let layout = settings.plant.layout()?;
-    let jobs = Lines::of(&layout)?.jobs(&picture);
+    let jobs = Lines::of(&layout)?.jobs(&picture).into();
     let config = settings.plant.pc(settings.config)?;
-    let session = LargePc::sized(config)?.with_ranges(layout)?;
+    let PcSettings { order, repeat, .. } = settings;
+    let pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
         Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.connect_timeout)?;
     ready("kawasaki-pc", kind, &place)?;
-    let mut program = Orders { jobs: &jobs, next: settings.order, wanted: false, repeat: settings.repeat };
-    pc::run(&mut meeting, session, &options.trace.start("kawasaki-pc"), &mut program)?;
+    pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
     Ok(())
 }
 
@@ -125,42 +127,27 @@ impl Record {
     }
 }
 
-/// The simulated PC's program: an order for each robot that connects without one.
-struct Orders<'a> {
-    jobs: &'a [AnyWork],
-    next: u16,
-    wanted: bool,
-    repeat: bool,
-}
+/// The simulated PC, which needs nobody.
+struct Alone;
 
-impl<'a> Program for Orders<'a> {
-    type Session = LargePc<'static, &'a [AnyWork]>;
+impl Program for Alone {
+    type Session = Simulator<Pc<AnyWork>>;
 
-    fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
-        if std::mem::take(&mut self.wanted) && pc.order().is_none() {
-            pc.start(self.next, self.jobs)?;
-            self.next = self.next.checked_add(1).unwrap_or(1);
-        }
+    fn step(&mut self, _: &mut Self::Session) -> Result<bool> {
         Ok(true)
     }
 
-    fn notify(&mut self, _: &mut Self::Session, notification: pc::Notification<'_>) -> Result<()> {
-        let line = match notification {
-            pc::Notification::Event(event) => {
-                self.wanted |= match event {
-                    PcEvent::OrderOver { .. } => self.repeat,
-                    PcEvent::OutcomeUnknown { .. } | PcEvent::OrderRefused { given_up: true, .. } => true,
-                    _ => false,
-                };
-                serde_json::to_value(event)?
-            }
-            pc::Notification::Connected(peer) => {
-                self.wanted = true;
-                json!({"event": "connected", "peer": peer})
-            }
+    fn notify(
+        &mut self,
+        _: &mut Self::Session,
+        notification: pc::Notification<'_, Told<PcEvent>>,
+    ) -> Result<()> {
+        log(&match notification {
+            pc::Notification::Event(Told::Device(event)) => serde_json::to_value(event)?,
+            pc::Notification::Event(_) => return Ok(()),
+            pc::Notification::Connected(peer) => json!({"event": "connected", "peer": peer}),
             pc::Notification::Disconnected(why) => json!({"event": "disconnected", "why": why}),
             pc::Notification::Traced(path) => json!({"event": "trace", "path": path}),
-        };
-        log(&line)
+        })
     }
 }

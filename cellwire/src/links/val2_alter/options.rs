@@ -1,62 +1,15 @@
-//! The settings of the link: its envelope, both ends, and the simulated arm.
+//! The settings of the simulated robot.
 
-use val2_alter::{Polarity, Scale};
-
-use super::arm::ArmConfig;
-use super::layout::{Layout, Order};
 use super::puma::PumaConfig;
 use super::script;
-use cellwire_links::settings::{ANY_TIME, Configure, Fields};
+use cellwire_links::settings::{Configure, Fields};
 
 impl Configure for PumaConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { controller, arm, restart, subroutine_time, script, keeps_all: _ } = self;
-        controller.configure(fields);
-        let about = "the wait until the operator starts the program again";
-        fields.time("restart", ANY_TIME, about, restart);
-        let about = "how long the subroutine of an exception runs";
-        fields.time("subroutine_time", ANY_TIME, about, subroutine_time);
+        let Self { puma, script, keeps_all: _ } = self;
+        puma.configure(fields);
         let about = "what happens, and when since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
                      mark or timeout, corrupt, status 1 to 13, finish, restart; each waits until ALTER runs";
         fields.parsed("script", script::SHAPE, about, script);
-        arm.configure(fields);
-    }
-}
-
-impl Configure for ArmConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { polarity, scale, layout, home } = self;
-        let choices = [("tool_is_one", Polarity::ToolIsOne), ("world_is_one", Polarity::WorldIsOne)];
-        fields.choice("polarity", &choices, "which way round mode bit 1 is", polarity);
-        fields.group("scale", |fields| {
-            let Scale { per_mm, per_degree } = scale;
-            fields.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the words", per_mm);
-            fields.real("per_degree", 0.001..=32767.0, "units", "a degree in the words", per_degree);
-        });
-        fields.group("layout", |fields| {
-            let Layout { order, rotation_one, per_mm } = layout;
-            let choices = [
-                ("columns", Order::Columns),
-                ("rows", Order::Rows),
-                ("position_then_columns", Order::PositionThenColumns),
-                ("rotation_rows_then_position", Order::RotationRowsThenPosition),
-            ];
-            fields.choice("order", &choices, "the order of the twelve words of a transformation", order);
-            fields.real(
-                "rotation_one",
-                1.0..=32767.0,
-                "",
-                "the word that is 1.0 in the rotation",
-                rotation_one,
-            );
-            fields.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the position", per_mm);
-        });
-        fields.group("home", |fields| {
-            let reach = -1023.0..=1023.0;
-            let about = "where the arm is at first";
-            for (name, value) in ["x", "y", "z"].into_iter().zip(&mut home.p) {
-                fields.real(name, reach.clone(), "mm", about, value);
-            }
-        });
     }
 }

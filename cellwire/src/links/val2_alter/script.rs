@@ -1,11 +1,11 @@
 //! What happens to the simulated robot, and when: interruptions, errors, ends and restarts that its host has not caused.
 
-use core::fmt;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
+use cellwire_sim::puma::Incident;
 use serde::{Deserialize, Serialize};
-use val2_alter::{ErrorCode, Frame, Framing, SegmentStatus};
+use val2_alter::{ErrorCode, SegmentStatus};
 
 /// The shape of the setting.
 pub(super) const SHAPE: &str = "[texts such as \"2s interrupt 1s\", \"5s misread checksum\"]";
@@ -23,38 +23,7 @@ const ERRORS: [(&str, ErrorCode); 6] = [
 /// The incidents in the order of their times, which begin with the first ALTER.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
-pub struct Script(Vec<(Duration, Incident)>);
-
-/// What can happen. It waits until ALTER runs; what happens on the line, until it runs or starts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Incident {
-    /// The program runs a subroutine that takes so long.
-    Interrupt(Duration),
-    /// The next reply reaches the controller so that it has this error.
-    Misread(ErrorCode),
-    /// The next message leaves the controller with a wrong checksum.
-    Corrupt,
-    /// The messages say this of the motion segment from now on.
-    Status(SegmentStatus),
-    /// The program ends ALTER.
-    Finish,
-    /// The controller is switched off and on, and its program started: no message says that ALTER has ended.
-    Restart,
-}
-
-impl Script {
-    /// The next incident, if its time has come.
-    pub(super) fn due(&self, time: Duration) -> Option<Incident> {
-        self.0.first().filter(|(at, _)| *at <= time).map(|(_, incident)| *incident)
-    }
-
-    /// The incident has happened.
-    pub(super) fn advance(&mut self) {
-        if !self.0.is_empty() {
-            self.0.remove(0);
-        }
-    }
-}
+pub struct Script(pub Vec<(Duration, Incident)>);
 
 impl TryFrom<Vec<String>> for Script {
     type Error = String;
@@ -69,7 +38,7 @@ impl TryFrom<Vec<String>> for Script {
 
 impl From<Script> for Vec<String> {
     fn from(Script(incidents): Script) -> Self {
-        let each = |(at, incident)| format!("{}ns {incident}", Duration::as_nanos(&at));
+        let each = |(at, incident)| format!("{}ns {}", Duration::as_nanos(&at), text(incident));
         incidents.into_iter().map(each).collect()
     }
 }
@@ -107,64 +76,24 @@ fn names() -> String {
     ERRORS.map(|(name, _)| name).join(", ")
 }
 
-/// As it was written, without its time.
-impl fmt::Display for Incident {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Interrupt(time) => write!(f, "interrupt {}", humantime::format_duration(*time)),
-            Self::Misread(error) => {
-                let name = ERRORS.iter().find(|(_, known)| known == error).map_or("", |(name, _)| name);
-                write!(f, "misread {name}")
-            }
-            Self::Corrupt => write!(f, "corrupt"),
-            Self::Status(status) => write!(f, "status {}", u8::from(*status)),
-            Self::Finish => write!(f, "finish"),
-            Self::Restart => write!(f, "restart"),
+/// An incident as it was written, without its time.
+pub fn text(incident: Incident) -> String {
+    match incident {
+        Incident::Interrupt(time) => format!("interrupt {}", humantime::format_duration(time)),
+        Incident::Misread(error) => {
+            let name = ERRORS.iter().find(|(_, known)| *known == error).map_or("", |(name, _)| name);
+            format!("misread {name}")
         }
-    }
-}
-
-/// What arrives in the place of a reply, so that a controller has this error with it.
-pub(super) fn misread(error: ErrorCode, framing: Framing) -> Vec<u8> {
-    // An exception byte and a select byte are a whole reply; with X selected a word is missing.
-    let data: &[u8] = match error {
-        ErrorCode::Format => &[0, 1],
-        ErrorCode::Overflow => &[0; 15],
-        _ => &[0, 0],
-    };
-    let mut bytes = [0; Frame::MAX_LEN];
-    let encoded = Frame::new(data).and_then(|frame| frame.encode(framing, &mut bytes));
-    let mut reply = bytes.get(..encoded.unwrap_or_default()).unwrap_or_default().to_vec();
-    match error {
-        ErrorCode::Checksum => spoil(&mut reply),
-        ErrorCode::Incomplete => reply.truncate(reply.len() / 2),
-        ErrorCode::Mark => {
-            // DLE ETX, and the sum of zeros.
-            if let [.., end, _sum] = reply.as_mut_slice() {
-                *end = 0x04;
-            }
-        }
-        ErrorCode::Timeout => reply.clear(),
-        _ => {}
-    }
-    reply
-}
-
-/// Makes the checksum of a frame wrong.
-pub(super) fn spoil(frame: &mut [u8]) {
-    if let Some(sum) = frame.last_mut() {
-        *sum ^= 0x55;
+        Incident::Corrupt => "corrupt".into(),
+        Incident::Status(status) => format!("status {}", u8::from(status)),
+        Incident::Finish => "finish".into(),
+        Incident::Restart => "restart".into(),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use robot_session::Session as _;
-    use val2_alter::{Controller, ControllerConfig, ControllerEvent, LeadingDle};
-
     use super::*;
-
-    const MS: Duration = Duration::from_millis(1);
 
     fn script(texts: &[&str]) -> Result<Script, String> {
         Script::try_from(texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>())
@@ -180,13 +109,9 @@ mod tests {
             "9s status 13",
             "4s finish",
         ];
-        let mut script = script(&texts).unwrap();
-        assert_eq!(script.due(499 * MS), None);
-        let mut seen = Vec::new();
-        while let Some(incident) = script.due(Duration::MAX) {
-            seen.push(incident.to_string());
-            script.advance();
-        }
+        let Script(incidents) = script(&texts).unwrap();
+        assert_eq!(incidents[0].0, Duration::from_millis(500));
+        let seen: Vec<_> = incidents.into_iter().map(|(_, incident)| text(incident)).collect();
         assert_eq!(seen, ["interrupt 1s", "misread mark", "corrupt", "restart", "finish", "status 13"]);
     }
 
@@ -206,34 +131,5 @@ mod tests {
         );
         assert_eq!(error("1s status 14"), "`1s status 14`: a segment status is 1 to 13");
         assert_eq!(error("1s restart now"), "`1s restart now`: `now` is one word too many");
-    }
-
-    #[test]
-    fn a_controller_has_each_error_with_what_it_is_given() {
-        let other = Framing {
-            leading_dle: LeadingDle::One,
-            negated_sum: true,
-            stuffed_checksum: true,
-            ignore_spare_select: true,
-        };
-        for framing in [Framing::DEFAULT, other] {
-            for (name, error) in ERRORS {
-                let config = ControllerConfig { framing, gap: None, ..ControllerConfig::default() };
-                let mut controller = Controller::new(config).unwrap();
-                let mut out = [0; Frame::MAX_LEN];
-                controller.handle_connected(Duration::ZERO);
-                controller.start(Duration::ZERO).unwrap();
-                controller.poll_transmit(Duration::ZERO, &mut out).unwrap();
-                let mut accept = [0; Frame::MAX_LEN];
-                let length = Frame::new(&[0]).unwrap().encode(framing, &mut accept).unwrap();
-                controller.handle_input(5 * MS, &accept[..length]);
-                controller.poll_transmit(28 * MS, &mut out).unwrap();
-                controller.handle_input(40 * MS, &misread(error, framing));
-                controller.handle_timeout(56 * MS);
-                let mut events = core::iter::from_fn(|| controller.poll_event());
-                assert_eq!(events.next(), Some(ControllerEvent::Started));
-                assert_eq!(events.next(), Some(ControllerEvent::BadReply(error)), "{name} {framing:?}");
-            }
-        }
     }
 }

@@ -70,7 +70,7 @@ impl CellConfig {
         Self {
             time: options.seconds.unwrap_or(OWN_RUN),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            controller: PumaConfig::default().controller,
+            controller: PumaConfig::default().puma.config,
             polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
             viewer: Viewer::default(),
@@ -162,7 +162,8 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
     let mut viewer = Wire::new("viewer", clock, viewer_baud, 3, config)?;
     let restart = Duration::from_millis(300);
-    let puma = PumaConfig { controller: config.controller, restart, ..PumaConfig::default() };
+    let mut puma = PumaConfig::default();
+    (puma.puma.config, puma.puma.restart) = (config.controller, restart);
     let teleop = TeleopConfig {
         robot: robot.port(config.alter.baud),
         input: InputConfig::Ball(ball.port(polls.baud)),

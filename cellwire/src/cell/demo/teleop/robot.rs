@@ -30,7 +30,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            controller: PumaConfig::default().controller,
+            controller: PumaConfig::default().puma.config,
         }
     }
 }

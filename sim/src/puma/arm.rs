@@ -73,6 +73,7 @@ impl Arm {
 }
 
 #[cfg(test)]
+#[allow(clippy::indexing_slicing)]
 mod tests {
     use val2_alter::CoordinateFrame;
 

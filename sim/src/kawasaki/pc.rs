@@ -1,0 +1,133 @@
+//! The PC of a Kawasaki robot: whichever robot connects gets an order.
+
+use core::fmt::Debug;
+use core::time::Duration;
+use std::sync::Arc;
+
+use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
+
+use crate::device::{Device, Error, Notes, Settings};
+
+/// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and [`PcEvent::OutcomeUnknown`].
+#[derive(Debug, Clone)]
+pub struct KawasakiPc<W: Work> {
+    /// Its session.
+    pub config: PcConfig<'static>,
+    /// What the fields of a job may be.
+    pub ranges: W::Ranges,
+    /// The number of its first order; each order has the next one.
+    pub order: u16,
+    /// The jobs of an order.
+    pub jobs: Jobs<W>,
+    /// The next order begins when one is over, not only when a robot connects.
+    pub repeat: bool,
+}
+
+impl<W: Work> Default for KawasakiPc<W> {
+    /// Over TCP, with order 50, which has no jobs.
+    fn default() -> Self {
+        let (config, ranges) = (PcConfig::TCP, W::Ranges::default());
+        Self { config, ranges, order: 50, jobs: Jobs(Arc::new([])), repeat: false }
+    }
+}
+
+impl<W: Work + Debug + Send + Sync + 'static> Settings for KawasakiPc<W> {
+    type Device = Pc<W>;
+
+    fn device(&self) -> Result<Pc<W>, Error> {
+        let session = LargePc::sized(self.config).map_err(Error::settings)?;
+        let session = session.with_ranges(self.ranges.clone()).map_err(Error::settings)?;
+        Ok(Pc { settings: self.clone(), session, next: self.order, was_connected: false, is_wanted: false })
+    }
+}
+
+/// The jobs of an order.
+#[derive(Debug, Clone)]
+pub struct Jobs<W>(pub Arc<[W]>);
+
+impl<W> From<Vec<W>> for Jobs<W> {
+    fn from(jobs: Vec<W>) -> Self {
+        Self(jobs.into())
+    }
+}
+
+impl<W: Work> JobSource for Jobs<W> {
+    type Work = W;
+
+    fn job(&mut self, index: u32) -> Supply<W> {
+        JobSource::job(&mut &*self.0, index)
+    }
+}
+
+/// A PC.
+#[derive(Debug)]
+pub struct Pc<W: Work> {
+    settings: KawasakiPc<W>,
+    session: LargePc<'static, Jobs<W>>,
+    /// The number of the next order.
+    next: u16,
+    was_connected: bool,
+    is_wanted: bool,
+}
+
+impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
+    type Session = LargePc<'static, Jobs<W>>;
+    type Event = PcEvent;
+    type Work = PcEvent;
+
+    fn session(&self) -> &Self::Session {
+        &self.session
+    }
+
+    fn session_mut(&mut self) -> &mut Self::Session {
+        &mut self.session
+    }
+
+    fn take(&mut self, now: Duration, event: PcEvent, notes: &mut Notes<PcEvent, PcEvent>) {
+        match event {
+            PcEvent::Disconnect => notes.close("the robot is silent"),
+            PcEvent::OrderOver { .. } => {
+                self.is_wanted |= self.settings.repeat;
+                notes.executed(now, event);
+            }
+            PcEvent::OutcomeUnknown { .. } => {
+                self.is_wanted = true;
+                notes.executed(now, event);
+            }
+            PcEvent::OrderRefused { given_up, .. } => self.is_wanted |= given_up,
+            _ => {}
+        }
+        notes.event(event);
+    }
+
+    fn advance(&mut self, _: Duration, _: &mut Notes<PcEvent, PcEvent>) {
+        let is_connected = self.session.machine().is_connected();
+        let was_connected = core::mem::replace(&mut self.was_connected, is_connected);
+        self.is_wanted |= is_connected && !was_connected;
+        if self.is_wanted && self.session.order().is_none() {
+            // With too many events it is tried again once they are taken.
+            self.is_wanted = self.session.start(self.next, self.settings.jobs.clone()).is_err();
+            if !self.is_wanted {
+                self.next = self.next.checked_add(1).unwrap_or(1);
+            }
+        }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        None
+    }
+
+    /// It knows of no order any more, and the next one has the next number.
+    fn restart(&mut self, _: Duration) {
+        // The same settings have worked before.
+        if let Ok(pc) = self.settings.device() {
+            *self = Self { next: self.next, ..pc };
+        }
+    }
+
+    /// Its order is interrupted, as by an operator.
+    fn forget(&mut self, _: Duration) {
+        // Without an order there is nothing to interrupt.
+        let _ = self.session.interrupt();
+    }
+}

@@ -1,0 +1,291 @@
+//! The PUMA 562 on its MARK III controller: its program runs ALTER, its operator starts that again, and its arm goes where the replies say.
+
+mod arm;
+mod incident;
+mod layout;
+mod port;
+mod pose;
+#[cfg(feature = "spec")]
+mod spec;
+
+use core::time::Duration;
+
+use val2_alter::{
+    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Motion,
+    SegmentStatus,
+};
+
+use self::arm::Arm;
+pub use self::arm::ArmConfig;
+pub use self::incident::Incident;
+pub use self::layout::{Layout, Order};
+pub use self::port::Port;
+pub use self::pose::Pose;
+use crate::device::{Device, Error, Notes, Settings};
+
+/// The cycles of a motion segment of the program.
+const SEGMENT: u64 = 36;
+/// How long after its port is open the program starts.
+const FIRST: Duration = Duration::from_millis(200);
+
+/// A robot's settings.
+#[derive(Debug, Clone)]
+pub struct Puma {
+    /// The ALTER instruction and the line.
+    pub config: ControllerConfig,
+    /// The arm.
+    pub arm: ArmConfig,
+    /// The operator starts the program again so long after it has ended.
+    pub restart: Duration,
+    /// The subroutine that closes or opens the gripper takes this long.
+    pub subroutine_time: Duration,
+    /// What happens besides, in the order of its times, which begin with the first ALTER.
+    pub incidents: Vec<(Duration, Incident)>,
+    /// A message is carried when the last byte of it would have left the line. Not where what carries it takes that time: a port, or
+    /// [`Wire::baud`](crate::Wire::baud).
+    pub is_paced: bool,
+}
+
+impl Default for Puma {
+    /// `ALTER(0, 23, clamp2, 127)`.
+    fn default() -> Self {
+        // Bytes that came together may be read apart on a busy machine: no gap ends a frame.
+        let config = ControllerConfig { subroutine: true, gap: None, ..ControllerConfig::default() };
+        Self {
+            config,
+            arm: ArmConfig::default(),
+            restart: Duration::from_secs(1),
+            subroutine_time: Duration::from_millis(120),
+            incidents: Vec::new(),
+            is_paced: true,
+        }
+    }
+}
+
+impl Settings for Puma {
+    type Device = MarkIii;
+
+    fn device(&self) -> Result<MarkIii, Error> {
+        let controller = Controller::new(self.config).map_err(Error::settings)?;
+        Ok(MarkIii {
+            port: Port::new(controller, self.is_paced),
+            arm: Arm::new(self.arm, self.config.mode),
+            settings: self.clone(),
+            now: Duration::ZERO,
+            connected: false,
+            start_at: Duration::ZERO,
+            resume_at: None,
+            begun_at: None,
+            happened: 0,
+            path_cycles: 0,
+            segment_status: SegmentStatus::Normal,
+        })
+    }
+}
+
+/// What a robot tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum PumaEvent {
+    /// ALTER runs, and the arm stands there.
+    Started(Pose),
+    /// A reply was taken: what it does to the arm.
+    Reply([i16; AXES]),
+    /// The host has refused ALTER.
+    Refused,
+    /// Nobody has answered.
+    GaveUp,
+    /// A reply could not be read, or did not come.
+    BadReply(ErrorCode),
+    /// The gripper closes (true) or opens.
+    Gripper(bool),
+    /// An exception that the subroutine does not know, or that nobody handles.
+    Exception(Exception),
+    /// ALTER is over, and the arm stands there.
+    Ended(ErrorCode, Pose),
+    /// What was to happen has happened.
+    Incident(Incident),
+}
+
+/// What a reply has done: the values that it came with, and where the arm is then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moved {
+    /// Increments, or how far the arm is held off its path.
+    pub values: [i16; AXES],
+    /// Where it is.
+    pub pose: Pose,
+}
+
+/// A controller with its program, its operator, its arm and its gripper.
+#[derive(Debug)]
+pub struct MarkIii {
+    settings: Puma,
+    port: Port,
+    arm: Arm,
+    now: Duration,
+    connected: bool,
+    start_at: Duration,
+    resume_at: Option<Duration>,
+    /// When the first ALTER began.
+    begun_at: Option<Duration>,
+    /// So many incidents have happened.
+    happened: usize,
+    /// Cycles in which the program of this ALTER went on along its path.
+    path_cycles: u64,
+    segment_status: SegmentStatus,
+}
+
+impl MarkIii {
+    /// Where the arm is.
+    pub fn pose(&self) -> Pose {
+        self.arm.pose()
+    }
+
+    /// Its end of the link.
+    pub fn controller(&self) -> &Controller {
+        self.port.controller()
+    }
+
+    /// The incident that is next, and when it is due.
+    fn next_incident(&self) -> Option<(Duration, Incident)> {
+        let (at, incident) = self.settings.incidents.get(self.happened).copied()?;
+        Some((self.begun_at?.saturating_add(at), incident))
+    }
+
+    /// Whether it has happened; else it waits.
+    fn happens(&mut self, incident: Incident) -> bool {
+        let on_the_line = matches!(incident, Incident::Misread(_) | Incident::Corrupt);
+        match self.controller().state() {
+            ControllerState::Running => {}
+            ControllerState::Starting if on_the_line => {}
+            _ => return false,
+        }
+        let now = self.now;
+        match incident {
+            Incident::Interrupt(time) => {
+                if self.port.controller_mut().interrupt(now).is_err() {
+                    // Between two cycles.
+                    return false;
+                }
+                self.resume_at = Some(now.saturating_add(time));
+            }
+            Incident::Misread(error) => return self.port.misread(error),
+            Incident::Corrupt => return self.port.corrupt(),
+            Incident::Status(status) => self.segment_status = status,
+            // It runs.
+            Incident::Finish => _ = self.port.controller_mut().finish(now),
+            Incident::Restart => {
+                let controller = self.port.controller_mut();
+                robot_session::Session::handle_disconnected(controller, now);
+                robot_session::Session::handle_connected(controller, now);
+                // It cannot have been started already.
+                let _ = controller.start(now);
+            }
+        }
+        true
+    }
+
+    /// The program has ended; the operator starts it again after a while.
+    fn off(&mut self, event: PumaEvent, notes: &mut Notes<PumaEvent, Moved>) {
+        self.start_at = self.now.saturating_add(self.settings.restart);
+        self.resume_at = None;
+        notes.event(event);
+    }
+}
+
+impl Device for MarkIii {
+    type Session = Port;
+    type Event = PumaEvent;
+    type Work = Moved;
+
+    fn session(&self) -> &Port {
+        &self.port
+    }
+
+    fn session_mut(&mut self) -> &mut Port {
+        &mut self.port
+    }
+
+    fn take(&mut self, now: Duration, event: ControllerEvent, notes: &mut Notes<PumaEvent, Moved>) {
+        match event {
+            ControllerEvent::Started => {
+                self.begun_at.get_or_insert(now);
+                self.path_cycles = 0;
+                self.arm.begin();
+                notes.event(PumaEvent::Started(self.pose()));
+            }
+            ControllerEvent::Refused => self.off(PumaEvent::Refused, notes),
+            ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp, notes),
+            ControllerEvent::Reply { values, .. } => {
+                self.arm.take(values);
+                // The subroutine has stopped the arm.
+                if self.controller().state() != ControllerState::Interrupted {
+                    self.path_cycles += 1;
+                    notes.executed(now, Moved { values, pose: self.pose() });
+                }
+                notes.event(PumaEvent::Reply(values));
+            }
+            ControllerEvent::BadReply(code) => notes.event(PumaEvent::BadReply(code)),
+            ControllerEvent::Exception(exception) => {
+                self.resume_at = Some(now.saturating_add(self.settings.subroutine_time));
+                notes.event(match exception {
+                    Exception::CloseGripper => PumaEvent::Gripper(true),
+                    Exception::OpenGripper => PumaEvent::Gripper(false),
+                    other => PumaEvent::Exception(other),
+                });
+            }
+            ControllerEvent::Aborted(exception) => notes.event(PumaEvent::Exception(exception)),
+            ControllerEvent::Ended(error) => self.off(PumaEvent::Ended(error, self.pose()), notes),
+            _ => {}
+        }
+    }
+
+    fn advance(&mut self, now: Duration, notes: &mut Notes<PumaEvent, Moved>) {
+        self.now = now;
+        while let Some((_, incident)) = self.next_incident().filter(|(at, _)| *at <= now)
+            && self.happens(incident)
+        {
+            self.happened += 1;
+            notes.event(PumaEvent::Incident(incident));
+        }
+        if self.resume_at.take_if(|at| *at <= now).is_some() {
+            // ALTER may have ended meanwhile.
+            let _ = self.port.controller_mut().resume(now);
+        }
+        let connected = self.controller().state() != ControllerState::Disconnected;
+        if core::mem::replace(&mut self.connected, connected) != connected {
+            self.start_at = self.start_at.max(now.saturating_add(FIRST));
+        }
+        let (pose, controller) = (self.arm.transform(), self.port.controller_mut());
+        if controller.state() == ControllerState::Off && now >= self.start_at {
+            // It cannot have been started already: it is off.
+            let _ = controller.start(now);
+        }
+        // "Beginnt mit 1" (§3.2.2), and stands while the path does.
+        let number = 1 + self.path_cycles / SEGMENT % u64::from(u16::MAX);
+        let done = self.path_cycles % SEGMENT * u64::from(Motion::DONE) / SEGMENT;
+        let [number, done] = [number, done].map(|word| u16::try_from(word).unwrap_or_default());
+        let status = if self.path_cycles == 0 { SegmentStatus::NoneYet } else { self.segment_status };
+        controller.set_segment(status, number, done);
+        controller.set_transform(pose);
+    }
+
+    fn due(&self) -> Option<Duration> {
+        let start = (self.controller().state() == ControllerState::Off).then_some(self.start_at);
+        // What is overdue waits for a message.
+        let incident = self.next_incident().map(|(at, _)| at).filter(|at| *at > self.now);
+        [self.resume_at, start, incident].into_iter().flatten().min()
+    }
+
+    /// The brakes hold the arm, and what has happened does not happen again.
+    fn restart(&mut self, now: Duration) {
+        // The same settings have worked before.
+        if let Ok(robot) = self.settings.device() {
+            let (arm, begun_at, happened) = (self.arm, self.begun_at, self.happened);
+            *self = Self { arm, begun_at, happened, now, start_at: now, ..robot };
+        }
+    }
+
+    /// It holds nothing.
+    fn forget(&mut self, _: Duration) {}
+}

@@ -15,16 +15,11 @@ const FIGURES: &str = "<!-- Figures, written by `cargo run -p reference -- write
 const END: &str = "<!-- End -->\n";
 
 /// The work on the first page: the link, and what BENCHMARKS.md calls it.
-const SHOWN: [(&str, &str); 10] = [
+const SHOWN: [(&str, &str); 5] = [
     ("fanuc-hmi-modbus", "decode a reply of 38 registers, copy them"),
-    ("fanuc-hmi-modbus", "serve a read of 38 registers"),
-    ("fanuc-hmi-modbus", "encode the request"),
     ("val2-alter", "turn-around: decode a 36-byte request, limit six axes, encode six values"),
     ("isra-ball", "decode a packet"),
     ("kawasaki-msg", "a packet of lines: parsed, checked, queued"),
-    ("kawasaki-msg", "a packet of lines, built"),
-    ("laser-eb90", "217-byte batch: unstuffed, summed, 14 items by their types"),
-    ("mmacell-proto", "50 characters: the end found, the status read"),
     ("robot-work-queue", "queue and complete, u64, its number checked"),
 ];
 

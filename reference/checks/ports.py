@@ -30,7 +30,7 @@ def python():
     venv = TARGET / "venv/bin/python"
     interpreter = venv if venv.exists() else sys.executable
     cache = TARGET / "mypy"
-    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "links", "sessions", cwd=folder)
+    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "cellwire", cwd=folder)
     return passes(*TESTEE, sys.executable, "-B", folder / "testee.py") and typed
 
 

@@ -5,12 +5,18 @@ import sys
 from collections.abc import Callable
 from typing import Protocol
 
-from links import fanuc_hmi_modbus, fanuc_ls, fanuc_ls_write, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
-from links.stream import Item, Json, Refused
-from sessions.alter_host import Host as AlterHost
-from sessions.laser_host import Host as LaserHost
-from sessions.mmacell_central import Central
-from sessions.session import NotTaken, Session
+from cellwire import (
+    fanuc_hmi_modbus,
+    fanuc_ls,
+    isra_ball,
+    kawasaki_msg,
+    laser_eb90,
+    mmacell_proto,
+    val2_alter,
+    val2_viewer,
+)
+from cellwire.session import NotTaken, Session
+from cellwire.stream import Item, Json, Refused
 
 
 class Decoder(Protocol):
@@ -82,9 +88,9 @@ def encode(link: Link, request: Json) -> Json:
 
 
 ENDS: dict[tuple[str, str], Callable[[Json], Session]] = {
-    ("laser-eb90", "host"): LaserHost,
-    ("mmacell-proto", "central"): Central,
-    ("val2-alter", "host"): AlterHost,
+    ("laser-eb90", "host"): laser_eb90.Host,
+    ("mmacell-proto", "central"): mmacell_proto.Central,
+    ("val2-alter", "host"): val2_alter.Host,
 }
 # Inputs of every end; all others are calls of its owner.
 INPUTS = {"connected", "disconnected", "timeout", "transmitted"}
@@ -127,7 +133,7 @@ def programs(request: Json) -> Json:
     task, options = request["task"], request["options"]
     if task == "encode":
         try:
-            return {"hex": fanuc_ls_write.encode(request["message"], options).encode().hex().upper()}
+            return {"hex": fanuc_ls.encode(request["message"], options).encode().hex().upper()}
         except (Refused, AttributeError, KeyError, TypeError) as wrong:
             return {"refused": repr(wrong)}
     text = fanuc_ls.decode(bytes.fromhex(request["hex"].removesuffix("|")))

@@ -4,9 +4,19 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-from .fanuc_ls_parts import U32, comment_of, read_attribute, read_instruction, read_position
-from .fanuc_ls_text import BLANKS, LARGEST, WHITE, Cursor, Fault, Place, is_word, lines_of, number
-from .stream import Json, error
+from ..stream import Json, error
+from .parts import U32, comment_of, read_attribute, read_instruction, read_position
+from .text import (
+    BLANKS,
+    LARGEST,
+    WHITE,
+    Cursor,
+    Fault,
+    Place,
+    is_word,
+    lines_of,
+    number,
+)
 
 SECTIONS = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"]
 PROG, ATTR, APPL, MN, POS, END = range(6)

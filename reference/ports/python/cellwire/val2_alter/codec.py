@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass
 
-from .stream import Item, Json, Refused, error, integer, integers, one_of
+from ..stream import Item, Json, Refused, error, integer, integers, one_of
 
 DLE, STX, ETX = 0x10, 0x02, 0x03
 CONTROLLER_LIMIT, HOST_LIMIT = 30, 14  # AL-9

@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
-from links import laser_eb90
-from links.stream import Json, Refused
-
-from .session import MS, SECOND, NotTaken, Session, after, span
+from ..session import MS, SECOND, NotTaken, Session, after, span
+from ..stream import Json, Refused
+from . import codec
 
 INTERPRETED, IMMEDIATE, QUERY = range(0x0100, 0x0200), range(0x0200, 0x0300), range(0x0300, 0x0400)
 CODES = {  # LE-103
@@ -41,7 +40,7 @@ class State(Enum):
 
 
 @dataclass
-class Config:
+class HostConfig:
     """LE-107. Times are in nanoseconds; None: the default, which depends on the baud rate (LE-70)."""
 
     profile: Json = field(default_factory=dict)
@@ -88,7 +87,7 @@ class Host(Session):
 
     def __init__(self, config: Json) -> None:
         super().__init__()
-        self.config = Config(**config)
+        self.config = HostConfig(**config)
         if self.config.baud == 0 or not 1 <= self.config.batch <= MAX_BATCH:
             raise ValueError("a baud rate or a batch of 0")
         time = self.config.time
@@ -105,8 +104,8 @@ class Host(Session):
         self.received_by = self.final_from = self.executed_by = self.until = 0
         self.corrupt = False
 
-    def new_decoder(self) -> laser_eb90.Decoder:
-        return laser_eb90.Decoder("controller", self.config.profile)
+    def new_decoder(self) -> codec.Decoder:
+        return codec.Decoder("controller", self.config.profile)
 
     def execution(self, batch: Batch) -> int:
         """How long the controller executes before it answers (LE-48)."""
@@ -280,7 +279,7 @@ class Host(Session):
         items = [{"i16": [word if word < 0x8000 else word - 0x10000]}, *parameters]
         filling = self.filling
         try:
-            laser_eb90.encode({"items": items}, options=self.config.profile)
+            codec.encode({"items": items}, options=self.config.profile)
         except Refused as refused:
             raise NotTaken(str(refused)) from refused
         if filling is None:
@@ -289,7 +288,7 @@ class Host(Session):
             if kind is not INTERPRETED or filling.word not in INTERPRETED or len(filling.words) >= self.config.batch:
                 raise NotTaken("full")
             try:
-                laser_eb90.encode({"items": filling.items + items}, options=self.config.profile)
+                codec.encode({"items": filling.items + items}, options=self.config.profile)
             except Refused as refused:
                 raise NotTaken("full") from refused
             filling.words.append(word)
@@ -308,7 +307,7 @@ class Host(Session):
         batch = self.batch
         if batch is None:
             return None
-        frame = laser_eb90.encode({"items": batch.items}, options=self.config.profile)
+        frame = codec.encode({"items": batch.items}, options=self.config.profile)
         left = after(now, span(len(frame), self.config.baud))
         self.received_by = after(left, self.config.max_pause)
         self.final_from = after(self.received_by, self.reply_time)

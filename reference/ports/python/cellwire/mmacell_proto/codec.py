@@ -4,7 +4,16 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from .stream import Incomplete, Json, Refused, StreamDecoder, boolean, error, integer, one_of
+from ..stream import (
+    Incomplete,
+    Json,
+    Refused,
+    StreamDecoder,
+    boolean,
+    error,
+    integer,
+    one_of,
+)
 
 MAX_LINE = 64  # MM-7
 LENGTH_DECIMALS, ANGLE_DECIMALS = 3, 4

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from .fanuc_ls_text import BLANKS, WHITE, Cursor, Fault, is_letter, is_word, join_lines, number
-from .stream import Json
+from ..stream import Json
+from .text import BLANKS, WHITE, Cursor, Fault, is_letter, is_word, join_lines, number
 
 KINDS = {"J": "joint", "L": "linear", "C": "circular", "A": "arc", "S": "spline"}  # LS-47
 OPEN = "..."  # what a template leaves open

@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
-from links import val2_alter
-from links.stream import Item, Json
-from links.val2_alter import AXES
-
-from .alter_limiter import Limiter
-from .session import MS, NotTaken, Session, after, span
+from ..session import MS, NotTaken, Session, after, span
+from ..stream import Item, Json
+from . import codec
+from .codec import AXES
+from .limiter import Limiter
 
 CYCLE = 28 * MS
 VELOCITY = [90, 90, 90, 150, 150, 150]
@@ -44,7 +43,7 @@ class Sent(Enum):
 
 
 @dataclass
-class Config:
+class HostConfig:
     """Section 7.1. Times are in nanoseconds; no gap: None."""
 
     framing: Json = field(default_factory=dict)
@@ -93,10 +92,10 @@ class Host(Session):
 
     def __init__(self, config: Json) -> None:
         super().__init__()
-        self.config = Config(**config)
-        self.framing = val2_alter.Framing(**self.config.framing)
+        self.config = HostConfig(**config)
+        self.framing = codec.Framing(**self.config.framing)
         self.policy, self.subroutine = self.config.policy, self.config.subroutine
-        self.decoder = val2_alter.Decoder("robot", self.config.framing)
+        self.decoder = codec.Decoder("robot", self.config.framing)
         self.failures = 0  # of the decoder, that were looked at
         self.gap_at: int | None = None
         self.phase = Phase.DISCONNECTED
@@ -388,7 +387,7 @@ class Host(Session):
         return "accept" if self.policy == "accept" and self.names_mode else "refuse"
 
     def encode(self, message: Json) -> bytes:
-        return val2_alter.encode(message, "host", self.config.framing)
+        return codec.encode(message, "host", self.config.framing)
 
     def transmit_reply(self, now: int, due: Due) -> bytes | None:
         """AL-63 to AL-65"""

@@ -3,7 +3,7 @@
 from functools import reduce
 from operator import xor
 
-from .stream import Incomplete, Json, StreamDecoder, error, integer, integers
+from ..stream import Incomplete, Json, StreamDecoder, error, integer, integers
 
 HEAD = b"$POSE,"
 MAX_LEN = 100  # VV-7

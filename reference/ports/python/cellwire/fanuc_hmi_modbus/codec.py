@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from .stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers
+from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers
 
 MAX_PDU = 253
 MBAP_LENGTHS = range(2, 255)  # unit and PDU

@@ -5,7 +5,7 @@ Places are indices of characters; `Place` makes lines, columns and bytes of them
 
 import re
 
-from .stream import Json, error
+from ..stream import Json, error
 
 WHITE = "\t\n\v\f\r \x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a\u2028\u2029\u202f\u205f\u3000"  # LS-55
 BLANKS = " \t"

@@ -1,6 +1,15 @@
 """isra-ball: packets of the ball. Clauses IB-… are those of reference/isra-ball.md."""
 
-from .stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers, one_of
+from ..stream import (
+    Incomplete,
+    Json,
+    Refused,
+    StreamDecoder,
+    error,
+    integer,
+    integers,
+    one_of,
+)
 
 POLL = 0x05
 HEADER_MASK = 0x55

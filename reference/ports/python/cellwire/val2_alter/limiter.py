@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import isqrt
 
-from links.val2_alter import AXES
+from .codec import AXES
 
 LOWEST, HIGHEST = -0x8000, 0x7FFF
 

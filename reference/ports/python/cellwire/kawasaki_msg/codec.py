@@ -6,7 +6,7 @@ This is the envelope of sections 3, 5.1 and 6; what a message means (section 5.2
 import re
 from typing import Any
 
-from .stream import Incomplete, Json, Refused, StreamDecoder, error
+from ..stream import Incomplete, Json, Refused, StreamDecoder, error
 
 MAX_LEN = 4096  # KM-14
 MARKS = "<>$#"

@@ -1,6 +1,6 @@
 """What the sessions of all links share."""
 
-from links.stream import Json
+from .stream import Json
 
 NEVER = 2**63  # or later
 MS = 1_000_000

@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
-from links import mmacell_proto
-from links.stream import Json, Refused
-
-from .session import MS, SECOND, NotTaken, Session, after
+from ..session import MS, SECOND, NotTaken, Session, after
+from ..stream import Json, Refused
+from . import codec
 
 Pose = tuple[int, ...]  # in the last digit of each axis
 
@@ -39,7 +38,7 @@ class Target(Enum):
 
 
 @dataclass
-class Config:
+class CentralConfig:
     """MM-71. Times are in nanoseconds."""
 
     accepts: Json = field(default_factory=dict)
@@ -54,7 +53,7 @@ class Central(Session):
 
     def __init__(self, config: Json, device: str = "platform") -> None:
         super().__init__()
-        self.config = Config(**config)
+        self.config = CentralConfig(**config)
         if self.config.timeout == 0:
             raise ValueError("a timeout of 0")
         self.device = device
@@ -67,8 +66,8 @@ class Central(Session):
         self.believed_from = 0
         self.pose: Pose | None = None
 
-    def new_decoder(self) -> mmacell_proto.Decoder:
-        return mmacell_proto.Decoder(self.device, self.config.accepts)
+    def new_decoder(self) -> codec.Decoder:
+        return codec.Decoder(self.device, self.config.accepts)
 
     def close(self, reason: str | Json, link: Link) -> None:
         """The connection ends; a command that was not finished is reported with it (MM-36)."""
@@ -144,11 +143,11 @@ class Central(Session):
         if self.motion is not Motion.REST or self.pose is None:
             return Target.UNKNOWN
         total = tuple(here + way for here, way in zip(self.pose, axes))
-        return total if all(abs(axis) <= mmacell_proto.MAX_COORDINATE for axis in total) else Target.UNKNOWN
+        return total if all(abs(axis) <= codec.MAX_COORDINATE for axis in total) else Target.UNKNOWN
 
     def counts(self, axes: list[float]) -> Pose:
         """Axes in their last digits."""
-        decimals = mmacell_proto.ROBOT if len(axes) == len(mmacell_proto.ROBOT) else mmacell_proto.PLATFORM
+        decimals = codec.ROBOT if len(axes) == len(codec.ROBOT) else codec.PLATFORM
         return tuple(round(axis * 10**digits) for axis, digits in zip(axes, decimals))
 
     def status(self, message: Json) -> str | Json:
@@ -199,7 +198,7 @@ class Central(Session):
         if self.link is not Link.IDLE or self.events:
             raise NotTaken("busy")
         try:
-            mmacell_proto.encode(command, "central", self.config.writes)
+            codec.encode(command, "central", self.config.writes)
         except Refused as refused:
             raise NotTaken(str(refused)) from refused
         self.command = command
@@ -212,7 +211,7 @@ class Central(Session):
             self.motion = Motion.MOVING  # MM-45
         self.link = Link.AWAITING
         self.until = after(now, self.config.timeout)
-        return mmacell_proto.encode(self.command, "central", self.config.writes)
+        return codec.encode(self.command, "central", self.config.writes)
 
     def deadline(self) -> int | None:
         return self.until if self.link is Link.AWAITING else None

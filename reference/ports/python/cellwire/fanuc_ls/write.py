@@ -5,10 +5,20 @@ import re
 from decimal import Decimal
 from typing import Any
 
-from .fanuc_ls import APPL, COMMENT_LENGTH, PROG, fits, in_range, is_nested, section
-from .fanuc_ls_parts import AXES, KINDS, U8, U16, U32, UNITS, comment_of, read_attribute, read_instruction
-from .fanuc_ls_text import WHITE, Cursor, Fault, is_control, is_word
-from .stream import Json, Refused, integer, one_of
+from ..stream import Json, Refused, integer, one_of
+from .parts import (
+    AXES,
+    KINDS,
+    U8,
+    U16,
+    U32,
+    UNITS,
+    comment_of,
+    read_attribute,
+    read_instruction,
+)
+from .read import APPL, COMMENT_LENGTH, PROG, fits, in_range, is_nested, section
+from .text import WHITE, Cursor, Fault, is_control, is_word
 
 
 def encode(program: Json, options: Json) -> str:

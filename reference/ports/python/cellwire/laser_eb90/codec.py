@@ -5,7 +5,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .stream import Incomplete, Json, Refused, StreamDecoder, error, integer
+from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer
 
 HEAD = bytes([0xEB, 0x90, 0x82])
 FLAG, MARK = 0xF0, 0x90

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from cellwire import (
     fanuc_hmi_modbus,
@@ -15,16 +15,8 @@ from cellwire import (
     val2_alter,
     val2_viewer,
 )
-from cellwire.session import NotTaken, Session
-from cellwire.stream import Item, Json, Refused
-
-
-class Decoder(Protocol):
-    """What the decoders of all links can do."""
-
-    def push(self, data: bytes) -> None: ...
-    def end(self) -> None: ...
-    def next(self) -> Item | None: ...
+from cellwire.session import NEVER, NotTaken, Session
+from cellwire.stream import Decoder, Json, Refused
 
 
 class Link(Protocol):
@@ -87,10 +79,14 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
-ENDS: dict[tuple[str, str], Callable[[Json], Session]] = {
-    ("laser-eb90", "host"): laser_eb90.Host,
-    ("mmacell-proto", "central"): mmacell_proto.Central,
-    ("val2-alter", "host"): val2_alter.Host,
+ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]] = {
+    ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
+    ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
+    ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
+    ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
+    ("val2-alter", "host"): (val2_alter.Host, val2_alter.HostConfig),
+    ("val2-viewer", "host"): (val2_viewer.Host, val2_viewer.HostConfig),
+    ("val2-viewer", "workstation"): (val2_viewer.Workstation, val2_viewer.WorkstationConfig),
 }
 # Inputs of every end; all others are calls of its owner.
 INPUTS = {"connected", "disconnected", "timeout", "transmitted"}
@@ -101,7 +97,8 @@ def session(link: Link, request: Json) -> Json:
     make = ENDS.get((request["link"], request["end"]))
     if make is None:
         return {"skipped": "not implemented"}
-    end = make(request["config"])
+    config = {name: NEVER if value is None else value for name, value in request["config"].items()}
+    end = make[0](make[1](**config))
     return {"steps": [play(end, step) for step in request["steps"]]}
 
 
@@ -115,7 +112,7 @@ def play(end: Session, step: Json) -> Json:
         elif name == "input":
             end.input(now, bytes.fromhex(argument))
         elif name != "nothing":
-            end.call(now, name, argument)
+            call(end, now, name, argument)
     except NotTaken as not_taken:
         answer["refused"] = not_taken.refused
     while True:
@@ -126,6 +123,20 @@ def play(end: Session, step: Json) -> Json:
         if sent is None:
             return answer | {"deadline": end.deadline()}
         answer["transmit"].append(sent.hex().upper())
+
+
+def call(end: Session, now: int, name: str, argument: Any) -> None:
+    """A call of the end's owner; an object is one of its arguments, or all of them by name."""
+    end.now = now
+    method = getattr(end, name)
+    if argument is None:
+        method()
+    elif name == "set_segment":
+        method(*argument)
+    elif isinstance(argument, dict) and name != "request":
+        method(**argument)
+    else:
+        method(argument)
 
 
 def programs(request: Json) -> Json:

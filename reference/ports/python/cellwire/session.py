@@ -1,6 +1,6 @@
 """What the sessions of all links share."""
 
-from .stream import Json
+from .stream import Decoder, Item, Json
 
 NEVER = 2**63  # or later
 MS = 1_000_000
@@ -26,14 +26,25 @@ class NotTaken(Exception):
 
 
 class Session:
-    """An end of a link. Give it what happened, take `events`, then what it transmits, and come back at `deadline`."""
+    """An end of a link: a function of time and input, without a clock and without a socket.
+
+    Give it what happened, take `events`, then what it transmits, and come back at `deadline`. Times are whole nanoseconds, counted
+    from any instant. `now` is the time of the calls of the owner that need one: set it before them.
+    """
+
+    decoder: Decoder
 
     def __init__(self) -> None:
         self.events: list[Json] = []
+        self.now = 0
 
     def report(self, event: str, **fields: object) -> None:
         """An event for the owner."""
         self.events.append({"event": event, **fields})
+
+    def unexpected(self, state: object, given: str) -> None:
+        """The state does not allow this input, which has changed nothing."""
+        self.report("unexpected", state=str(state), input=given)
 
     def connected(self, now: int) -> None:
         """A connection was made, or the port was opened."""
@@ -44,8 +55,26 @@ class Session:
         raise NotImplementedError
 
     def input(self, now: int, data: bytes) -> None:
-        """Bytes came."""
+        """Bytes came. What has come due comes first."""
+        self.timeout(now)
+        self.decoder.push(data)
+        self.read(now)
+
+    def read(self, now: int) -> None:
+        """Takes what the decoder has found."""
+        while (item := self.decoder.next()) is not None:
+            if item.message is None:
+                self.corrupt(now, item)
+            else:
+                self.take(now, item.message)
+
+    def take(self, now: int, message: Json) -> None:
+        """A message of the peer."""
         raise NotImplementedError
+
+    def corrupt(self, now: int, item: Item) -> None:
+        """Bytes that are no message."""
+        self.report("corrupt", error=item.error)
 
     def timeout(self, now: int) -> None:
         """Time has passed."""
@@ -54,10 +83,6 @@ class Session:
     def transmitted(self, now: int) -> None:
         """The last byte of what was transmitted has left the port."""
 
-    def call(self, now: int, name: str, argument: object) -> None:
-        """A call of the owner; raises NotTaken."""
-        raise NotImplementedError
-
     def transmit(self, now: int) -> bytes | None:
         """What is to be sent now."""
         raise NotImplementedError
@@ -65,3 +90,8 @@ class Session:
     def deadline(self) -> int | None:
         """When `timeout`, or `transmit`, is to be called at the latest."""
         raise NotImplementedError
+
+
+def earliest(*times: int | None) -> int | None:
+    """The first of these deadlines; None: there is none, or it never comes."""
+    return min((time for time in times if time is not None and time < NEVER), default=None)

@@ -5,7 +5,7 @@ A message is the JSON object that reference/README.md describes, and so is an er
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 Json = dict[str, Any]
 
@@ -31,6 +31,14 @@ class Incomplete(Exception):
 def error(kind: str, **fields: Any) -> Json:
     """An error object."""
     return {"kind": kind, **fields}
+
+
+class Decoder(Protocol):
+    """What the decoders of all links can do."""
+
+    def push(self, data: bytes) -> None: ...
+    def end(self) -> None: ...
+    def next(self) -> Item | None: ...
 
 
 class StreamDecoder:

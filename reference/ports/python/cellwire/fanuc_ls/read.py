@@ -8,7 +8,6 @@ from ..stream import Json, error
 from .parts import U32, comment_of, read_attribute, read_instruction, read_position
 from .text import (
     BLANKS,
-    LARGEST,
     WHITE,
     Cursor,
     Fault,

@@ -1,11 +1,12 @@
 """The host of laser-eb90 (section 7 of reference/laser-eb90.md)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
 from ..session import MS, SECOND, NotTaken, Session, after, span
-from ..stream import Json, Refused
+from ..stream import Item, Json, Refused
 from . import codec
 
 INTERPRETED, IMMEDIATE, QUERY = range(0x0100, 0x0200), range(0x0200, 0x0300), range(0x0300, 0x0400)
@@ -85,9 +86,9 @@ class Batch:
 class Host(Session):
     """One serial line to a controller."""
 
-    def __init__(self, config: Json) -> None:
+    def __init__(self, config: HostConfig | None = None) -> None:
         super().__init__()
-        self.config = HostConfig(**config)
+        self.config = config or HostConfig()
         if self.config.baud == 0 or not 1 <= self.config.batch <= MAX_BATCH:
             raise ValueError("a baud rate or a batch of 0")
         time = self.config.time
@@ -102,7 +103,7 @@ class Host(Session):
         self.submitted = 0
         self.batch: Batch | None = None
         self.received_by = self.final_from = self.executed_by = self.until = 0
-        self.corrupt = False
+        self.was_corrupt = False
 
     def new_decoder(self) -> codec.Decoder:
         return codec.Decoder("controller", self.config.profile)
@@ -157,21 +158,17 @@ class Host(Session):
         self.decoder.push(data)
         self.read(now)
 
-    def read(self, now: int) -> None:
-        while (item := self.decoder.next()) is not None:
-            if item.message is None:
-                self.take_corrupt(item.error)
-                continue
-            (first, *rest) = item.message["items"]
-            if len(first.get("i16", [])) == 1:
-                self.take_answer(now, first["i16"][0] & 0xFFFF, rest)
-            else:
-                self.take_corrupt({"kind": "no_word"})
+    def take(self, now: int, message: Json) -> None:
+        (first, *rest) = message["items"]
+        if len(first.get("i16", [])) == 1:
+            self.take_answer(now, first["i16"][0] & 0xFFFF, rest)
+        else:
+            self.corrupt(now, Item(0, 0, error={"kind": "no_word"}))
 
-    def take_corrupt(self, fault: Json | None) -> None:
+    def corrupt(self, now: int, item: Item) -> None:
         """LE-57"""
-        self.corrupt = True
-        self.report("corrupt", error=fault)
+        self.was_corrupt = True
+        super().corrupt(now, item)
 
     def take_answer(self, now: int, word: int, items: list[Json]) -> None:
         """Section 7.4."""
@@ -240,7 +237,7 @@ class Host(Session):
                 batch.unanswered += 1
                 self.resend(self.settled_if_taken(now))
             else:
-                reason = "corrupt" if self.corrupt else "silence"
+                reason = "corrupt" if self.was_corrupt else "silence"
                 self.finish("unknown", self.settled_if_taken(now), reason=reason)
 
     def transmitted(self, now: int) -> None:
@@ -251,13 +248,9 @@ class Host(Session):
             self.executed_by = after(now, self.execution(self.batch))
             self.until = after(now, self.answer_time(self.batch))
 
-    def call(self, now: int, name: str, argument: object) -> None:
-        if name == "submit" and isinstance(argument, dict):
-            self.submit(argument["word"], argument.get("parameters", []))
-        elif name == "take_back":
-            self.filling = None
-        elif name == "resume":
-            self.resume()
+    def take_back(self) -> None:
+        """Empties the frame that is being filled (LE-42)."""
+        self.filling = None
 
     def resume(self) -> None:
         """LE-62"""
@@ -268,8 +261,8 @@ class Host(Session):
             name = self.state.name.title().replace("_", "")
             self.report("unexpected", state=name, input="Resume")
 
-    def submit(self, word: int, parameters: list[Json]) -> None:
-        """LE-39 to LE-41"""
+    def submit(self, word: int, parameters: Sequence[Json] = ()) -> None:
+        """An instruction for the next frame (LE-39 to LE-41); raises NotTaken."""
         kind = class_of(word)
         if kind is None:
             raise NotTaken("unknown_word")
@@ -313,7 +306,7 @@ class Host(Session):
         self.final_from = after(self.received_by, self.reply_time)
         self.executed_by = after(self.received_by, self.execution(batch))
         self.until = after(left, self.answer_time(batch))
-        self.corrupt = False
+        self.was_corrupt = False
         self.state = State.AWAITING
         self.decoder = self.new_decoder()
         return frame

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from typing import Any
 
 from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Json, Refused
@@ -51,9 +50,9 @@ class CentralConfig:
 class Central(Session):
     """One connection to a device: a `robot` or a `platform`."""
 
-    def __init__(self, config: Json, device: str = "platform") -> None:
+    def __init__(self, config: CentralConfig | None = None, device: str = "platform") -> None:
         super().__init__()
-        self.config = CentralConfig(**config)
+        self.config = config or CentralConfig()
         if self.config.timeout == 0:
             raise ValueError("a timeout of 0")
         self.device = device
@@ -177,12 +176,6 @@ class Central(Session):
         if self.link is Link.AWAITING and now >= self.until:
             self.close("timeout", Link.ENDED)
 
-    def call(self, now: int, name: str, argument: object) -> None:
-        if name == "abort":
-            self.abort()
-        elif name == "request" and isinstance(argument, dict):
-            self.request(argument)
-
     def abort(self) -> None:
         """MM-37."""
         if self.link is Link.SENDING:
@@ -192,7 +185,7 @@ class Central(Session):
             self.close("aborted", Link.ENDED)
 
     def request(self, command: Json) -> None:
-        """MM-30."""
+        """The next command (MM-30); raises NotTaken."""
         if self.link in (Link.DOWN, Link.ENDED):
             raise NotTaken("not_connected")
         if self.link is not Link.IDLE or self.events:

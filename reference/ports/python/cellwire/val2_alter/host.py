@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from typing import Any
 
 from ..session import MS, NotTaken, Session, after, span
 from ..stream import Item, Json
@@ -90,12 +89,12 @@ class Due:
 class Host(Session):
     """One serial line to a controller."""
 
-    def __init__(self, config: Json) -> None:
+    def __init__(self, config: HostConfig | None = None) -> None:
         super().__init__()
-        self.config = HostConfig(**config)
+        self.config = config or HostConfig()
         self.framing = codec.Framing(**self.config.framing)
         self.policy, self.subroutine = self.config.policy, self.config.subroutine
-        self.decoder = codec.Decoder("robot", self.config.framing)
+        self.decoder: codec.Decoder = codec.Decoder("robot", self.config.framing)
         self.failures = 0  # of the decoder, that were looked at
         self.gap_at: int | None = None
         self.phase = Phase.DISCONNECTED
@@ -113,29 +112,29 @@ class Host(Session):
         self.fresh_until: int | None = None
         self.kept: set[int] = set()
         self.sent: set[int] = set()
-        self.exception: tuple[int, Sent] | None = None
+        self.pending: tuple[int, Sent] | None = None
         self.follows_until = self.unread_until = 0
         self.settles_at = 0  # where replies may be late
 
     # What becomes of an exception (section 7.6)
 
     def settle_exception(self, outcome: str | Json) -> None:
-        if self.exception is not None:
-            self.report("exception", exception=self.exception[0], outcome=outcome)
-            self.exception = None
+        if self.pending is not None:
+            self.report("exception", exception=self.pending[0], outcome=outcome)
+            self.pending = None
 
     def end_exception(self) -> None:
         """ALTER has ended, or the connection."""
-        if self.exception is not None and self.exception[1] is Sent.UNSENT:
+        if self.pending is not None and self.pending[1] is Sent.UNSENT:
             self.settle_exception("not_done")
         else:
             self.settle_exception({"unknown": "ended"})
 
     def judge_exception(self, now: int, message: Json) -> None:
         """A standard message has come."""
-        if self.exception is None or self.exception[1] is Sent.UNSENT:
+        if self.pending is None or self.pending[1] is Sent.UNSENT:
             return
-        code, sent = self.exception
+        code, sent = self.pending
         follows = now < (self.unread_until if sent is Sent.UNREAD else self.follows_until)
         if not self.config.is_in_time:
             self.settle_exception({"unknown": "out_of_sequence"})
@@ -144,14 +143,14 @@ class Host(Session):
         elif message["phase"] == "interrupted":
             self.settle_exception({"unknown": "unclear"})
         elif sent is Sent.SENT:
-            self.exception = (code, Sent.UNREAD)
+            self.pending = (code, Sent.UNREAD)
             self.unread_until = self.follows_from(now) if follows else 0
         elif not follows:
             self.settle_exception({"unknown": "out_of_sequence"})
         elif self.phase is Phase.STOPPING:
             self.settle_exception("not_done")
         else:
-            self.exception = (code, Sent.UNSENT)
+            self.pending = (code, Sent.UNSENT)
 
     def follows_from(self, arrival: int) -> int:
         """AL-68"""
@@ -190,7 +189,7 @@ class Host(Session):
             item = self.decoder.next()
             if self.decoder.failures > self.failures:  # AL-38
                 self.failures = self.decoder.failures
-                self.corrupt(now)
+                self.take_corrupt(now)
             if item is None:
                 return
             if item.error is not None:
@@ -198,7 +197,7 @@ class Host(Session):
                     self.lose_sequence()
                 self.report("corrupt", error=item.error)
             else:
-                self.take(now, item)
+                self.take_item(now, item)
 
     def lose_sequence(self) -> None:
         """AL-68, AL-95: a message may have been among the bytes."""
@@ -206,7 +205,7 @@ class Host(Session):
         if not self.config.is_in_time:
             self.sent |= self.kept
 
-    def corrupt(self, now: int) -> None:
+    def take_corrupt(self, now: int) -> None:
         """AL-47, AL-68"""
         self.lose_sequence()
         if self.phase not in (Phase.IDLE, Phase.REPEATING) or self.due is not None or self.policy != "accept":
@@ -216,7 +215,7 @@ class Host(Session):
         self.due = self.start_due(now)
         self.forget_at = after(now, CYCLE * self.config.silence_cycles)
 
-    def take(self, now: int, item: Item) -> None:
+    def take_item(self, now: int, item: Item) -> None:
         """A message of the controller."""
         message = item.message or {}
         kind = message["kind"]
@@ -316,35 +315,37 @@ class Host(Session):
         if self.phase in ALTERING and now >= self.lost_at:
             self.leave("silence", Phase.IDLE)
 
-    def call(self, now: int, name: str, argument: Any) -> None:
-        if name == "set_target":
-            if self.phase in TARGETED:
-                self.target = argument
-                self.fresh_until = after(now, self.config.target_timeout)
-        elif name == "clear_target":
-            self.fresh_until = None
-        elif name == "set_policy":
-            self.policy = argument
-        elif name == "set_subroutine":
-            self.subroutine = argument
-        elif name == "exception":
-            self.request_exception(argument)
-        elif name == "stop":
-            self.stop()
+    def set_target(self, target: list[int]) -> None:
+        """How the arm is to move from now on, for `target_timeout`."""
+        if self.phase in TARGETED:
+            self.target = target
+            self.fresh_until = after(self.now, self.config.target_timeout)
 
-    def request_exception(self, code: int) -> None:
-        """AL-66"""
+    def clear_target(self) -> None:
+        """There is no target any more: the arm brakes."""
+        self.fresh_until = None
+
+    def set_policy(self, policy: str) -> None:
+        """What a start is answered with: `accept`, `refuse`, or `ignore`."""
+        self.policy = policy
+
+    def set_subroutine(self, installed: bool) -> None:
+        """Whether the controller has a subroutine for exceptions."""
+        self.subroutine = installed
+
+    def exception(self, code: int) -> None:
+        """The next reply has this exception (AL-66); raises NotTaken."""
         if not self.subroutine:
             raise NotTaken("no_subroutine")
         if self.phase is not Phase.RUNNING:
             raise NotTaken("not_running")
-        if self.exception is not None:
+        if self.pending is not None:
             raise NotTaken("exception_pending")
-        self.exception = (code, Sent.UNSENT)
+        self.pending = (code, Sent.UNSENT)
 
     def stop(self) -> None:
         self.policy = "ignore"
-        if self.exception is not None and self.exception[1] is Sent.UNSENT:
+        if self.pending is not None and self.pending[1] is Sent.UNSENT:
             self.settle_exception("not_done")
         if self.phase in (Phase.REPEATING, Phase.STARTING):
             self.phase, self.due = Phase.IDLE, None
@@ -394,8 +395,8 @@ class Host(Session):
         limiter = self.limiter.copy()
         values = self.next_values(now, limiter)  # those of `limiter` change only if the reply is sent
         code = 0
-        if self.exception is not None and self.exception[1] is Sent.UNSENT and self.phase is Phase.RUNNING:
-            code = self.exception[0]
+        if self.pending is not None and self.pending[1] is Sent.UNSENT and self.phase is Phase.RUNNING:
+            code = self.pending[0]
 
         def frame(axes: set[int]) -> bytes:
             chosen = [values[axis] if axis in axes else None for axis in range(AXES)]
@@ -418,14 +419,14 @@ class Host(Session):
                     limiter.hold(axis)
         self.limiter = limiter
         moved = {axis for axis in axes if values[axis] != 0}
-        is_unread = self.exception is not None and self.exception[1] is Sent.UNREAD
+        is_unread = self.pending is not None and self.pending[1] is Sent.UNREAD
         if due.is_interrupted or is_unread:
             self.kept |= moved
             moved = self.kept
         self.sent = set(moved) if self.config.is_in_time else self.sent | moved
         self.follows_until = self.follows_from(due.arrival)
         if code:
-            self.exception = (code, Sent.SENT)
+            self.pending = (code, Sent.SENT)
         self.due = None
         self.zeros_sent = not any(values[axis] for axis in axes) and limiter.is_at_rest()
         return frame(axes)

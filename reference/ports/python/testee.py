@@ -84,6 +84,7 @@ ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
     ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
     ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
+    ("mmacell-proto", "device"): (mmacell_proto.Device, mmacell_proto.DeviceConfig),
     ("val2-alter", "host"): (val2_alter.Host, val2_alter.HostConfig),
     ("val2-viewer", "host"): (val2_viewer.Host, val2_viewer.HostConfig),
     ("val2-viewer", "workstation"): (val2_viewer.Workstation, val2_viewer.WorkstationConfig),
@@ -128,6 +129,12 @@ def play(end: Session, step: Json) -> Json:
 def call(end: Session, now: int, name: str, argument: Any) -> None:
     """A call of the end's owner; an object is one of its arguments, or all of them by name."""
     end.now = now
+    if isinstance(end, mmacell_proto.Device) and name in ("accept", "refuse", "accept_another"):
+        # Stories do not name the order that is accepted or refused.
+        order = end.order if name != "accept_another" else {"order": "none"}
+        name, arguments = name.removesuffix("_another"), [] if argument is None else [argument]
+        getattr(end, name)(order, *arguments)
+        return
     method = getattr(end, name)
     if argument is None:
         method()

@@ -2,5 +2,6 @@
 
 from .central import Central, CentralConfig
 from .codec import Decoder, Dialect, encode
+from .device import Device, DeviceConfig
 
-__all__ = ["Central", "CentralConfig", "Decoder", "Dialect", "encode"]
+__all__ = ["Central", "CentralConfig", "Decoder", "Device", "DeviceConfig", "Dialect", "encode"]

@@ -6,8 +6,7 @@ from enum import Enum, auto
 from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Json, Refused
 from . import codec
-
-Pose = tuple[int, ...]  # in the last digit of each axis
+from .pose import Pose, added, counts
 
 
 class Link(Enum):
@@ -124,7 +123,7 @@ class Central(Session):
         """What `OK` to the command means for the motion (MM-42 to MM-44)."""
         name = self.command["command"]
         if name == "MOV":
-            self.target = self.goal(self.counts(self.command["axes"]))
+            self.target = self.goal(counts(self.command["axes"]))
         elif name == "RST":
             self.target = Target.UNKNOWN
         if name in ("MOV", "RST"):
@@ -141,17 +140,11 @@ class Central(Session):
             return axes
         if self.motion is not Motion.REST or self.pose is None:
             return Target.UNKNOWN
-        total = tuple(here + way for here, way in zip(self.pose, axes))
-        return total if all(abs(axis) <= codec.MAX_COORDINATE for axis in total) else Target.UNKNOWN
-
-    def counts(self, axes: list[float]) -> Pose:
-        """Axes in their last digits."""
-        decimals = codec.ROBOT if len(axes) == len(codec.ROBOT) else codec.PLATFORM
-        return tuple(round(axis * 10**digits) for axis, digits in zip(axes, decimals))
+        return added(self.pose, axes) or Target.UNKNOWN
 
     def status(self, message: Json) -> str | Json:
         """What a status means for the motion (MM-70)."""
-        pose, servo = self.counts(message["axes"]), message["servo"]
+        pose, servo = counts(message["axes"]), message["servo"]
         if message["moving"]:
             if self.motion is Motion.STOPPING:
                 return "stopping"

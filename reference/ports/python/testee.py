@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 from cellwire import (
@@ -79,9 +80,15 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
+# The owner of the stories' controller has room for 8 instructions, and takes none with characters.
+laser_controller = partial(laser_eb90.Controller, takes=lambda _, items: not any("char" in item for item in items))
+controller_config = partial(laser_eb90.ControllerConfig, queue=8)
+
+
 ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]] = {
     ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
+    ("laser-eb90", "controller"): (laser_controller, controller_config),
     ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
     ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
     ("mmacell-proto", "device"): (mmacell_proto.Device, mmacell_proto.DeviceConfig),
@@ -143,7 +150,10 @@ def call(end: Session, now: int, name: str, argument: Any) -> None:
     elif isinstance(argument, dict) and name != "request":
         method(**argument)
     else:
-        method(argument)
+        taken = method(argument)
+        if isinstance(end, laser_eb90.Controller) and name == "take":
+            for instruction in taken:
+                end.report("taken", **instruction)
 
 
 def programs(request: Json) -> Json:

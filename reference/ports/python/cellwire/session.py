@@ -64,15 +64,15 @@ class Session:
         """Takes what the decoder has found."""
         while (item := self.decoder.next()) is not None:
             if item.message is None:
-                self.corrupt(now, item)
+                self.on_error(now, item)
             else:
-                self.take(now, item.message)
+                self.on_message(now, item.message)
 
-    def take(self, now: int, message: Json) -> None:
+    def on_message(self, now: int, message: Json) -> None:
         """A message of the peer."""
         raise NotImplementedError
 
-    def corrupt(self, now: int, item: Item) -> None:
+    def on_error(self, now: int, item: Item) -> None:
         """Bytes that are no message."""
         self.report("corrupt", error=item.error)
 

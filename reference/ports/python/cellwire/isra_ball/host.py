@@ -98,7 +98,7 @@ class Host(Session):
         self.decoder.end()
         self.read(now)
 
-    def take(self, now: int, message: Json) -> None:
+    def on_message(self, now: int, message: Json) -> None:
         if "data" in message:
             self.report("corrupt", error={"kind": "layout", "expected": DATA_LEN, "found": len(message["data"])})
         elif self.poll is Poll.DISCONNECTED:

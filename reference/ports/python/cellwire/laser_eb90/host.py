@@ -8,24 +8,11 @@ from typing import Any
 from ..session import MS, SECOND, NotTaken, Session, after, span
 from ..stream import Item, Json, Refused
 from . import codec
+from .words import Words, item_of, word_of
 
-INTERPRETED, IMMEDIATE, QUERY = range(0x0100, 0x0200), range(0x0200, 0x0300), range(0x0300, 0x0400)
-CODES = {  # LE-103
-    0xE001: "bad_checksum",
-    0xE002: "bad_frame",
-    0xE003: "unknown_command",
-    0xE004: "bad_batch",
-    0xE005: "bad_parameters",
-    0xE006: "queue_full",
-}
 ANSWER_LEN = 13  # LE-70
 REFERENCE_BAUD = 9600
 MAX_BATCH = 255
-
-
-def class_of(word: int) -> range | None:
-    """LE-102"""
-    return next((words for words in (INTERPRETED, IMMEDIATE, QUERY) if word in words), None)
 
 
 class State(Enum):
@@ -45,6 +32,7 @@ class HostConfig:
     """LE-107. Times are in nanoseconds; None: the default, which depends on the baud rate (LE-70)."""
 
     profile: Json = field(default_factory=dict)
+    words: Json = field(default_factory=dict)
     baud: int = REFERENCE_BAUD
     batch: int = 7
     resends: int = 3
@@ -91,6 +79,7 @@ class Host(Session):
         self.config = config or HostConfig()
         if self.config.baud == 0 or not 1 <= self.config.batch <= MAX_BATCH:
             raise ValueError("a baud rate or a batch of 0")
+        self.words = Words(self.config.words)
         time = self.config.time
         self.answer_timeout = time(self.config.answer_timeout, 250 * MS)
         self.execution_timeout = time(self.config.execution_timeout, 30 * SECOND)
@@ -108,12 +97,15 @@ class Host(Session):
     def new_decoder(self) -> codec.Decoder:
         return codec.Decoder("controller", self.config.profile)
 
+    def is_interpreted(self, batch: Batch) -> bool:
+        return self.words.class_of(batch.word) == "interpreted"
+
     def execution(self, batch: Batch) -> int:
         """How long the controller executes before it answers (LE-48)."""
-        return 0 if batch.word in INTERPRETED else self.execution_timeout
+        return 0 if self.is_interpreted(batch) else self.execution_timeout
 
     def answer_time(self, batch: Batch) -> int:
-        return self.answer_timeout if batch.word in INTERPRETED else self.execution_timeout
+        return self.answer_timeout if self.is_interpreted(batch) else self.execution_timeout
 
     def settled(self, now: int) -> int:
         return after(max(now, self.received_by), self.settle)
@@ -158,17 +150,18 @@ class Host(Session):
         self.decoder.push(data)
         self.read(now)
 
-    def take(self, now: int, message: Json) -> None:
+    def on_message(self, now: int, message: Json) -> None:
         (first, *rest) = message["items"]
-        if len(first.get("i16", [])) == 1:
-            self.take_answer(now, first["i16"][0] & 0xFFFF, rest)
+        word = word_of(first)
+        if word is not None:
+            self.take_answer(now, word, rest)
         else:
-            self.corrupt(now, Item(0, 0, error={"kind": "no_word"}))
+            self.on_error(now, Item(0, 0, error={"kind": "no_word"}))
 
-    def corrupt(self, now: int, item: Item) -> None:
+    def on_error(self, now: int, item: Item) -> None:
         """LE-57"""
         self.was_corrupt = True
-        super().corrupt(now, item)
+        super().on_error(now, item)
 
     def take_answer(self, now: int, word: int, items: list[Json]) -> None:
         """Section 7.4."""
@@ -178,18 +171,18 @@ class Host(Session):
             return
         if word == batch.word:
             self.take_echo(now, batch, items)
-        elif word not in CODES:
+        elif (code := self.words.error_of(word)) is None:
             quiet_until = self.settled_if_taken(now)
             if self.state is not State.AWAITING:
                 quiet_until = max(self.until, after(now, self.settle))
             reason = {"other_word": {"expected": batch.word, "found": word}}
             self.finish("unknown", quiet_until, reason=reason)
         elif self.state is State.AWAITING:
-            self.take_code(now, batch, CODES[word])
+            self.take_code(now, batch, code)
 
     def take_echo(self, now: int, batch: Batch, items: list[Json]) -> None:
         """LE-50"""
-        if batch.word in QUERY:
+        if self.words.class_of(batch.word) == "query":
             self.report("answer", ticket=batch.first, items=items)
         else:
             tries = {"resends": batch.resends, "unanswered": batch.unanswered}
@@ -216,7 +209,7 @@ class Host(Session):
                 return
         if batch.unanswered > 0:
             self.finish("unknown", self.settled(now), reason="silence")
-        elif code == "bad_parameters" and batch.word in IMMEDIATE:
+        elif code == "bad_parameters" and self.words.class_of(batch.word) == "immediate":
             self.finish("unknown", self.settled(now), reason="execution_failed")
         else:
             self.finish("refused", self.settled(now), refusal=code)
@@ -263,13 +256,13 @@ class Host(Session):
 
     def submit(self, word: int, parameters: Sequence[Json] = ()) -> None:
         """An instruction for the next frame (LE-39 to LE-41); raises NotTaken."""
-        kind = class_of(word)
+        kind = self.words.class_of(word)
         if kind is None:
             raise NotTaken("unknown_word")
-        shorts = [item["i16"][0] & 0xFFFF for item in parameters if len(item.get("i16", [])) == 1]
-        if any(kind is INTERPRETED or class_of(short) is not None for short in shorts):
+        shorts = [short for item in parameters if (short := word_of(item)) is not None]
+        if any(kind == "interpreted" or self.words.class_of(short) for short in shorts):
             raise NotTaken("lone_short")
-        items = [{"i16": [word if word < 0x8000 else word - 0x10000]}, *parameters]
+        items = [item_of(word), *parameters]
         filling = self.filling
         try:
             codec.encode({"items": items}, options=self.config.profile)
@@ -278,7 +271,7 @@ class Host(Session):
         if filling is None:
             self.filling = Batch(self.submitted, [word], items)
         else:
-            if kind is not INTERPRETED or filling.word not in INTERPRETED or len(filling.words) >= self.config.batch:
+            if kind != "interpreted" or not self.is_interpreted(filling) or len(filling.words) >= self.config.batch:
                 raise NotTaken("full")
             try:
                 codec.encode({"items": filling.items + items}, options=self.config.profile)

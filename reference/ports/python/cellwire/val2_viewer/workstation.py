@@ -95,7 +95,7 @@ class Workstation(Session):
             else:
                 self.flow.take(now, part[0])
 
-    def take(self, now: int, message: Json) -> None:
+    def on_message(self, now: int, message: Json) -> None:
         if self.link is Link.DISCONNECTED:
             self.unexpected(self.link.name, "Pose")
         elif self.link is Link.WAITING:
@@ -108,9 +108,9 @@ class Workstation(Session):
                 self.link = Link.ALLOWED
             self.report("unasked", message=message)
 
-    def corrupt(self, now: int, item: Item) -> None:
+    def on_error(self, now: int, item: Item) -> None:
         """VV-26"""
-        super().corrupt(now, item)
+        super().on_error(now, item)
         if self.link is Link.DISCONNECTED:
             self.unexpected(self.link.name, "Corrupt")
         elif item.error is not None and item.error["kind"] not in NO_LINE:

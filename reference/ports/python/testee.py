@@ -86,6 +86,7 @@ controller_config = partial(laser_eb90.ControllerConfig, queue=8)
 
 
 ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]] = {
+    ("fanuc-hmi-modbus", "client"): (fanuc_hmi_modbus.Client, fanuc_hmi_modbus.ClientConfig),
     ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
     ("laser-eb90", "controller"): (laser_controller, controller_config),

@@ -67,7 +67,7 @@ def rtu_length(frame: bytes, sender: str) -> int | None:
     if function in counts:
         size, at = counts[function]
         if at >= len(frame):
-            raise Incomplete(size + 1)
+            raise Incomplete(size)
         return size + frame[at]
     return fixed.get(function)
 
@@ -80,30 +80,36 @@ class Decoder(StreamDecoder):
         self.sender = sender
         self.is_tcp = (options or {}).get("framing", "tcp") == "tcp"
         self.in_noise = False  # the bytes before were corrupt, and where a frame begins is not known yet
+        self.corruption: Json | None = None  # the error of corrupt bytes whose end is not known yet
+        self.frame = b""  # of the last item: a good one, whether its PDU is or not
 
     def take(self) -> tuple[int, Json | None, Json | None]:
         held = bytes(self.held)
+        self.frame = b""
         if self.in_noise:
             size = self.extent_tcp(held, 0) if self.is_tcp else self.extent_rtu(held, 0)
             if size > 0:
                 return size, None, error("noise", length=size)
-            self.in_noise = False
+            self.in_noise, self.corruption = False, None
         try:
             size = self.size_tcp(held) if self.is_tcp else self.size_rtu(held)
         except Corrupt as wrong:
+            self.corruption = wrong.error
             start = 1
             if self.is_tcp:
                 length = int.from_bytes(held[4:6], "big")
                 start = 6 + length if length < MBAP_LENGTHS.stop else 1
                 if wrong.error["kind"] == "cut":
+                    self.corruption = None
                     return len(held), None, wrong.error
             size = self.extent_tcp(held, start) if self.is_tcp else self.extent_rtu(held, 1)
+            if not self.in_noise:
+                self.corruption = None
             return size, None, wrong.error
-        header = {"transaction": int.from_bytes(held[:2], "big"), "unit": held[6]} if self.is_tcp else {"unit": held[0]}
-        pdu = held[7:size] if self.is_tcp else held[1 : size - 2]
+        self.frame = held[:size]
+        header, pdu = split(self.frame, self.is_tcp)
         try:
-            message = decode_request(pdu) if self.sender == "client" else decode_reply(pdu)
-            return size, header | message, None
+            return size, header | (decode_request(pdu) if self.sender == "client" else decode_reply(pdu)), None
         except Wrong as wrong:
             return size, None, wrong.error
 
@@ -191,6 +197,21 @@ class Decoder(StreamDecoder):
         if found is not None:
             return found[1]
         return self.extent_without_frame(held, RTU_EXTENT)
+
+
+def split(frame: bytes, is_tcp: bool) -> tuple[Json, bytes]:
+    """The header's fields, and the PDU."""
+    if is_tcp:
+        return {"transaction": int.from_bytes(frame[:2], "big"), "unit": frame[6]}, frame[7:]
+    return {"unit": frame[0]}, frame[1:-2]
+
+
+def wrap(pdu: bytes, unit: int, transaction: int | None) -> bytes:
+    """The frame of a PDU; without a transaction it is one of RTU."""
+    body = bytes([unit]) + pdu
+    if transaction is None:
+        return body + crc(body).to_bytes(2, "little")
+    return struct.pack(">HHH", transaction, 0, len(body)) + body
 
 
 class Pdu:
@@ -328,12 +349,10 @@ def encode(message: Json, sender: str = "client", options: Json | None = None) -
     pdu = encode_request(message) if sender == "client" else encode_reply(message)
     if len(pdu) > MAX_PDU:
         raise Refused(f"a PDU has up to {MAX_PDU} bytes, not {len(pdu)}")
-    body = bytes([integer(message["unit"], 0, 255, "unit")]) + pdu
-    if (options or {}).get("framing", "tcp") == "rtu":
-        if "transaction" in message:
-            raise Refused("a frame of RTU has no transaction")
-        return body + crc(body).to_bytes(2, "little")
-    return struct.pack(">HHH", u16(message["transaction"]), 0, len(body)) + body
+    is_rtu = (options or {}).get("framing", "tcp") == "rtu"
+    if is_rtu and "transaction" in message:
+        raise Refused("a frame of RTU has no transaction")
+    return wrap(pdu, integer(message["unit"], 0, 255, "unit"), None if is_rtu else u16(message["transaction"]))
 
 
 def u16(value: Any) -> int:

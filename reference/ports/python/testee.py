@@ -80,6 +80,30 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
+class StoryRegisters(fanuc_hmi_modbus.Registers):
+    """The tables of the stories, and their three functions."""
+
+    def __init__(self) -> None:
+        on = [address % 3 == 0 for address in range(100)]
+        super().__init__(on, [not coil for coil in on], [7 * address for address in range(100)])
+
+    def serve(self, request: Json) -> Json:
+        if request["function"] == 2 and self.coils is not None:
+            self.discrete_inputs = [not coil for coil in self.coils]
+        return super().serve(request)
+
+    def serve_other(self, function: int, data: bytes) -> Json:
+        if function == 67:
+            raise fanuc_hmi_modbus.Refusal(6)
+        if function not in (65, 66):
+            return super().serve_other(function, data)
+        return {"function": function, "data": list(data) if function == 65 else [0] * 253}
+
+
+def modbus_server(config: fanuc_hmi_modbus.ServerConfig) -> Session:
+    return fanuc_hmi_modbus.Server(config, StoryRegisters())
+
+
 # The owner of the stories' controller has room for 8 instructions, and takes none with characters.
 laser_controller = partial(laser_eb90.Controller, takes=lambda _, items: not any("char" in item for item in items))
 controller_config = partial(laser_eb90.ControllerConfig, queue=8)
@@ -87,6 +111,7 @@ controller_config = partial(laser_eb90.ControllerConfig, queue=8)
 
 ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]] = {
     ("fanuc-hmi-modbus", "client"): (fanuc_hmi_modbus.Client, fanuc_hmi_modbus.ClientConfig),
+    ("fanuc-hmi-modbus", "server"): (modbus_server, fanuc_hmi_modbus.ServerConfig),
     ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
     ("laser-eb90", "controller"): (laser_controller, controller_config),

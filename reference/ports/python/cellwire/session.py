@@ -60,6 +60,10 @@ class Session:
         self.decoder.push(data)
         self.read(now)
 
+    def wants_input(self) -> bool:
+        """Whether bytes are read now; else they are best left in the transport, whose flow control holds the peer."""
+        return True
+
     def read(self, now: int) -> None:
         """Takes what the decoder has found."""
         while (item := self.decoder.next()) is not None:

@@ -2,5 +2,7 @@
 
 from .client import Client, ClientConfig
 from .codec import Decoder, encode
+from .registers import Refusal, Registers
+from .server import Server, ServerConfig
 
-__all__ = ["Client", "ClientConfig", "Decoder", "encode"]
+__all__ = ["Client", "ClientConfig", "Decoder", "Refusal", "Registers", "Server", "ServerConfig", "encode"]

@@ -206,6 +206,10 @@ class Device(Session):
             data = data[room:]
             self.read(now)
 
+    def wants_input(self) -> bool:
+        """MM-50."""
+        return self.link in (Link.DOWN, Link.IDLE, Link.ENDED)
+
     def read(self, now: int) -> None:
         """The next line, if the one before was answered."""
         while self.link is Link.IDLE and (item := self.lines.next()) is not None:

@@ -118,6 +118,7 @@ ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]
     ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
     ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
     ("mmacell-proto", "device"): (mmacell_proto.Device, mmacell_proto.DeviceConfig),
+    ("val2-alter", "controller"): (val2_alter.Controller, val2_alter.ControllerConfig),
     ("val2-alter", "host"): (val2_alter.Host, val2_alter.HostConfig),
     ("val2-viewer", "host"): (val2_viewer.Host, val2_viewer.HostConfig),
     ("val2-viewer", "workstation"): (val2_viewer.Workstation, val2_viewer.WorkstationConfig),

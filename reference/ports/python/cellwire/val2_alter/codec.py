@@ -54,6 +54,7 @@ class Decoder:
         self.lent = False
         self.error: Json | None = None
         self.failures = 0  # how often `read` failed (AL-38)
+        self.failure = ""  # the kind of the last one
 
     def push(self, data: bytes) -> None:
         """Takes bytes."""
@@ -103,6 +104,7 @@ class Decoder:
                 return None
             except Wrong as wrong:
                 self.failures += 1
+                self.failure = wrong.error["kind"]
                 first = self.position + self.spare - self.lent
                 self.error = wrong.error | {"offset": first + wrong.error["offset"]}
                 self.read_before = max(self.read_before, wrong.extent)

@@ -3,13 +3,13 @@
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from ..session import MS, NotTaken, Session, after, span
+from ..session import MS, NotTaken, after, earliest, span
 from ..stream import Item, Json
 from . import codec
 from .codec import AXES
 from .limiter import Limiter
+from .line import CYCLE, Line, shortest_window, window
 
-CYCLE = 28 * MS
 VELOCITY = [90, 90, 90, 150, 150, 150]
 ACCELERATION = [9, 9, 9, 15, 15, 15]
 
@@ -58,14 +58,18 @@ class HostConfig:
     reserve: int = 1 * MS
     max_delay: int = 10 * MS
 
+    def __post_init__(self) -> None:
+        shortest = shortest_window(self.mode, codec.Framing(**self.framing), max(self.baud, 1))
+        if self.silence_cycles < 2 or shortest < self.reserve:
+            raise ValueError("silence_cycles below 2, or a window that does not hold a reply")  # AL-42
+
     @property
     def is_cumulative(self) -> bool:
         return bool(self.mode & 1)
 
     @property
     def window(self) -> int:
-        """W (section 7.5)."""
-        return (15 if self.is_cumulative else 17) * MS
+        return window(self.mode)
 
     @property
     def is_in_time(self) -> bool:
@@ -86,17 +90,13 @@ class Due:
     is_interrupted: bool = False
 
 
-class Host(Session):
+class Host(Line):
     """One serial line to a controller."""
 
     def __init__(self, config: HostConfig | None = None) -> None:
-        super().__init__()
         self.config = config or HostConfig()
-        self.framing = codec.Framing(**self.config.framing)
+        super().__init__("robot", self.config.framing, self.config.gap)
         self.policy, self.subroutine = self.config.policy, self.config.subroutine
-        self.decoder: codec.Decoder = codec.Decoder("robot", self.config.framing)
-        self.failures = 0  # of the decoder, that were looked at
-        self.gap_at: int | None = None
         self.phase = Phase.DISCONNECTED
         self.due: Due | None = None
         self.asked = self.forget_at = 0
@@ -168,36 +168,20 @@ class Host(Session):
 
     def connected(self, now: int) -> None:
         self.leave("disconnected", Phase.IDLE)
-        self.decoder.clear()
+        self.frames.clear()
         self.gap_at = None
 
     def disconnected(self, now: int) -> None:
         self.leave("disconnected", Phase.DISCONNECTED)
         self.gap_at = None
 
-    def input(self, now: int, data: bytes) -> None:
-        if self.phase is Phase.DISCONNECTED:
-            return
-        self.timeout(now)
-        self.decoder.push(data)
-        self.read(now)
-        gap = self.config.gap
-        self.gap_at = after(now, gap) if gap is not None and self.decoder.pending() > 0 else None
+    def is_open(self) -> bool:
+        return self.phase is not Phase.DISCONNECTED
 
-    def read(self, now: int) -> None:
-        while True:
-            item = self.decoder.next()
-            if self.decoder.failures > self.failures:  # AL-38
-                self.failures = self.decoder.failures
-                self.take_corrupt(now)
-            if item is None:
-                return
-            if item.error is not None:
-                if item.error["kind"] == "start_mark":
-                    self.lose_sequence()
-                self.report("corrupt", error=item.error)
-            else:
-                self.take_item(now, item)
+    def on_error(self, now: int, item: Item) -> None:
+        if item.error is not None and item.error["kind"] == "start_mark":
+            self.lose_sequence()
+        super().on_error(now, item)
 
     def lose_sequence(self) -> None:
         """AL-68, AL-95: a message may have been among the bytes."""
@@ -205,7 +189,7 @@ class Host(Session):
         if not self.config.is_in_time:
             self.sent |= self.kept
 
-    def take_corrupt(self, now: int) -> None:
+    def on_failure(self, now: int, kind: str) -> None:
         """AL-47, AL-68"""
         self.lose_sequence()
         if self.phase not in (Phase.IDLE, Phase.REPEATING) or self.due is not None or self.policy != "accept":
@@ -215,9 +199,7 @@ class Host(Session):
         self.due = self.start_due(now)
         self.forget_at = after(now, CYCLE * self.config.silence_cycles)
 
-    def take_item(self, now: int, item: Item) -> None:
-        """A message of the controller."""
-        message = item.message or {}
+    def on_frame(self, now: int, item: Item, message: Json) -> None:
         kind = message["kind"]
         if kind == "start":
             if self.due is not None:
@@ -299,10 +281,7 @@ class Host(Session):
             self.limiter.missed()
 
     def timeout(self, now: int) -> None:
-        if self.gap_at is not None and now >= self.gap_at:
-            self.gap_at = None
-            self.decoder.end()
-            self.read(now)
+        self.end_gap(now)
         if self.due is not None and now >= self.due.begin_by:
             self.miss()
             if self.phase is Phase.STARTING:
@@ -453,4 +432,4 @@ class Host(Session):
             times.append(self.lost_at)
         if self.phase in TARGETED:
             times.append(self.fresh_until)
-        return min((time for time in times if time is not None), default=None)
+        return earliest(*times)

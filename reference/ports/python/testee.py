@@ -80,6 +80,30 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
+def kawasaki(config: Callable[..., object]) -> Callable[..., object]:
+    """A configuration of kawasaki-msg, whose table is three fields of a story's."""
+
+    def make(messages: Json | None = None, charset: str = "ascii", job: list[Json] | None = None, **fields: Any) -> object:
+        tables = {"limits": kawasaki_msg.Limits, "recovery": kawasaki_msg.RecoveryLimits}
+        values = {name: tables[name](**value) if name in tables else value for name, value in fields.items()}
+        return config(dialect=kawasaki_msg.Dialect(messages, charset, job), **values)
+
+    return make
+
+
+class StoryRobot(kawasaki_msg.Robot):
+    """The motion program of the stories: a job that is taken is an event, and `execute` is the whole of it."""
+
+    def take(self, number: int | None = None) -> Json:
+        job = super().take(number)
+        self.report("taken", **job)
+        return job
+
+    def execute(self) -> None:
+        self.job_done(self.take()["number"])
+        self.complete()
+
+
 class StoryRegisters(fanuc_hmi_modbus.Registers):
     """The tables of the stories, and their three functions."""
 
@@ -114,6 +138,7 @@ ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]
     ("fanuc-hmi-modbus", "server"): (modbus_server, fanuc_hmi_modbus.ServerConfig),
     ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
+    ("kawasaki-msg", "robot"): (StoryRobot, kawasaki(kawasaki_msg.RobotConfig)),
     ("laser-eb90", "controller"): (laser_controller, controller_config),
     ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
     ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
@@ -169,7 +194,7 @@ def call(end: Session, now: int, name: str, argument: Any) -> None:
         name, arguments = name.removesuffix("_another"), [] if argument is None else [argument]
         getattr(end, name)(order, *arguments)
         return
-    method = getattr(end, name)
+    method = getattr(end, "job_done" if name == "report" else name)
     if argument is None:
         method()
     elif name == "set_segment":

@@ -138,6 +138,7 @@ ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]
     ("fanuc-hmi-modbus", "server"): (modbus_server, fanuc_hmi_modbus.ServerConfig),
     ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
     ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
+    ("kawasaki-msg", "pc"): (kawasaki_msg.Pc, kawasaki(kawasaki_msg.PcConfig)),
     ("kawasaki-msg", "robot"): (StoryRobot, kawasaki(kawasaki_msg.RobotConfig)),
     ("laser-eb90", "controller"): (laser_controller, controller_config),
     ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),

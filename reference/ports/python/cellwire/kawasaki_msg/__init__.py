@@ -2,6 +2,7 @@
 
 from .codec import Decoder, encode
 from .dialect import Dialect, Limits
+from .pc import Pc, PcConfig
 from .robot import RecoveryLimits, Robot, RobotConfig
 
-__all__ = ["Decoder", "Dialect", "Limits", "RecoveryLimits", "Robot", "RobotConfig", "encode"]
+__all__ = ["Decoder", "Dialect", "Limits", "Pc", "PcConfig", "RecoveryLimits", "Robot", "RobotConfig", "encode"]

@@ -1,5 +1,7 @@
 """What the sessions of all links share."""
 
+from typing import ClassVar
+
 from .stream import Decoder, Item, Json
 
 NEVER = 2**63  # or later
@@ -33,6 +35,9 @@ class Session:
     """
 
     decoder: Decoder
+    # Events after which the connection is to be closed, and whether it is opened only after an event `connect`.
+    CLOSES: ClassVar[frozenset[str]] = frozenset()
+    CONNECTS: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self.events: list[Json] = []

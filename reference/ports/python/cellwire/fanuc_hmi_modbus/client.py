@@ -63,6 +63,8 @@ class Request:
 class Client(Session):
     """Asks a controller: each request has one outcome, `replied`, `announced` or `failed`."""
 
+    CLOSES = frozenset({"out_of_step"})  # FM-29
+
     def __init__(self, config: ClientConfig | None = None) -> None:
         super().__init__()
         self.config = config = config or ClientConfig()

@@ -47,6 +47,8 @@ class ServerConfig:
 class Server(Session):
     """Carries requests out on its registers, and answers them in their order."""
 
+    CLOSES = frozenset({"out_of_step"})  # FM-29
+
     def __init__(self, config: ServerConfig | None = None, registers: Registers | None = None) -> None:
         super().__init__()
         self.config = config = config or ServerConfig()

@@ -14,6 +14,8 @@ LAST = {"connect": 1, "disconnect": 1, "progress": 2}
 class End(Session):
     """One end of a connection."""
 
+    CLOSES = frozenset({"disconnect"})
+
     def __init__(self, dialect: Dialect, max_number: int, datagrams: bool) -> None:
         super().__init__()
         if not 2 <= max_number <= LARGEST:

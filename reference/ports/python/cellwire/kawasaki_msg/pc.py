@@ -1,12 +1,13 @@
 """The PC of kawasaki-msg (section 9 of reference/kawasaki-msg.md)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, auto
 
-from ..session import MS, SECOND, NotTaken, after
+from ..session import SECOND, NotTaken, after
 from ..stream import Item, Json
-from .dialect import COMMAND, Dialect, Limits, Packet, phase_name
+from .config import TAKEOVERS, PcConfig
+from .dialect import COMMAND, Packet, phase_name
 from .end import End
 from .job import Unfit
 
@@ -32,35 +33,6 @@ class Stage(Enum):
 STARTING = (Stage.UNSENT, Stage.LOST, Stage.SENT, Stage.FOREIGN)
 RUNNING = (Stage.ACTIVE, Stage.ENDING, Stage.INTERRUPTED)
 PHASES = {Stage.IDLE: 0, Stage.ACTIVE: 2, Stage.ENDING: 3, Stage.INTERRUPTED: 4}
-TAKEOVERS = {"end": "order_end", "interrupt": "order_interrupt", "never": None}
-
-
-@dataclass
-class PcConfig:
-    """KM-121. Times are in nanoseconds; `NEVER` is never."""
-
-    dialect: Dialect = field(default_factory=Dialect)
-    limits: Limits = field(default_factory=Limits)
-    datagrams: bool = False
-    max_number: int = 9999
-    cumulative_acks: bool = True
-    reply_delay: int = 2 * MS
-    silence: int = 10 * SECOND
-    takeover: str = "interrupt"
-    start_retries: int = 10
-    end_when_done: bool = True
-
-    def __post_init__(self) -> None:
-        self.limits.check(self.dialect)
-        entries = self.dialect.entries
-        if self.silence == 0 or self.takeover not in TAKEOVERS:
-            raise ValueError("a silence of 0, or a takeover that is none")
-        if self.takeover == "interrupt" and "order_interrupt" not in entries:
-            raise ValueError("a takeover by an interruption that the table lacks")  # KM-122
-        if not self.cumulative_acks and "job_ack" not in entries:
-            raise ValueError("individual acknowledgement without a job_ack")  # KM-83
-
-
 @dataclass
 class Command:
     """A command that waits, or is in flight."""

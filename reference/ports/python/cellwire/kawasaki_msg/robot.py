@@ -1,70 +1,20 @@
 """The robot of kawasaki-msg (section 8 of reference/kawasaki-msg.md): connection, cycle, packets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, auto
 
 from ..session import MS, SECOND, NotTaken, after
 from ..stream import Item, Json
-from .dialect import Dialect, Limits, Packet, phase_name
+from .config import INDIVIDUAL, SLOTS, RobotConfig
+from .dialect import Packet, phase_name
 from .end import End
 from .job import Wrong
 from .order import Acks, Flow, Gap, Order, Stage
 from .queue import Queue
 
-SLOTS = 256
 READ_ON = 2 * MS  # KM-50
 LATEST_DATAGRAM = SECOND  # KM-9
 ENDED_ORDERS = 16
-INDIVIDUAL = "individual"
-
-
-@dataclass
-class RecoveryLimits:
-    """KM-73."""
-
-    resends: int = 3
-    pauses: int = 3
-    clears: int = 1
-
-    def step(self, failures: int) -> str:
-        """The name of the n-th step."""
-        if failures <= self.resends:
-            return "resend"
-        if failures <= self.resends + self.pauses:
-            return "pause"
-        return "clear" if failures <= self.resends + self.pauses + self.clears else "alarm"
-
-
-@dataclass
-class RobotConfig:
-    """KM-82, and how many jobs the queue holds. Times are in nanoseconds; `NEVER` is never. No `low_water`: half the queue."""
-
-    dialect: Dialect = field(default_factory=Dialect)
-    limits: Limits = field(default_factory=Limits)
-    datagrams: bool = False
-    max_number: int = 9999
-    queue: int | None = None
-    acks: int | str = 1
-    low_water: int | None = None
-    recovery: RecoveryLimits = field(default_factory=RecoveryLimits)
-    patience: int = SECOND
-    pause: int = 500 * MS
-    reply_timeout: int = SECOND
-    exchange: int = 32 * MS
-    silent_cycles: int = 5
-    reconnect_delay: int = SECOND
-    status_period: int = SECOND
-    refuse_repeated_start: bool = True
-    end_foreign_order: bool = False
-
-    def __post_init__(self) -> None:
-        self.limits.check(self.dialect)
-        if self.queue is None:
-            self.queue = min(SLOTS, self.max_number - 1)
-        if not 1 <= self.queue < self.max_number or self.acks == 0:
-            raise ValueError("a queue without a slot, or with as many as there are numbers; or acks of 0")
-        if self.acks == INDIVIDUAL and "job_ack" not in self.dialect.entries:
-            raise ValueError("individual acknowledgement without a job_ack")  # KM-83
 
 
 class Link(Enum):
@@ -88,6 +38,8 @@ class Replies:
 
 class Robot(End):
     """Asks a PC for jobs, queues them for its motion program, and tells what became of them."""
+
+    CONNECTS = True
 
     def __init__(self, config: RobotConfig | None = None) -> None:
         self.config = config = config or RobotConfig()

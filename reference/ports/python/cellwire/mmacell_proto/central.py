@@ -49,6 +49,8 @@ class CentralConfig:
 class Central(Session):
     """One connection to a device: a `robot` or a `platform`."""
 
+    CLOSES = frozenset({"closed"})
+
     def __init__(self, config: CentralConfig | None = None, device: str = "platform") -> None:
         super().__init__()
         self.config = config or CentralConfig()

@@ -59,6 +59,8 @@ class Device(Session):
     Each order is an event `asked`: `accept` or `refuse` it, and say with `set_pose`, `arrived` and `fail` what became of it.
     """
 
+    CLOSES = frozenset({"closed"})
+
     def __init__(self, config: DeviceConfig | None = None, device: str = "platform") -> None:
         super().__init__()
         self.config = config or DeviceConfig()

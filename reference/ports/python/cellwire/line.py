@@ -68,7 +68,7 @@ class Core(Generic[S]):
     def expire(self) -> None:
         """Time has passed; what has come was read."""
         deadline = self.session.deadline()
-        if deadline is not None and self.now() >= deadline:
+        if self.session.wants_timeout() or deadline is not None and self.now() >= deadline:
             self.session.timeout(self.now())
             self.take()
 

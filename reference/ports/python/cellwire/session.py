@@ -89,6 +89,10 @@ class Session:
         """Time has passed."""
         raise NotImplementedError
 
+    def wants_timeout(self) -> bool:
+        """Whether `timeout` is to be called at once, whatever the deadline."""
+        return False
+
     def transmitted(self, now: int) -> None:
         """The last byte of what was transmitted has left the port."""
 

@@ -57,6 +57,7 @@ class Robot(End):
         self.replies = Replies()
         self.ignored_until: int | None = None
         self.was_drained = False
+        self.was_changed = False  # the queue, by the motion program, since it was looked at
 
     # The motion program
 
@@ -73,6 +74,7 @@ class Robot(End):
     def complete(self) -> None:
         """The slot of the job that was taken is free; raises NotTaken."""
         self.queue.complete()
+        self.was_changed = True
 
     def clear_queue(self) -> None:
         """Clears the list; raises NotTaken (KM-71)."""
@@ -90,6 +92,7 @@ class Robot(End):
     def abandon(self) -> None:
         """The motion program is gone."""
         self.queue.is_abandoned = True
+        self.was_changed = True
 
     # Connections
 
@@ -285,8 +288,13 @@ class Robot(End):
 
     # Times
 
+    def wants_timeout(self) -> bool:
+        """KM-72"""
+        return self.was_changed
+
     def timeout(self, now: int) -> None:
         """KM-80"""
+        self.was_changed = False
         order = self.order
         is_asking = order.stage is Stage.INTAKE and self.is_connected()
         if self.link is Link.DISCONNECTED and now >= self.connect_at:

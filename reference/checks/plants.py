@@ -14,8 +14,8 @@ from pathlib import Path
 REFERENCE = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(REFERENCE / "ports/python"))
 
-from links import fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer  # noqa: E402
-from links.stream import Refused  # noqa: E402
+from cellwire import fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer  # noqa: E402
+from cellwire.stream import Refused  # noqa: E402
 
 MESSAGES = 20
 FLAG = [False, True]

@@ -6,6 +6,7 @@ Python is checked by `mypy --strict`, C is built with every warning an error, an
 sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -14,10 +15,16 @@ from pathlib import Path
 REFERENCE = Path(__file__).resolve().parent.parent
 TARGET = REFERENCE.parent / "target/reference"
 CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
-SESSIONS = ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"]
-# What both ports claim: none of it may be skipped.
-CLAIMS = [argument for claim in CODECS + SESSIONS for argument in ("--claim", claim)]
-TESTEE = [sys.executable, REFERENCE / "checks/testee.py", *CLAIMS]
+SESSIONS = {
+    "python": [f"{path.stem}/{end}" for path in (REFERENCE / "sessions").glob("*.json") for end in json.loads(path.read_text())["ends"]],
+    "c": ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"],
+}
+
+
+def testee(port):
+    """The command that runs a port's testee; nothing of what the port claims may be skipped."""
+    claims = [argument for claim in CODECS + SESSIONS[port] for argument in ("--claim", claim)]
+    return [sys.executable, REFERENCE / "checks/testee.py", *claims]
 
 
 def passes(*command, **options):
@@ -30,15 +37,15 @@ def python():
     venv = TARGET / "venv/bin/python"
     interpreter = venv if venv.exists() else sys.executable
     cache = TARGET / "mypy"
-    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "links", "sessions", cwd=folder)
-    return passes(*TESTEE, sys.executable, "-B", folder / "testee.py") and typed
+    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "cellwire", cwd=folder)
+    return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed
 
 
 def c():
     build = TARGET / "c"
     if not passes("make", "--silent", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
         return False
-    return passes(*TESTEE, build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
+    return passes(*testee("c"), build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
 
 
 def main():

@@ -3,22 +3,21 @@
 import json
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
-from links import fanuc_hmi_modbus, fanuc_ls, fanuc_ls_write, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
-from links.stream import Item, Json, Refused
-from sessions.alter_host import Host as AlterHost
-from sessions.laser_host import Host as LaserHost
-from sessions.mmacell_central import Central
-from sessions.session import NotTaken, Session
-
-
-class Decoder(Protocol):
-    """What the decoders of all links can do."""
-
-    def push(self, data: bytes) -> None: ...
-    def end(self) -> None: ...
-    def next(self) -> Item | None: ...
+from cellwire import (
+    fanuc_hmi_modbus,
+    fanuc_ls,
+    isra_ball,
+    kawasaki_msg,
+    laser_eb90,
+    mmacell_proto,
+    val2_alter,
+    val2_viewer,
+)
+from cellwire.session import NEVER, NotTaken, Session
+from cellwire.stream import Decoder, Json, Refused
 
 
 class Link(Protocol):
@@ -81,10 +80,74 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
-ENDS: dict[tuple[str, str], Callable[[Json], Session]] = {
-    ("laser-eb90", "host"): LaserHost,
-    ("mmacell-proto", "central"): Central,
-    ("val2-alter", "host"): AlterHost,
+def kawasaki(config: Callable[..., object]) -> Callable[..., object]:
+    """A configuration of kawasaki-msg, whose table is three fields of a story's."""
+
+    def make(messages: Json | None = None, charset: str = "ascii", job: list[Json] | None = None, **fields: Any) -> object:
+        tables = {"limits": kawasaki_msg.Limits, "recovery": kawasaki_msg.RecoveryLimits}
+        values = {name: tables[name](**value) if name in tables else value for name, value in fields.items()}
+        return config(dialect=kawasaki_msg.Dialect(messages, charset, job), **values)
+
+    return make
+
+
+class StoryRobot(kawasaki_msg.Robot):
+    """The motion program of the stories: a job that is taken is an event, and `execute` is the whole of it."""
+
+    def take(self, number: int | None = None) -> Json:
+        job = super().take(number)
+        self.report("taken", **job)
+        return job
+
+    def execute(self) -> None:
+        self.job_done(self.take()["number"])
+        self.complete()
+
+
+class StoryRegisters(fanuc_hmi_modbus.Registers):
+    """The tables of the stories, and their three functions."""
+
+    def __init__(self) -> None:
+        on = [address % 3 == 0 for address in range(100)]
+        super().__init__(on, [not coil for coil in on], [7 * address for address in range(100)])
+
+    def serve(self, request: Json) -> Json:
+        if request["function"] == 2 and self.coils is not None:
+            self.discrete_inputs = [not coil for coil in self.coils]
+        return super().serve(request)
+
+    def serve_other(self, function: int, data: bytes) -> Json:
+        if function == 67:
+            raise fanuc_hmi_modbus.Refusal(6)
+        if function not in (65, 66):
+            return super().serve_other(function, data)
+        return {"function": function, "data": list(data) if function == 65 else [0] * 253}
+
+
+def modbus_server(config: fanuc_hmi_modbus.ServerConfig) -> Session:
+    return fanuc_hmi_modbus.Server(config, StoryRegisters())
+
+
+# The owner of the stories' controller has room for 8 instructions, and takes none with characters.
+laser_controller = partial(laser_eb90.Controller, takes=lambda _, items: not any("char" in item for item in items))
+controller_config = partial(laser_eb90.ControllerConfig, queue=8)
+
+
+ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]] = {
+    ("fanuc-hmi-modbus", "client"): (fanuc_hmi_modbus.Client, fanuc_hmi_modbus.ClientConfig),
+    ("fanuc-hmi-modbus", "server"): (modbus_server, fanuc_hmi_modbus.ServerConfig),
+    ("isra-ball", "ball"): (isra_ball.Ball, isra_ball.BallConfig),
+    ("isra-ball", "host"): (isra_ball.Host, isra_ball.HostConfig),
+    ("kawasaki-msg", "pc"): (kawasaki_msg.Pc, kawasaki(kawasaki_msg.PcConfig)),
+    ("kawasaki-msg", "robot"): (StoryRobot, kawasaki(kawasaki_msg.RobotConfig)),
+    ("laser-eb90", "controller"): (laser_controller, controller_config),
+    ("laser-eb90", "host"): (laser_eb90.Host, laser_eb90.HostConfig),
+    ("mmacell-proto", "central"): (mmacell_proto.Central, mmacell_proto.CentralConfig),
+    ("mmacell-proto", "device"): (mmacell_proto.Device, mmacell_proto.DeviceConfig),
+    ("val2-alter", "controller"): (val2_alter.Controller, val2_alter.ControllerConfig),
+    ("val2-alter", "host"): (val2_alter.Host, val2_alter.HostConfig),
+    ("val2-viewer", "host"): (val2_viewer.Host, val2_viewer.HostConfig),
+    ("val2-viewer", "workstation"): (val2_viewer.Workstation, val2_viewer.WorkstationConfig),
 }
 # Inputs of every end; all others are calls of its owner.
 INPUTS = {"connected", "disconnected", "timeout", "transmitted"}
@@ -95,7 +158,8 @@ def session(link: Link, request: Json) -> Json:
     make = ENDS.get((request["link"], request["end"]))
     if make is None:
         return {"skipped": "not implemented"}
-    end = make(request["config"])
+    config = {name: NEVER if value is None else value for name, value in request["config"].items()}
+    end = make[0](make[1](**config))
     return {"steps": [play(end, step) for step in request["steps"]]}
 
 
@@ -109,7 +173,7 @@ def play(end: Session, step: Json) -> Json:
         elif name == "input":
             end.input(now, bytes.fromhex(argument))
         elif name != "nothing":
-            end.call(now, name, argument)
+            call(end, now, name, argument)
     except NotTaken as not_taken:
         answer["refused"] = not_taken.refused
     while True:
@@ -122,12 +186,35 @@ def play(end: Session, step: Json) -> Json:
         answer["transmit"].append(sent.hex().upper())
 
 
+def call(end: Session, now: int, name: str, argument: Any) -> None:
+    """A call of the end's owner; an object is one of its arguments, or all of them by name."""
+    end.now = now
+    if isinstance(end, mmacell_proto.Device) and name in ("accept", "refuse", "accept_another"):
+        # Stories do not name the order that is accepted or refused.
+        order = end.order if name != "accept_another" else {"order": "none"}
+        name, arguments = name.removesuffix("_another"), [] if argument is None else [argument]
+        getattr(end, name)(order, *arguments)
+        return
+    method = getattr(end, "job_done" if name == "report" else name)
+    if argument is None:
+        method()
+    elif name == "set_segment":
+        method(*argument)
+    elif isinstance(argument, dict) and name != "request":
+        method(**argument)
+    else:
+        taken = method(argument)
+        if isinstance(end, laser_eb90.Controller) and name == "take":
+            for instruction in taken:
+                end.report("taken", **instruction)
+
+
 def programs(request: Json) -> Json:
     """The answers of fanuc-ls: texts in the place of frames."""
     task, options = request["task"], request["options"]
     if task == "encode":
         try:
-            return {"hex": fanuc_ls_write.encode(request["message"], options).encode().hex().upper()}
+            return {"hex": fanuc_ls.encode(request["message"], options).encode().hex().upper()}
         except (Refused, AttributeError, KeyError, TypeError) as wrong:
             return {"refused": repr(wrong)}
     text = fanuc_ls.decode(bytes.fromhex(request["hex"].removesuffix("|")))

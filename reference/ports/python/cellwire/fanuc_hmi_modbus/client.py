@@ -1,0 +1,318 @@
+"""The client of fanuc-hmi-modbus (section 7 of reference/fanuc-hmi-modbus.md)."""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from ..session import MS, SECOND, NotTaken, Session, after
+from ..stream import Item, Json, Refused
+from . import codec, timing
+
+MAX_PLACES = 16
+READING = (1, 2, 3, 4, 23)
+BITS = (1, 2)
+ECHO = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
+
+
+@dataclass
+class ClientConfig:
+    """FM-77. Times are in nanoseconds; None: the default, which depends on the framing."""
+
+    framing: str = "tcp"
+    baud: int = 19200
+    silence: int | None = None
+    stall: int | None = None
+    timeout: int | None = None
+    in_flight: int = 1
+    any_unit: bool = False
+    broadcast: bool | None = None
+    turnaround: int | None = None
+    settle: int | None = None
+    places: int = 8
+
+    def __post_init__(self) -> None:
+        if self.timeout == 0 or 0 in (self.silence, self.stall):
+            raise ValueError("a timeout, a silence or a stall of 0")  # FM-56
+        most = self.places if self.framing == "tcp" else 1
+        if not 1 <= self.places <= MAX_PLACES or not 1 <= self.in_flight <= most:
+            raise ValueError("places are 1 to 16, and requests in flight as many, or one without transactions")
+
+
+class Stage(Enum):
+    """FM-75; what has ended, and was taken by the caller, is known by its event."""
+
+    QUEUED = auto()
+    IN_FLIGHT = auto()
+    ENDED = auto()
+
+
+@dataclass
+class Request:
+    """A request in its place."""
+
+    ticket: int
+    message: Json
+    is_broadcast: bool
+    stage: Stage = Stage.QUEUED
+    deadline: int = 0
+    transaction: int | None = None
+    outcome: Json | None = None
+    is_late: bool = False  # it timed out, and its reply may still come
+    ended: int = 0  # how many ended before
+
+
+class Client(Session):
+    """Asks a controller: each request has one outcome, `replied`, `announced` or `failed`."""
+
+    CLOSES = frozenset({"out_of_step"})  # FM-29
+
+    def __init__(self, config: ClientConfig | None = None) -> None:
+        super().__init__()
+        self.config = config = config or ClientConfig()
+        self.is_tcp, is_rtu = config.framing == "tcp", config.framing == "rtu"
+        self.is_line = is_rtu
+        self.gap = timing.gap(config.framing, config.baud, config.silence, config.stall)
+        longest = timing.longest(config.baud) if is_rtu else 0
+
+        def default(value: int | None, otherwise: int) -> int:
+            return otherwise if value is None else value
+
+        self.time_limit = default(config.timeout, SECOND + 2 * longest)
+        self.turnaround = default(config.turnaround, 100 * MS + longest)
+        self.settle = default(config.settle, 10 * SECOND if config.framing == "rtu_over_tcp" else SECOND)
+        self.has_broadcast = not self.is_tcp if config.broadcast is None else config.broadcast
+        self.options = {"framing": "tcp" if self.is_tcp else "rtu"}
+        self.is_up = False
+        self.silent_at: int | None = None  # None: the line is silent
+        self.quiet_until: int | None = None
+        self.places: list[Request | None] = [None] * config.places
+        self.tickets = self.ends = self.last_transaction = 0
+        self.has_failed = False  # the decoder, since the last request was sent (FM-84)
+        self.was_within = False  # corruption, when the read before ended (FM-81)
+        self.replies = self.new_decoder()
+
+    def new_decoder(self) -> codec.Decoder:
+        return codec.Decoder("server", self.options)
+
+    # Requests
+
+    def request(self, message: Json) -> int:
+        """A request object without a transaction: its ticket. Raises NotTaken (FM-39)."""
+        is_broadcast = self.has_broadcast and message.get("unit") == 0
+        try:
+            codec.encode(message | ({"transaction": 0} if self.is_tcp else {}), "client", self.options)
+        except (Refused, KeyError, TypeError) as refused:
+            raise NotTaken(f"message: {refused}") from refused
+        if is_broadcast and message["function"] in READING:
+            raise NotTaken("broadcast_read")
+        place = self.free_place()
+        self.tickets += 1
+        self.places[place] = Request(self.tickets, message, is_broadcast)
+        return self.tickets
+
+    def free_place(self) -> int:
+        """FM-39"""
+        self.forget()
+        expired = []
+        for place, request in enumerate(self.places):
+            if request is None:
+                return place
+            if self.is_taken(request):
+                expired.append((request.ended, place))
+        if not expired:
+            raise NotTaken("full")
+        return min(expired)[1]
+
+    def is_taken(self, request: Request) -> bool:
+        """The caller has its outcome."""
+        return request.stage is Stage.ENDED and not any(event is request.outcome for event in self.events)
+
+    def forget(self) -> None:
+        """What has ended, was taken, and expects nothing more, has no place."""
+        for place, request in enumerate(self.places):
+            if request is not None and self.is_taken(request) and not request.is_late:
+                self.places[place] = None
+
+    def all_in(self, stage: Stage) -> list[Request]:
+        """The requests in a stage, in the order of their places."""
+        return [request for request in self.places if request is not None and request.stage is stage]
+
+    def finish(self, request: Request, event: str, **fields: object) -> None:
+        self.report(event, ticket=request.ticket, **fields)
+        request.stage, request.outcome = Stage.ENDED, self.events[-1]
+        self.ends += 1
+        request.ended = self.ends
+
+    # Connections
+
+    def connected(self, now: int) -> None:
+        """FM-53"""
+        self.lose()
+        self.is_up = True
+        self.quiet_until = after(now, after(self.time_limit, self.settle)) if self.is_line else None
+
+    def disconnected(self, now: int) -> None:
+        self.lose()
+        self.is_up = False
+
+    def lose(self) -> None:
+        """FM-54"""
+        if not self.is_up:
+            return
+        for request in self.all_in(Stage.IN_FLIGHT):
+            self.finish(request, "failed", reason="disconnected")
+        for request in self.all_in(Stage.QUEUED):
+            self.finish(request, "failed", reason="not_sent")
+        for request in self.all_in(Stage.ENDED):
+            request.is_late = False
+        self.forget()
+        self.silent_at = self.quiet_until = None
+        self.was_within = False
+        self.replies = self.new_decoder()
+
+    # Input
+
+    def input(self, now: int, data: bytes) -> None:
+        """FM-49"""
+        if not self.is_up:
+            self.unexpected("Disconnected", "Received")
+            return
+        if self.silent_at is not None and now >= self.silent_at:
+            self.end_input()
+        self.replies.push(data)
+        self.read(now)
+        if self.gap is not None:
+            self.silent_at = after(now, self.gap)
+        is_within = self.replies.corruption is not None
+        if self.is_tcp and is_within and not self.was_within:
+            self.report("out_of_step", error=self.replies.corruption)
+        self.was_within = is_within
+
+    def end_input(self) -> None:
+        self.replies.end()
+        self.read(0)
+
+    def read(self, now: int) -> None:
+        while (item := self.replies.next()) is not None:
+            if self.replies.frame:
+                self.on_frame(self.replies.frame, item)
+            else:
+                self.has_failed = True
+                if item.error is not None and item.error["kind"] != "noise":  # FM-81
+                    self.report("corrupt", error=item.error)
+
+    def on_frame(self, frame: bytes, item: Item) -> None:
+        """Section 7.3."""
+        header, pdu = codec.split(frame, self.is_tcp)
+        transaction = header.get("transaction")
+        stray = header | {"function": pdu[0] if item.message is None else item.message["function"]}
+        flight = [request for request in self.all_in(Stage.IN_FLIGHT) if request.transaction == transaction]
+        if not flight:
+            self.take_late(stray, transaction)
+            return
+        request = flight[0]
+        mismatch = self.mismatch(request.message, header["unit"], item.message)
+        is_doubtful = not self.is_tcp and pdu[0] > codec.EXCEPTION and self.has_failed  # FM-84
+        if item.message is not None and mismatch is None and not is_doubtful:
+            self.finish(request, "replied", message=reply_of(request.message, item.message))
+        elif self.is_tcp:
+            reason = {"mismatch": mismatch} if mismatch else {"malformed": item.error}
+            self.finish(request, "failed", reason=reason)
+        else:
+            self.report("stray", **stray, **({"mismatch": mismatch} if mismatch else {}))
+
+    def take_late(self, stray: Json, transaction: int | None) -> None:
+        """FM-48"""
+        late = [r for r in self.places if r is not None and r.is_late and r.transaction == transaction]
+        if not late:
+            self.report("stray", **stray)
+            return
+        newest = max(late, key=lambda request: request.ended)
+        newest.is_late = False
+        self.report("stray", **stray, late=newest.ticket)
+        self.forget()
+
+    def mismatch(self, request: Json, unit: int, reply: Json | None) -> Json | None:
+        """Why a reply is none to this request (FM-44); None: it fits, or cannot be read."""
+        if unit != request["unit"] and not self.config.any_unit:
+            return {"kind": "unit", "expected": request["unit"], "found": unit}
+        if reply is None:
+            return None
+        function = request["function"]
+        if reply["function"] != function:
+            return {"kind": "function", "expected": function, "found": reply["function"]}
+        if "exception" in reply or "data" in reply:
+            return None
+        if function in READING:
+            quantity = request["quantity"]
+            expected = -(-quantity // 8) if function in BITS else 2 * quantity
+            found = len(reply["bits"]) // 8 if function in BITS else 2 * len(reply["registers"])
+            return None if found == expected else {"kind": "quantity", "expected": expected, "found": found}
+        if function in ECHO:
+            is_echo = all(reply[name] == request[name] for name in ECHO[function])
+        else:
+            is_echo = (reply["address"], reply["quantity"]) == (request["address"], len(request["values"]))
+        return None if is_echo else {"kind": "echo"}
+
+    # Times
+
+    def timeout(self, now: int) -> None:
+        """FM-50"""
+        while True:
+            if self.silent_at is not None and now >= self.silent_at:
+                self.silent_at = None
+                self.end_input()
+            elif self.quiet_until is not None and now >= self.quiet_until:
+                self.quiet_until = None
+            else:
+                due = [request for request in self.all_in(Stage.IN_FLIGHT) if now >= request.deadline]
+                if not due:
+                    return
+                for request in due:
+                    self.finish(request, "failed", reason="timed_out")
+                    request.is_late = True
+                if not self.is_tcp:
+                    self.quiet_until = after(now, self.settle)
+
+    def transmit(self, now: int) -> bytes | None:
+        """Section 7.2."""
+        queued = self.all_in(Stage.QUEUED)
+        flying = self.all_in(Stage.IN_FLIGHT)
+        is_busy = self.quiet_until is not None or self.is_line and self.silent_at is not None
+        if not self.is_up or is_busy or not queued or len(flying) >= self.config.in_flight:
+            return None
+        request = min(queued, key=lambda request: request.ticket)
+        self.has_failed = False
+        if request.is_broadcast:
+            self.quiet_until = after(now, self.turnaround)
+            self.finish(request, "announced")
+            return codec.encode(request.message | ({"transaction": 0} if self.is_tcp else {}), "client", self.options)
+        request.stage = Stage.IN_FLIGHT
+        request.deadline = after(now, self.time_limit)
+        if self.is_tcp:
+            request.transaction = self.last_transaction = self.next_transaction()
+        header = {"transaction": request.transaction} if self.is_tcp else {}
+        return codec.encode(request.message | header, "client", self.options)
+
+    def next_transaction(self) -> int:
+        """FM-41"""
+        used = {r.transaction for r in self.places if r is not None and (r.stage is Stage.IN_FLIGHT or r.is_late)}
+        number = (self.last_transaction + 1) % 0x10000
+        while number in used:
+            number = (number + 1) % 0x10000
+        return number
+
+    def deadline(self) -> int | None:
+        """FM-55"""
+        if not self.is_up:
+            return None
+        deadlines = [request.deadline for request in self.all_in(Stage.IN_FLIGHT)]
+        times = [time for time in (self.silent_at, self.quiet_until, *deadlines) if time is not None]
+        return min(times, default=None)
+
+
+def reply_of(request: Json, reply: Json) -> Json:
+    """The reply as it is given to the caller: without a transaction, with as many bits as were asked for (FM-35)."""
+    message = {name: value for name, value in reply.items() if name != "transaction"}
+    if "bits" in message:
+        message["bits"] = message["bits"][: request["quantity"]]
+    return message

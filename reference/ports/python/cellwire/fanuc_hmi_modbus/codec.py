@@ -1,0 +1,442 @@
+"""fanuc-hmi-modbus: frames and PDUs of Modbus. Clauses FM-… are those of reference/fanuc-hmi-modbus.md."""
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers
+
+MAX_PDU = 253
+MBAP_LENGTHS = range(2, 255)  # unit and PDU
+MIN_RTU, MAX_RTU = 4, 256
+LOOKED_AT = 520  # bytes that are searched for the next frame
+TCP_EXTENT, RTU_EXTENT = 504, 265
+COIL_ON = 0xFF00
+EXCEPTION = 0x80
+MAX_REPLY_BYTES = 250
+MAX_READ = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
+MAX_WRITE = {15: 1968, 16: 123, 23: 121}
+NAMED = {1, 2, 3, 4, 5, 6, 15, 16, 22, 23}
+
+
+class Wrong(Exception):
+    """What is wrong, as an error object."""
+
+    def __init__(self, kind: str, **fields: int) -> None:
+        super().__init__(kind)
+        self.error = error(kind, **fields)
+
+
+class Corrupt(Wrong):
+    """What is wrong with the frame itself."""
+
+
+def shift(value: int) -> int:
+    """Eight steps of FM-9."""
+    for _ in range(8):
+        value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value
+
+
+SHIFTED = [shift(byte) for byte in range(256)]
+
+
+def crc(data: bytes) -> int:
+    """FM-9."""
+    value = 0xFFFF
+    for byte in data:
+        value = value >> 8 ^ SHIFTED[(value ^ byte) & 0xFF]
+    return value
+
+
+def rtu_length(frame: bytes, sender: str) -> int | None:
+    """The bytes of an RTU frame (FM-10); None: only the silence shows it. Raises Incomplete."""
+    if len(frame) < 2:
+        raise Incomplete(MIN_RTU)
+    function = frame[1]
+    if function == 22:
+        return 10
+    fixed: dict[int, int]
+    counts: dict[int, tuple[int, int]]
+    if sender == "client":
+        fixed = {code: 8 for code in range(1, 7)}
+        counts = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
+    else:
+        fixed = {code: 8 for code in (5, 6, 15, 16)} | {code: 5 for code in range(EXCEPTION + 1, 256)}
+        counts = {code: (5, 2) for code in (1, 2, 3, 4, 23)}
+    if function in counts:
+        size, at = counts[function]
+        if at >= len(frame):
+            raise Incomplete(size)
+        return size + frame[at]
+    return fixed.get(function)
+
+
+class Decoder(StreamDecoder):
+    """Section 5. `sender` is `client` or `server`."""
+
+    def __init__(self, sender: str = "client", options: Json | None = None) -> None:
+        super().__init__()
+        self.sender = sender
+        self.is_tcp = (options or {}).get("framing", "tcp") == "tcp"
+        self.in_noise = False  # the bytes before were corrupt, and where a frame begins is not known yet
+        self.corruption: Json | None = None  # the error of corrupt bytes whose end is not known yet
+        self.frame = b""  # of the last item: a good one, whether its PDU is or not
+
+    def take(self) -> tuple[int, Json | None, Json | None]:
+        held = bytes(self.held)
+        self.frame = b""
+        if self.in_noise:
+            size = self.extent_tcp(held, 0) if self.is_tcp else self.extent_rtu(held, 0)
+            if size > 0:
+                return size, None, error("noise", length=size)
+            self.in_noise, self.corruption = False, None
+        try:
+            size = self.size_tcp(held) if self.is_tcp else self.size_rtu(held)
+        except Corrupt as wrong:
+            self.corruption = wrong.error
+            start = 1
+            if self.is_tcp:
+                length = int.from_bytes(held[4:6], "big")
+                start = 6 + length if length < MBAP_LENGTHS.stop else 1
+                if wrong.error["kind"] == "cut":
+                    self.corruption = None
+                    return len(held), None, wrong.error
+            size = self.extent_tcp(held, start) if self.is_tcp else self.extent_rtu(held, 1)
+            if not self.in_noise:
+                self.corruption = None
+            return size, None, wrong.error
+        self.frame = held[:size]
+        header, pdu = split(self.frame, self.is_tcp)
+        try:
+            return size, header | (decode_request(pdu) if self.sender == "client" else decode_reply(pdu)), None
+        except Wrong as wrong:
+            return size, None, wrong.error
+
+    def size_tcp(self, held: bytes) -> int:
+        """The size of the frame at the beginning (FM-72)."""
+        if len(held) < 6:
+            raise self.more(held, 7)
+        protocol, length = struct.unpack(">HH", held[2:6])
+        if protocol != 0:
+            raise Corrupt("protocol", found=protocol)
+        if length not in MBAP_LENGTHS:
+            raise Corrupt("mbap_length", found=length)
+        if len(held) < 6 + length:
+            raise self.more(held, 6 + length)
+        return int(6 + length)
+
+    def more(self, held: bytes, expected: int) -> Exception:
+        return Corrupt("cut", expected=expected, found=len(held)) if self.ended else Incomplete()
+
+    def extent_tcp(self, held: bytes, start: int) -> int:
+        """How many bytes are before the next frame."""
+        held = held[:LOOKED_AT]
+        for at in range(start, len(held)):
+            header = held[at : at + 6]
+            if len(header) < 6:
+                break
+            protocol, length = struct.unpack(">HH", header[2:])
+            if protocol != 0 or length not in MBAP_LENGTHS:
+                continue
+            if at == start and start > 1:
+                return at
+            try:
+                if rtu_length(held[at + 6 :], self.sender) == length + 2:
+                    return at
+            except Incomplete:
+                # What 520 bytes do not decide is no frame.
+                if not self.ended and len(held) < LOOKED_AT:
+                    raise
+        return self.extent_without_frame(held, TCP_EXTENT)
+
+    def extent_without_frame(self, held: bytes, extent: int) -> int:
+        if len(held) >= LOOKED_AT:
+            self.in_noise = True
+            return extent
+        if self.ended:
+            return len(held)
+        raise Incomplete
+
+    def size_rtu(self, held: bytes) -> int:
+        """The size of the frame at the beginning (FM-73)."""
+        try:
+            size = rtu_length(held, self.sender)
+        except Incomplete as incomplete:
+            raise self.more(held, incomplete.args[0]) from None
+        if size is None:
+            if len(held) > MAX_RTU:
+                raise Corrupt("too_long", found=MAX_RTU + 1)
+            if not self.ended:
+                raise Incomplete
+            if len(held) < MIN_RTU:
+                raise Corrupt("cut", expected=MIN_RTU, found=len(held))
+            size = len(held)
+        elif size > MAX_RTU:
+            raise Corrupt("too_long", found=size)
+        elif len(held) < size:
+            raise self.more(held, size)
+        found, expected = int.from_bytes(held[size - 2 : size], "little"), crc(held[: size - 2])
+        if found != expected:
+            raise Corrupt("crc", expected=expected, found=found, length=size)
+        return size
+
+    def extent_rtu(self, held: bytes, start: int) -> int:
+        """How many bytes are before the next frame: the one that ends first (FM-30)."""
+        found: tuple[int, int] | None = None
+        for at in range(start, min(len(held), LOOKED_AT)):
+            try:
+                size = rtu_length(held[at:], self.sender)
+            except Incomplete:
+                continue
+            if size is None or size > MAX_RTU or at + size > min(len(held), LOOKED_AT):
+                continue
+            whole = held[at : at + size]
+            if int.from_bytes(whole[-2:], "little") == crc(whole[:-2]) and (found is None or at + size < found[0]):
+                found = (at + size, at)
+        if found is not None:
+            return found[1]
+        return self.extent_without_frame(held, RTU_EXTENT)
+
+
+def split(frame: bytes, is_tcp: bool) -> tuple[Json, bytes]:
+    """The header's fields, and the PDU."""
+    if is_tcp:
+        return {"transaction": int.from_bytes(frame[:2], "big"), "unit": frame[6]}, frame[7:]
+    return {"unit": frame[0]}, frame[1:-2]
+
+
+def wrap(pdu: bytes, unit: int, transaction: int | None) -> bytes:
+    """The frame of a PDU; without a transaction it is one of RTU."""
+    body = bytes([unit]) + pdu
+    if transaction is None:
+        return body + crc(body).to_bytes(2, "little")
+    return struct.pack(">HHH", transaction, 0, len(body)) + body
+
+
+class Pdu:
+    """A PDU that is read from left to right."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.function = data[0]
+        self.at = 1
+
+    def exactly(self, expected: int) -> None:
+        if len(self.data) != expected:
+            raise Wrong("pdu_length", function=self.function, expected=expected, found=len(self.data))
+
+    def u8(self) -> int:
+        return self.number(1)
+
+    def u16(self) -> int:
+        return self.number(2)
+
+    def number(self, size: int) -> int:
+        """The next number, if it is there."""
+        end = self.at + size
+        if len(self.data) < end:
+            self.exactly(end)
+        value = int.from_bytes(self.data[self.at : end], "big")
+        self.at = end
+        return value
+
+    def quantity(self, most: int) -> int:
+        found = self.u16()
+        if not 1 <= found <= most:
+            raise Wrong("quantity", function=self.function, found=found, max=most)
+        return found
+
+    def coil(self) -> bool:
+        found = self.u16()
+        if found not in (0, COIL_ON):
+            raise Wrong("coil_value", found=found)
+        return found == COIL_ON
+
+    def registers(self) -> list[int]:
+        return list(struct.unpack(f">{len(self.data[self.at :]) // 2}H", self.data[self.at :]))
+
+    def bits(self) -> list[bool]:
+        return [bool(byte >> bit & 1) for byte in self.data[self.at :] for bit in range(8)]
+
+    def raw(self) -> Json:
+        return {"function": self.function, "data": list(self.data[1:])}
+
+    def written_values(self, quantity: int) -> list[Any]:
+        """The byte count and the values of a request that writes (FM-12)."""
+        expected = -(-quantity // 8) if self.function == 15 else 2 * quantity
+        found = self.u8()
+        if found != expected:
+            raise Wrong("byte_count", function=self.function, expected=expected, found=found)
+        self.exactly(self.at + found)
+        return self.bits()[:quantity] if self.function == 15 else self.registers()
+
+
+def decode_single(pdu: Pdu) -> Json:
+    """Functions 5, 6 and 22, whose replies repeat the request."""
+    pdu.exactly(7 if pdu.function == 22 else 5)
+    message: Json = {"function": pdu.function, "address": pdu.u16()}
+    if pdu.function == 5:
+        return message | {"value": pdu.coil()}
+    if pdu.function == 6:
+        return message | {"value": pdu.u16()}
+    return message | {"and": pdu.u16(), "or": pdu.u16()}
+
+
+def decode_request(data: bytes) -> Json:
+    """FM-32."""
+    pdu = Pdu(data)
+    function = pdu.function
+    if function == 0 or function >= EXCEPTION:
+        raise Wrong("function", found=function)
+    if function in (1, 2, 3, 4):
+        pdu.exactly(5)
+        return {"function": function, "address": pdu.u16(), "quantity": pdu.quantity(MAX_READ[function])}
+    if function in (5, 6, 22):
+        return decode_single(pdu)
+    if function in (15, 16):
+        address = pdu.u16()
+        return {
+            "function": function,
+            "address": address,
+            "values": pdu.written_values(pdu.quantity(MAX_WRITE[function])),
+        }
+    if function == 23:
+        # All of the first three are there before the first quantity is looked at.
+        if len(data) < 7:
+            address, _, _ = pdu.u16(), pdu.u16(), pdu.u16()
+        address, quantity, write_address = pdu.u16(), pdu.quantity(MAX_READ[23]), pdu.u16()
+        values = pdu.written_values(pdu.quantity(MAX_WRITE[23]))
+        return {
+            "function": function,
+            "address": address,
+            "quantity": quantity,
+            "write_address": write_address,
+            "values": values,
+        }
+    return pdu.raw()
+
+
+def decode_reply(data: bytes) -> Json:
+    """FM-32."""
+    pdu = Pdu(data)
+    function = pdu.function
+    if function in (0, EXCEPTION):
+        raise Wrong("function", found=function)
+    if function > EXCEPTION:
+        pdu.exactly(2)
+        return {"function": function - EXCEPTION, "exception": pdu.u8()}
+    if function in MAX_READ:
+        found = pdu.u8()
+        if not 1 <= found <= MAX_REPLY_BYTES or (function > 2 and found % 2):
+            raise Wrong("reply_byte_count", function=function, found=found)
+        pdu.exactly(2 + found)
+        return (
+            {"function": function, "bits": pdu.bits()}
+            if function <= 2
+            else {"function": function, "registers": pdu.registers()}
+        )
+    if function in (5, 6, 22):
+        return decode_single(pdu)
+    if function in (15, 16):
+        pdu.exactly(5)
+        return {"function": function, "address": pdu.u16(), "quantity": pdu.quantity(MAX_WRITE[function])}
+    return pdu.raw()
+
+
+def encode(message: Json, sender: str = "client", options: Json | None = None) -> bytes:
+    """Section 6."""
+    pdu = encode_request(message) if sender == "client" else encode_reply(message)
+    if len(pdu) > MAX_PDU:
+        raise Refused(f"a PDU has up to {MAX_PDU} bytes, not {len(pdu)}")
+    is_rtu = (options or {}).get("framing", "tcp") == "rtu"
+    if is_rtu and "transaction" in message:
+        raise Refused("a frame of RTU has no transaction")
+    return wrap(pdu, integer(message["unit"], 0, 255, "unit"), None if is_rtu else u16(message["transaction"]))
+
+
+def u16(value: Any) -> int:
+    return integer(value, 0, 0xFFFF, "a word")
+
+
+def run(address: Any, quantity: Any, most: int) -> bytes:
+    """An address and a quantity of at most `most` (FM-36)."""
+    first, count = u16(address), integer(quantity, 1, most, "a quantity")
+    if first + count > 0x10000:
+        raise Refused("the last address is beyond 65535")
+    return struct.pack(">HH", first, count)
+
+
+def truth(value: Any) -> bool:
+    if value not in (0, 1):
+        raise Refused("a bit is true, false, 1 or 0")
+    return bool(value)
+
+
+def pack_bits(values: Any) -> bytes:
+    """FM-8."""
+    bits = [truth(value) for value in values]
+    return bytes(sum(bit << at for at, bit in enumerate(bits[first : first + 8])) for first in range(0, len(bits), 8))
+
+
+def pack_registers(values: Any) -> bytes:
+    registers = integers(values, 0, 0xFFFF, range(len(values) + 1), "registers")
+    return struct.pack(f">{len(registers)}H", *registers)
+
+
+def counted(data: bytes) -> bytes:
+    return bytes([len(data)]) + data
+
+
+def encode_single(message: Json) -> bytes:
+    """Functions 5, 6 and 22."""
+    function = message["function"]
+    if function == 22:
+        return struct.pack(">BHHH", 22, *(u16(message[name]) for name in ("address", "and", "or")))
+    value = (COIL_ON if truth(message["value"]) else 0) if function == 5 else u16(message["value"])
+    return struct.pack(">BHH", function, u16(message["address"]), value)
+
+
+def encode_raw(message: Json) -> bytes:
+    """A function that the table does not name."""
+    function = integer(message["function"], 1, EXCEPTION - 1, "function")
+    if function in NAMED:
+        raise Refused(f"function {function} has a shape of its own")
+    return bytes([function, *integers(message["data"], 0, 255, range(MAX_PDU), "data")])
+
+
+def encode_request(message: Json) -> bytes:
+    function = integer(message["function"], 0, 255, "function")
+    if "data" in message:
+        return encode_raw(message)
+    if function in (1, 2, 3, 4):
+        return bytes([function]) + run(message["address"], message["quantity"], MAX_READ[function])
+    if function in (5, 6, 22):
+        return encode_single(message)
+    pack: Callable[[Any], bytes] = pack_bits if function == 15 else pack_registers
+    if function in (15, 16):
+        values = message["values"]
+        return bytes([function]) + run(message["address"], len(values), MAX_WRITE[function]) + counted(pack(values))
+    if function == 23:
+        values = message["values"]
+        reads = run(message["address"], message["quantity"], MAX_READ[23])
+        return bytes([23]) + reads + run(message["write_address"], len(values), MAX_WRITE[23]) + counted(pack(values))
+    raise Refused(f"function {function} needs data")
+
+
+def encode_reply(message: Json) -> bytes:
+    function = integer(message["function"], 0, 255, "function")
+    if "exception" in message:
+        integer(function, 1, EXCEPTION - 1, "function")
+        return bytes([function + EXCEPTION, integer(message["exception"], 0, 255, "exception")])
+    if "data" in message:
+        return encode_raw(message)
+    if function in MAX_READ:
+        values = message["bits" if function <= 2 else "registers"]
+        integer(len(values), 1, MAX_READ[function], "a quantity")
+        return bytes([function]) + counted(pack_bits(values) if function <= 2 else pack_registers(values))
+    if function in (5, 6, 22):
+        return encode_single(message)
+    if function in (15, 16):
+        return bytes([function]) + run(message["address"], message["quantity"], MAX_WRITE[function])
+    raise Refused(f"function {function} needs data")

@@ -1,0 +1,249 @@
+"""The server of fanuc-hmi-modbus (section 8 of reference/fanuc-hmi-modbus.md)."""
+
+from dataclasses import dataclass
+
+from ..session import Session, after
+from ..stream import Json, Refused
+from . import codec, timing
+from .registers import (
+    DEVICE_FAILURE,
+    ILLEGAL_ADDRESS,
+    ILLEGAL_FUNCTION,
+    ILLEGAL_VALUE,
+    Refusal,
+    Registers,
+)
+from .requests import fault_of, find
+
+MAX_PLACES = 255
+HELD = 504  # FM-62
+LONGEST_STRETCH, LEFT = 1024, 256  # FM-63
+BROADCAST = 0
+
+
+@dataclass
+class ServerConfig:
+    """FM-79. Times are in nanoseconds; None: the default, which depends on the framing, and no unit: every one."""
+
+    framing: str = "tcp"
+    unit: int | None = None
+    broadcast: bool | None = None
+    baud: int = 19200
+    silence: int | None = None
+    stall: int | None = None
+    places: int = 8
+
+    def __post_init__(self) -> None:
+        if self.broadcast is None:
+            self.broadcast = self.framing != "tcp"
+        if self.unit is None and self.framing != "tcp":
+            self.unit = 1
+        if self.unit == BROADCAST and self.broadcast:
+            raise ValueError("a unit of 0, which is a broadcast")  # FM-67
+        if 0 in (self.silence, self.stall) or not 1 <= self.places <= MAX_PLACES:
+            raise ValueError("a silence or a stall of 0, or no place")
+
+
+class Server(Session):
+    """Carries requests out on its registers, and answers them in their order."""
+
+    CLOSES = frozenset({"out_of_step"})  # FM-29
+
+    def __init__(self, config: ServerConfig | None = None, registers: Registers | None = None) -> None:
+        super().__init__()
+        self.config = config = config or ServerConfig()
+        self.registers = registers or Registers()
+        self.is_tcp, self.is_line = config.framing == "tcp", config.framing == "rtu"
+        self.gap = timing.gap(config.framing, config.baud, config.silence, config.stall)
+        self.disconnected(0)
+
+    def begin(self, is_up: bool) -> None:
+        """FM-65"""
+        self.is_up = is_up
+        self.silent_at: int | None = None  # None: the line is silent
+        self.replies: list[bytes] = []
+        self.held = bytearray()  # of RTU
+        self.is_dropping = False  # up to the next silence: no frame is behind corrupt bytes
+        self.fault: Json | None = None  # of bytes that were dropped before the silence
+        self.was_within = False  # corruption, when the read before ended (FM-81)
+        self.requests = codec.Decoder("client", {"framing": "tcp"})
+
+    def connected(self, now: int) -> None:
+        self.begin(True)
+
+    def disconnected(self, now: int) -> None:
+        self.begin(False)
+
+    def is_full(self) -> bool:
+        return len(self.replies) >= self.config.places
+
+    def wants_input(self) -> bool:
+        """FM-62"""
+        return self.is_line or not self.is_full()
+
+    # Input
+
+    def input(self, now: int, data: bytes) -> None:
+        if not self.is_up:
+            self.unexpected("Disconnected", "Received")
+            return
+        if self.gap is not None:
+            self.silent_at = after(now, self.gap)
+        if self.is_tcp:
+            self.requests.push(data if self.wants_input() else data[: max(HELD - len(self.requests.held), 0)])
+            self.read_tcp()
+            self.report_out_of_step()
+        elif self.is_line:
+            self.held += data if self.fault is None else b""
+            self.drop_long()
+        else:
+            self.held += data if self.wants_input() else data[: max(HELD - len(self.held), 0)]
+            self.read_stream(False)
+
+    def read_tcp(self) -> None:
+        while not self.is_full() and (item := self.requests.next()) is not None:
+            if self.requests.frame:
+                self.carry_out(self.requests.frame)
+            elif item.error is not None and item.error["kind"] != "noise":
+                self.report("corrupt", error=item.error)
+
+    def report_out_of_step(self) -> None:
+        """FM-81"""
+        is_within = self.requests.corruption is not None
+        if is_within and not self.was_within:
+            self.report("out_of_step", error=self.requests.corruption)
+        self.was_within = is_within
+
+    def read_stream(self, ended: bool) -> None:
+        """RTU over TCP (FM-82)."""
+        while self.held and not self.is_dropping and not self.is_full():
+            found = find(bytes(self.held), self.config.unit, ended, True)
+            if found.waits:
+                return
+            if found.size == 0:
+                self.drop()
+                return
+            frame = bytes(self.held[: found.size])
+            del self.held[: found.size]
+            if not found.is_reply:
+                self.carry_out(frame)
+        if self.is_dropping:
+            self.held.clear()
+
+    def drop(self) -> None:
+        """What is held is no frame."""
+        self.report("corrupt", error=fault_of(bytes(self.held)))
+        self.held.clear()
+        self.is_dropping = True
+
+    def drop_long(self) -> None:
+        """FM-63"""
+        if len(self.held) <= LONGEST_STRETCH:
+            return
+        while len(self.held) > LEFT:
+            found = find(bytes(self.held), self.config.unit, False, False)
+            if found.size == 0:
+                self.fault = fault_of(bytes(self.held))
+                self.held.clear()
+                return
+            self.take(bytes(self.held[: found.size]), found.is_reply, True)
+            del self.held[: found.size]
+
+    def read_line(self) -> None:
+        """A serial line, at a silence (FM-82)."""
+        held, frames = bytes(self.held), []
+        self.held.clear()
+        if self.fault is not None:
+            self.report("corrupt", error=self.fault)
+            self.fault = None
+        while held:
+            found = find(held, self.config.unit, True, False)
+            if found.size == 0:
+                self.report("corrupt", error=fault_of(held))
+                return
+            frames.append((held[: found.size], found.is_reply))
+            held = held[found.size :]
+        for frame, is_reply in frames:
+            self.take(frame, is_reply, frame is not frames[-1][0])
+
+    def take(self, frame: bytes, is_reply: bool, is_followed: bool) -> None:
+        """A frame of a serial line (FM-62)."""
+        if is_reply:
+            return
+        is_broadcast = frame[0] == BROADCAST and self.config.broadcast
+        if frame[0] == self.config.unit and (is_followed or self.is_full()):
+            self.report("refused", unit=frame[0], function=frame[1])
+        elif frame[0] == self.config.unit or is_broadcast:
+            self.carry_out(frame)
+
+    # Requests
+
+    def carry_out(self, frame: bytes) -> None:
+        """FM-61"""
+        header, pdu = codec.split(frame, self.is_tcp)
+        is_broadcast = self.config.broadcast and header["unit"] == BROADCAST
+        if not is_broadcast and self.config.unit not in (None, header["unit"]):
+            return
+        try:
+            reply, exception = self.reply_to(pdu), {}
+        except Refusal as refusal:
+            reply, exception = bytes([pdu[0] | codec.EXCEPTION, refusal.code]), {"exception": refusal.code}
+        self.report("served", **header, function=pdu[0], **exception)
+        if not is_broadcast:
+            self.replies.append(codec.wrap(reply, header["unit"], header.get("transaction")))
+
+    def reply_to(self, pdu: bytes) -> bytes:
+        """The PDU of the reply; raises Refusal (FM-64)."""
+        if pdu[0] == 0 or pdu[0] >= codec.EXCEPTION:
+            raise Refusal(ILLEGAL_FUNCTION)
+        try:
+            request = codec.decode_request(pdu)
+        except codec.Wrong as wrong:
+            raise Refusal(ILLEGAL_VALUE) from wrong
+        if is_beyond(request):
+            raise Refusal(ILLEGAL_ADDRESS)
+        try:
+            reply = codec.encode_reply(self.registers.serve(request))
+        except Refused as refused:
+            raise Refusal(DEVICE_FAILURE) from refused
+        if len(reply) > codec.MAX_PDU:
+            raise Refusal(DEVICE_FAILURE)
+        return reply
+
+    # Times
+
+    def timeout(self, now: int) -> None:
+        if self.silent_at is None or now < self.silent_at or not self.is_line and self.is_full():
+            return
+        self.silent_at = None
+        if self.is_line:
+            self.read_line()
+            return
+        self.read_stream(True)
+        self.is_dropping = False
+
+    def transmit(self, now: int) -> bytes | None:
+        """FM-60"""
+        if not self.replies or self.is_line and self.silent_at is not None:
+            return None
+        was_full = self.is_full()
+        reply = self.replies.pop(0)
+        if self.is_tcp:
+            self.read_tcp()
+        elif not self.is_line and was_full:
+            if self.silent_at is not None and self.gap is not None:
+                self.silent_at = after(now, self.gap)  # FM-66
+            self.read_stream(False)
+        return reply
+
+    def deadline(self) -> int | None:
+        """FM-66"""
+        return None if not self.is_line and self.is_full() else self.silent_at
+
+
+def is_beyond(request: Json) -> bool:
+    """Whether a run ends beyond address 65535."""
+    values = len(request.get("values", []))
+    quantity = request.get("quantity", 0 if "write_address" in request else values)
+    ends = [request.get("address", 0) + quantity, request.get("write_address", 0) + values]
+    return any(end > 0x10000 for end in ends)

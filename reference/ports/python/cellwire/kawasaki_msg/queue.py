@@ -1,0 +1,60 @@
+"""The queue of a robot's jobs, and the motion program that takes them (section 8.6 of reference/kawasaki-msg.md)."""
+
+from dataclasses import dataclass
+
+from ..session import NotTaken
+from ..stream import Json
+
+
+@dataclass
+class Job:
+    """A job in its slot."""
+
+    order: int
+    number: int
+    job: Json
+
+
+class Queue:
+    """So many slots, each held from when a job is queued until it is completed."""
+
+    def __init__(self, slots: int) -> None:
+        self.slots = slots
+        self.waiting: list[Job] = []
+        self.taken: Job | None = None
+        self.is_abandoned = False  # there is no motion program any more
+
+    def __len__(self) -> int:
+        return len(self.waiting) + (self.taken is not None)
+
+    def is_full(self) -> bool:
+        return len(self) >= self.slots
+
+    def add(self, order: int, number: int, job: Json) -> None:
+        """Into the next slot."""
+        self.waiting.append(Job(order, number, job))
+
+    def take(self, number: int | None) -> Job:
+        """The oldest job, or the one of this number; raises NotTaken."""
+        if self.taken is not None:
+            raise NotTaken("busy")
+        found = next((job for job in self.waiting if number in (None, job.number)), None)
+        if found is None:
+            raise NotTaken("no_job")
+        self.waiting.remove(found)
+        self.taken = found
+        return found
+
+    def complete(self) -> None:
+        """The slot of the job that was taken is free; raises NotTaken."""
+        if self.taken is None:
+            raise NotTaken("no_job")
+        self.taken = None
+
+    def clear(self) -> None:
+        """Every job but the one that is being executed is removed."""
+        self.waiting.clear()
+
+    def has_settled(self) -> bool:
+        """Nothing of what was cleared is left, and nothing is being executed (KM-72)."""
+        return self.is_abandoned or len(self) == 0

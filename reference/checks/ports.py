@@ -36,7 +36,7 @@ def python():
 
 def c():
     build = TARGET / "c"
-    if not passes("make", "--silent", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
+    if not passes("make", "--silent", "-j2", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
         return False
     return passes(*TESTEE, build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
 

@@ -6,9 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "../laser_eb90.h"
-#include "../mmacell_proto.h"
-#include "../val2_alter.h"
+#include "cellwire/laser_eb90.h"
+#include "cellwire/mmacell_proto.h"
+#include "cellwire/val2_alter.h"
 #include "json.h"
 
 #define MAX_FRAME 4096

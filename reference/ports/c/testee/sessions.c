@@ -1,9 +1,9 @@
 /* The ends whose sessions this port has. */
 #include <string.h>
 
-#include "../alter_host.h"
-#include "../laser_host.h"
-#include "../mmacell_central.h"
+#include "cellwire/alter_host.h"
+#include "cellwire/laser_host.h"
+#include "cellwire/mmacell_central.h"
 #include "link.h"
 
 /* Times of a configuration that are not there keep their default. */

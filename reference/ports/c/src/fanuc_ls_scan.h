@@ -6,15 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fanuc_ls.h"
+#include "fanuc_ls_text.h"
 
 #define MAX_DECIMAL 400
-
-static inline struct fanuc_ls_text between(const char *at, const char *end)
-{
-    struct fanuc_ls_text text = {at, (size_t)(end - at)};
-    return text;
-}
 
 static inline bool fail(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, const char *at)
 {

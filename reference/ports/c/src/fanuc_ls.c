@@ -1,88 +1,13 @@
-#include "fanuc_ls.h"
+#include "cellwire/fanuc_ls.h"
 
 #include <string.h>
+
+#include "fanuc_ls_text.h"
 
 static const char *const SECTIONS[] = {"/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"};
 enum { PROG, ATTR, APPL, MN, POS, END };
 
-/* The character here, and its length; the text is UTF-8. */
-static uint32_t character(const char *at, const char *end, size_t *length)
-{
-    unsigned char first = (unsigned char)*at;
-    size_t count = first < 0x80 ? 1 : first < 0xE0 ? 2 : first < 0xF0 ? 3 : 4;
-    uint32_t value = count == 1 ? first : first & (0x7Fu >> count);
-    if (count > (size_t)(end - at))
-        count = (size_t)(end - at);
-    for (size_t i = 1; i < count; i++)
-        value = value << 6 | ((unsigned char)at[i] & 0x3F);
-    *length = count;
-    return value;
-}
-
-/* LS-55 */
-static bool is_white(uint32_t c)
-{
-    return (c >= 9 && c <= 13) || c == ' ' || c == 0x85 || c == 0xA0 || c == 0x1680 || (c >= 0x2000 && c <= 0x200A) || c == 0x2028 ||
-           c == 0x2029 || c == 0x202F || c == 0x205F || c == 0x3000;
-}
-
-static bool is_letter(uint32_t c) { return c < 0x80 ? (c | 0x20) >= 'a' && (c | 0x20) <= 'z' : !is_white(c); }
-
 static bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-bool fanuc_ls_is_word(const char *at, const char *end)
-{
-    size_t length;
-    return at < end && (*at == '_' || is_digit(*at) || is_letter(character(at, end, &length)));
-}
-
-bool fanuc_ls_is_control(const char *at, const char *end)
-{
-    size_t length;
-    uint32_t c = character(at, end, &length);
-    return c < 0x20 || (c >= 0x7F && c < 0xA0);
-}
-
-size_t fanuc_ls_characters(struct fanuc_ls_text text)
-{
-    size_t count = 0;
-    for (size_t i = 0; i < text.length; i++)
-        count += ((unsigned char)text.at[i] & 0xC0) != 0x80;
-    return count;
-}
-
-static struct fanuc_ls_text between(const char *at, const char *end)
-{
-    struct fanuc_ls_text text = {at, (size_t)(end - at)};
-    return text;
-}
-
-static const char *end_of(struct fanuc_ls_text text) { return text.at + text.length; }
-
-/* What follows white space. */
-static const char *skip_white(const char *at, const char *end)
-{
-    size_t length;
-    while (at < end && is_white(character(at, end, &length)))
-        at += length;
-    return at;
-}
-
-struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text)
-{
-    const char *kept = text.at;
-    size_t length;
-    for (const char *at = text.at, *end = end_of(text); at < end; at += length)
-        if (!is_white(character(at, end, &length)))
-            kept = at + length;
-    return between(text.at, kept);
-}
-
-struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text)
-{
-    const char *end = end_of(text);
-    return fanuc_ls_trim_end(between(skip_white(text.at, end), end));
-}
 
 static const char *skip_blanks(const char *at, const char *end)
 {
@@ -97,11 +22,6 @@ static bool begins(const char *at, const char *end, const char *word)
 }
 
 static bool ends_with(struct fanuc_ls_text text, char c) { return text.length > 0 && text.at[text.length - 1] == c; }
-
-bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other)
-{
-    return (one.at == NULL) == (other.at == NULL) && one.length == other.length && (one.length == 0 || memcmp(one.at, other.at, one.length) == 0);
-}
 
 /* The line that begins here, without its end; `*at` moves to the next one. */
 static struct fanuc_ls_text take_line(const char **at, const char *end)
@@ -129,7 +49,7 @@ static bool to_number(const char *at, const char *end, uint64_t largest, uint64_
 
 int fanuc_ls_section(struct fanuc_ls_text line)
 {
-    const char *end = end_of(line), *at = skip_white(line.at, end);
+    const char *end = end_of(line), *at = fanuc_ls_skip_white(line.at, end);
     for (int index = PROG; index <= END; index++) {
         const char *behind = at + strlen(SECTIONS[index]);
         if (begins(at, end, SECTIONS[index]) && (behind == end || *behind == '_' || !fanuc_ls_is_word(behind, end)))
@@ -165,7 +85,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
     memset(file, 0, sizeof *file);
     file->text = text;
     file->scratch = scratch;
-    while ((start = skip_white(start, end)) < end && begins(start, end, "\xEF\xBB\xBF"))
+    while ((start = fanuc_ls_skip_white(start, end)) < end && begins(start, end, "\xEF\xBB\xBF"))
         start += 3;
     int last = PROG;
     const char *begin = start, *at = start;
@@ -174,7 +94,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
         int found = fanuc_ls_section(line);
         if ((found == PROG && line.at != start) || (found == APPL && last == APPL))
             found = -1;
-        const char *words = skip_white(line.at, end_of(line));
+        const char *words = fanuc_ls_skip_white(line.at, end_of(line));
         if (found < 0) {
             if (last == PROG && line.at == start)
                 return fail(fault, FANUC_LS_PROGRAM, start);
@@ -183,9 +103,9 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
             continue;
         }
         if (found == PROG) {
-            const char *name = skip_white(line.at + 5, end_of(line)), *stop = name;
+            const char *name = fanuc_ls_skip_white(line.at + 5, end_of(line)), *stop = name;
             size_t length;
-            while (stop < end_of(line) && !is_white(character(stop, end_of(line), &length)))
+            while (stop < end_of(line) && !fanuc_ls_is_white(fanuc_ls_character(stop, end_of(line), &length)))
                 stop += length;
             if (stop == name)
                 return fail(fault, FANUC_LS_PROGRAM, end_of(fanuc_ls_trim_end(line)));
@@ -198,7 +118,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
         if (found <= last || (found > MN && last < MN))
             return fail(fault, last < MN ? FANUC_LS_MAIN : FANUC_LS_END, line.at);
         const char *behind = words + strlen(SECTIONS[found]);
-        if (found == MN && skip_white(behind, end_of(line)) < end_of(line))
+        if (found == MN && fanuc_ls_skip_white(behind, end_of(line)) < end_of(line))
             return fail(fault, FANUC_LS_MAIN, behind);
         file->sections[last] = between(begin, line.at);
         last = found;
@@ -207,7 +127,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
     if (last != END)
         return fail(fault, start == end ? FANUC_LS_PROGRAM : last < MN ? FANUC_LS_MAIN : FANUC_LS_END, end);
     const char *rest = begin;
-    while ((rest = skip_white(rest, end)) < end && *rest == 0x1A)
+    while ((rest = fanuc_ls_skip_white(rest, end)) < end && *rest == 0x1A)
         rest++;
     if (rest < end)
         return fail(fault, FANUC_LS_TRAILING, rest);
@@ -226,7 +146,7 @@ void fanuc_ls_rewind(struct fanuc_ls_file *file)
 /* Takes an attribute; one with a fault ends where the next line begins at the left edge (LS-36). */
 static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
-    const char *end = end_of(file->sections[ATTR]), *at = skip_white(file->at, end);
+    const char *end = end_of(file->sections[ATTR]), *at = fanuc_ls_skip_white(file->at, end);
     struct fanuc_ls_cursor cursor = {at, end, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
     if (at == end)
         return false;
@@ -235,7 +155,7 @@ static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
         for (cursor.at = at; cursor.at < end;) {
             const char *line_end = memchr(cursor.at, '\n', (size_t)(end - cursor.at));
             cursor.at = line_end == NULL ? end : line_end + 1;
-            if (skip_white(cursor.at, end) == cursor.at)
+            if (fanuc_ls_skip_white(cursor.at, end) == cursor.at)
                 break;
         }
     }
@@ -249,7 +169,7 @@ static bool is_closed(struct fanuc_ls_text line) { return ends_with(fanuc_ls_tri
 /* The digits before the `:` and what follows it; false: there is no `:`. */
 static bool split_head(struct fanuc_ls_text statement, struct fanuc_ls_text *digits, const char **body)
 {
-    const char *end = end_of(statement), *at = skip_white(statement.at, end), *stop = at;
+    const char *end = end_of(statement), *at = fanuc_ls_skip_white(statement.at, end), *stop = at;
     while (stop < end && is_digit(*stop))
         stop++;
     *digits = between(at, stop);
@@ -270,14 +190,14 @@ static bool read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     }
     if (!split_head(statement, &digits, &body) || (digits.length > 0 && !entry->has_number))
         return fail(&entry->fault, FANUC_LS_LINE_NUMBER, digits.at);
-    entry->body = skip_white(body, trimmed > body ? trimmed : body);
+    entry->body = fanuc_ls_skip_white(body, trimmed > body ? trimmed : body);
     if (trimmed <= body || trimmed[-1] != ';') {
         const char *closed = trimmed;
         while (closed > body && closed[-1] != ';' && closed[-1] != '\n')
             closed--;
         if (closed <= body || closed[-1] != ';' || *entry->body == '!')
             return fail(&entry->fault, FANUC_LS_INSTRUCTION_END, trimmed);
-        return fail(&entry->fault, FANUC_LS_AFTER_INSTRUCTION, skip_white(closed, trimmed));
+        return fail(&entry->fault, FANUC_LS_AFTER_INSTRUCTION, fanuc_ls_skip_white(closed, trimmed));
     }
     struct fanuc_ls_cursor cursor = {body, trimmed - 1, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
     if (fanuc_ls_read_instruction(&cursor, &entry->instruction))
@@ -318,14 +238,14 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
 /* A position from the line that begins with P[ to the next one (LS-27); what is before the first one is a position as well. */
 static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
-    const char *end = end_of(file->sections[POS]), *at = skip_white(file->at, end), *stop = at;
+    const char *end = end_of(file->sections[POS]), *at = fanuc_ls_skip_white(file->at, end), *stop = at;
     if (at == end)
         return false;
     take_line(&stop, end);
     while (stop < end) {
         const char *next = stop, *words;
         struct fanuc_ls_text line = take_line(&next, end);
-        words = skip_white(line.at, end_of(line));
+        words = fanuc_ls_skip_white(line.at, end_of(line));
         if (begins(words, end_of(line), "P["))
             break;
         stop = next;

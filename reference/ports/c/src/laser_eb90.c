@@ -1,4 +1,4 @@
-#include "laser_eb90.h"
+#include "cellwire/laser_eb90.h"
 
 #include <math.h>
 
@@ -252,7 +252,7 @@ void laser_eb90_put_i16(struct laser_eb90_payload *payload, int16_t value)
 size_t laser_eb90_encode(const struct laser_eb90_payload *payload, uint8_t *out, size_t size)
 {
     const struct laser_eb90_profile *profile = payload->profile;
-    size_t length = HEAD_LEN + (profile->first_tag ? 0 : 1) + payload->length + 2 + sum_size(profile), at = HEAD_LEN;
+    size_t length = HEAD_LEN + (profile->first_tag ? 0u : 1u) + payload->length + 2 + sum_size(profile), at = HEAD_LEN;
     for (size_t i = 0; i < payload->length; i++)
         length += payload->bytes[i] == MARK;
     if (payload->is_refused || payload->length == 0 || length > size)

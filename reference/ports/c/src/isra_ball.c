@@ -1,4 +1,4 @@
-#include "isra_ball.h"
+#include "cellwire/isra_ball.h"
 
 #include "bytes.h"
 

@@ -2,8 +2,8 @@
 #ifndef CELLWIRE_ALTER_HOST_H
 #define CELLWIRE_ALTER_HOST_H
 
-#include "alter_limiter.h"
-#include "val2_alter.h"
+#include "cellwire/alter_limiter.h"
+#include "cellwire/val2_alter.h"
 
 #define ALTER_HOST_EVENTS 128 /* more than one push of bytes can cause */
 

@@ -1,4 +1,4 @@
-#include "laser_host.h"
+#include "cellwire/laser_host.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #ifndef CELLWIRE_MMACELL_CENTRAL_H
 #define CELLWIRE_MMACELL_CENTRAL_H
 
-#include "mmacell_proto.h"
+#include "cellwire/mmacell_proto.h"
 
 #define MMACELL_CENTRAL_EVENTS 8
 

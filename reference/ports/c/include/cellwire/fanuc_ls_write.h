@@ -3,7 +3,7 @@
 #ifndef CELLWIRE_FANUC_LS_WRITE_H
 #define CELLWIRE_FANUC_LS_WRITE_H
 
-#include "fanuc_ls.h"
+#include "cellwire/fanuc_ls.h"
 
 struct fanuc_ls_writer {
     char *out;

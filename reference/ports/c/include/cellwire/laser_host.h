@@ -2,7 +2,7 @@
 #ifndef CELLWIRE_LASER_HOST_H
 #define CELLWIRE_LASER_HOST_H
 
-#include "laser_eb90.h"
+#include "cellwire/laser_eb90.h"
 
 #define LASER_HOST_EVENTS 160 /* more than one push of bytes can cause */
 #define LASER_HOST_BATCH 255

@@ -1,9 +1,11 @@
-#include "fanuc_ls_write.h"
+#include "cellwire/fanuc_ls_write.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "fanuc_ls_text.h"
 
 #define MAX_NUMBER 400 /* digits of the greatest and the least double, without an exponent */
 

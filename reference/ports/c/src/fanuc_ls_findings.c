@@ -1,7 +1,9 @@
 /* What a document finds besides faults (LS-50, LS-54). Nothing is remembered: what stands elsewhere is read again. */
-#include "fanuc_ls.h"
+#include "cellwire/fanuc_ls.h"
 
 #include <string.h>
+
+#include "fanuc_ls_text.h"
 
 bool fanuc_ls_fits(char letter, enum fanuc_ls_unit unit)
 {

@@ -2,7 +2,7 @@
 #ifndef CELLWIRE_ALTER_HOST_TIMES_H
 #define CELLWIRE_ALTER_HOST_TIMES_H
 
-#include "alter_host.h"
+#include "cellwire/alter_host.h"
 #include "session.h"
 
 #define CYCLE (28 * MS)

@@ -1,5 +1,5 @@
 /* Section 6 of reference/fanuc-hmi-modbus.md. */
-#include "fanuc_hmi_modbus.h"
+#include "cellwire/fanuc_hmi_modbus.h"
 
 #include "bytes.h"
 

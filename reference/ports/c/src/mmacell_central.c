@@ -1,4 +1,4 @@
-#include "mmacell_central.h"
+#include "cellwire/mmacell_central.h"
 
 #include <string.h>
 

@@ -1,4 +1,4 @@
-#include "val2_viewer.h"
+#include "cellwire/val2_viewer.h"
 
 #include <stdio.h>
 

@@ -1,4 +1,4 @@
-#include "alter_limiter.h"
+#include "cellwire/alter_limiter.h"
 
 static int32_t clamp(int32_t value, int32_t low, int32_t high)
 {

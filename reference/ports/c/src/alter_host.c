@@ -1,4 +1,4 @@
-#include "alter_host.h"
+#include "cellwire/alter_host.h"
 
 #include <string.h>
 

@@ -195,18 +195,7 @@ bool fanuc_ls_next_axis(struct fanuc_ls_cursor *groups, struct fanuc_ls_axis *ax
 /* COMMENT without its quotes (LS-11). */
 struct fanuc_ls_text fanuc_ls_comment(const struct fanuc_ls_attribute *attribute);
 
-/* Shared by the files of the port. */
+/* How many characters a text has: columns are counted in them. */
 size_t fanuc_ls_characters(struct fanuc_ls_text text);
-struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text);
-struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text);
-bool fanuc_ls_is_word(const char *at, const char *end); /* a letter, a digit or `_` is here */
-bool fanuc_ls_is_control(const char *at, const char *end);
-bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block);
-int fanuc_ls_section(struct fanuc_ls_text line); /* -1: it begins none */
-bool fanuc_ls_fits(char letter, enum fanuc_ls_unit unit);
-bool fanuc_ls_in_range(double speed, enum fanuc_ls_unit unit);
-bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other);
-bool fanuc_ls_same_motion(const struct fanuc_ls_motion *one, const struct fanuc_ls_motion *other);
-extern const char *const FANUC_LS_UNITS[11]; /* as they are written; the last four are German */
 
 #endif

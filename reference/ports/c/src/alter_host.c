@@ -27,10 +27,7 @@ static bool has_target(const struct alter_host *host) { return takes_targets(hos
 
 static struct alter_host_event *report(struct alter_host *host, enum alter_host_kind kind)
 {
-    if (host->event_count == ALTER_HOST_EVENTS)
-        host->event_count--;
-    struct alter_host_event *event = &host->events[host->event_count++];
-    memset(event, 0, sizeof *event);
+    struct alter_host_event *event = ADD_EVENT(host);
     event->kind = kind;
     return event;
 }
@@ -333,12 +330,7 @@ void alter_host_stop(struct alter_host *host)
 
 bool alter_host_event(struct alter_host *host, struct alter_host_event *event)
 {
-    if (host->event_count == 0)
-        return false;
-    *event = host->events[0];
-    host->event_count--;
-    memmove(host->events, host->events + 1, host->event_count * sizeof *host->events);
-    return true;
+    return TAKE_EVENT(host, event);
 }
 
 bool alter_host_deadline(const struct alter_host *host, uint64_t *deadline)

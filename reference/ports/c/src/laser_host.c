@@ -30,10 +30,7 @@ static const char *code_name(uint16_t word)
 
 static struct laser_host_event *report(struct laser_host *host, enum laser_host_kind kind)
 {
-    if (host->event_count == LASER_HOST_EVENTS)
-        host->event_count--;
-    struct laser_host_event *event = &host->events[host->event_count++];
-    memset(event, 0, sizeof *event);
+    struct laser_host_event *event = ADD_EVENT(host);
     event->kind = kind;
     return event;
 }
@@ -323,12 +320,7 @@ bool laser_host_submit(struct laser_host *host, uint16_t word, const struct lase
 
 bool laser_host_event(struct laser_host *host, struct laser_host_event *event)
 {
-    if (host->event_count == 0)
-        return false;
-    *event = host->events[0];
-    host->event_count--;
-    memmove(host->events, host->events + 1, host->event_count * sizeof *host->events);
-    return true;
+    return TAKE_EVENT(host, event);
 }
 
 /* LE-44 to LE-48, LE-111 */

@@ -12,10 +12,7 @@ const struct mmacell_central_config MMACELL_CENTRAL_DEFAULT = {
 /* A new event. A call makes two at most, and the next command waits until they are taken (MM-30, MM-40). */
 static struct mmacell_central_event *report(struct mmacell_central *central, enum mmacell_central_kind kind)
 {
-    if (central->event_count == MMACELL_CENTRAL_EVENTS)
-        central->event_count--;
-    struct mmacell_central_event *event = &central->events[central->event_count++];
-    memset(event, 0, sizeof *event);
+    struct mmacell_central_event *event = ADD_EVENT(central);
     event->kind = kind;
     event->message = central->command;
     return event;
@@ -173,14 +170,12 @@ static void take_reply(struct mmacell_central *central, uint64_t now, const stru
     }
 }
 
-void mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size)
+size_t mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size)
 {
     struct mmacell_proto_item item;
     /* What comes after the end of a connection is ignored (MM-38). */
-    while (size > 0 && is_open(central)) {
-        size_t taken = mmacell_proto_push(&central->decoder, data, size);
-        data += taken;
-        size -= taken;
+    for (size_t taken = 0; taken < size && is_open(central);) {
+        taken += mmacell_proto_push(&central->decoder, data + taken, size - taken);
         while (is_open(central) && mmacell_proto_next(&central->decoder, &item)) {
             if (item.message.kind >= MMACELL_PROTO_TOO_LONG)
                 close_link(central, "malformed", MMACELL_CENTRAL_ENDED)->item = item;
@@ -188,6 +183,7 @@ void mmacell_central_input(struct mmacell_central *central, uint64_t now, const 
                 take_reply(central, now, &item.message);
         }
     }
+    return size;
 }
 
 void mmacell_central_timeout(struct mmacell_central *central, uint64_t now)
@@ -219,12 +215,7 @@ void mmacell_central_abort(struct mmacell_central *central)
 
 bool mmacell_central_event(struct mmacell_central *central, struct mmacell_central_event *event)
 {
-    if (central->event_count == 0)
-        return false;
-    *event = central->events[0];
-    central->event_count--;
-    memmove(central->events, central->events + 1, central->event_count * sizeof *central->events);
-    return true;
+    return TAKE_EVENT(central, event);
 }
 
 size_t mmacell_central_transmit(struct mmacell_central *central, uint64_t now, uint8_t *out, size_t size)

@@ -1,8 +1,11 @@
-/* What the sessions share: time in nanoseconds, counted from any instant; sums saturate. */
+/* What the sessions share: time in nanoseconds, counted from any instant, whose sums saturate; and a queue of events. */
 #ifndef CELLWIRE_SESSION_H
 #define CELLWIRE_SESSION_H
 
+#include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #define NEVER UINT64_MAX
 #define MS UINT64_C(1000000)
@@ -19,5 +22,33 @@ static inline uint64_t line_time(uint64_t length, uint32_t baud)
 {
     return baud == 0 ? NEVER : length * 10 * SECOND / baud;
 }
+
+/* A new event, all zero, in an array of `capacity`; where it is full, in the place of the last one. */
+static inline void *queue_add(void *events, size_t size, size_t capacity, size_t *count)
+{
+    if (*count == capacity)
+        (*count)--;
+    void *event = (char *)events + size * (*count)++;
+    memset(event, 0, size);
+    return event;
+}
+
+/* The same of a session that has `events` and `event_count`. */
+#define ADD_EVENT(session)                                                                                             \
+    queue_add((session)->events, sizeof *(session)->events, sizeof(session)->events / sizeof *(session)->events,       \
+              &(session)->event_count)
+
+/* Takes the oldest event; false: there is none. */
+static inline bool queue_take(void *events, size_t size, size_t *count, void *event)
+{
+    if (*count == 0)
+        return false;
+    memcpy(event, events, size);
+    memmove(events, (char *)events + size, --*count * size);
+    return true;
+}
+
+#define TAKE_EVENT(session, event)                                                                                     \
+    queue_take((session)->events, sizeof *(session)->events, &(session)->event_count, (event))
 
 #endif

@@ -76,8 +76,10 @@ bool mmacell_central_init(struct mmacell_central *central, const struct mmacell_
 /* After each of these: take the events, then what is to be transmitted. */
 void mmacell_central_connected(struct mmacell_central *central, uint64_t now);
 void mmacell_central_disconnected(struct mmacell_central *central, uint64_t now);
-void mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size);
 void mmacell_central_timeout(struct mmacell_central *central, uint64_t now);
+
+/* Takes bytes, all of them; returns how many. */
+size_t mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size);
 
 /* false: refused, nothing has changed (MM-30). */
 bool mmacell_central_request(struct mmacell_central *central, const struct mmacell_proto_message *command);

@@ -7,6 +7,8 @@
 #include <stdint.h>
 
 #define VAL2_VIEWER_REQUEST 0x05
+#define VAL2_VIEWER_XON 0x11
+#define VAL2_VIEWER_XOFF 0x13
 #define VAL2_VIEWER_MAX_LEN 100 /* VV-7 */
 #define VAL2_VIEWER_WORDS 12
 

@@ -1,4 +1,4 @@
-/* What the links share: a buffer of fixed size, and words of 16 bits. */
+/* What the links share: a buffer of fixed size, words of 16 bits, and decimal numbers (printf needs a heap on some C libraries). */
 #ifndef CELLWIRE_BYTES_H
 #define CELLWIRE_BYTES_H
 
@@ -44,6 +44,20 @@ static inline void put_u16_be(uint8_t *at, uint16_t value)
 {
     at[0] = (uint8_t)(value >> 8);
     at[1] = (uint8_t)(value & 0xFF);
+}
+
+#define MAX_DIGITS 10
+
+/* Writes a number with at least so many digits, without a terminator; returns how many. */
+static inline size_t put_decimal(char *at, uint32_t value, size_t digits)
+{
+    char text[MAX_DIGITS];
+    size_t count = 0;
+    for (; value > 0 || count < digits; value /= 10)
+        text[count++] = (char)('0' + value % 10);
+    for (size_t i = 0; i < count; i++)
+        at[i] = text[count - 1 - i];
+    return count;
 }
 
 #endif

@@ -1,6 +1,5 @@
 #include "cellwire/kawasaki_msg.h"
 
-#include <stdio.h>
 
 #include "bytes.h"
 
@@ -214,11 +213,13 @@ size_t kawasaki_msg_encode(struct kawasaki_msg_text name, const struct kawasaki_
                            const struct kawasaki_msg_text *fields, size_t field_count, bool is_latin1, uint8_t *out,
                            size_t size)
 {
-    char digits[24];
+    char digits[MAX_DIGITS];
     size_t data_len = joined_len(fields, field_count), at = 0;
-    size_t digits_len = (size_t)snprintf(digits, sizeof digits, "$%lu#", (unsigned long)data_len);
+    if (data_len > KAWASAKI_MSG_MAX_LEN)
+        return 0;
+    size_t digits_len = put_decimal(digits, (uint32_t)data_len, 1);
     size_t header_len = header_count > 0 ? 1 + joined_len(header, header_count) : 0;
-    size_t length = 1 + name.length + header_len + digits_len + data_len + 2;
+    size_t length = 1 + name.length + header_len + 1 + digits_len + 1 + data_len + 2;
     if (name.length == 0 || length > KAWASAKI_MSG_MAX_LEN || length > size || !can_be_sent(&name, 1, is_latin1) ||
         !can_be_sent(header, header_count, is_latin1) || !can_be_sent(fields, field_count, is_latin1))
         return 0;
@@ -228,7 +229,9 @@ size_t kawasaki_msg_encode(struct kawasaki_msg_text name, const struct kawasaki_
         at = put(out, at, "$", 1);
         at = put(out, at, header[i].bytes, header[i].length);
     }
+    at = put(out, at, "$", 1);
     at = put(out, at, digits, digits_len);
+    at = put(out, at, "#", 1);
     for (size_t i = 0; i < field_count; i++) {
         at = put(out, at, "$", i > 0);
         at = put(out, at, fields[i].bytes, fields[i].length);

@@ -1,7 +1,6 @@
 #include "cellwire/mmacell_proto.h"
 
 #include <math.h>
-#include <stdio.h>
 
 #include "bytes.h"
 
@@ -299,8 +298,12 @@ static bool put_coordinate(char *line, int32_t count, unsigned decimals)
         return false;
     int32_t scale = decimals == 3 ? 1000 : 10000;
     int32_t size = count < 0 ? -count : count;
-    sprintf(line + strlen(line), "%c%0*d.%0*d", count < 0 ? '-' : '+', (int)(6 - decimals), (int)(size / scale),
-            (int)decimals, (int)(size % scale));
+    char *end = line + strlen(line);
+    *end++ = count < 0 ? '-' : '+';
+    end += put_decimal(end, (uint32_t)(size / scale), 6 - decimals);
+    *end++ = '.';
+    end += put_decimal(end, (uint32_t)(size % scale), decimals);
+    *end = '\0';
     return true;
 }
 
@@ -319,7 +322,12 @@ static bool put_integer(char *line, int32_t value, struct mmacell_proto_dialect 
     if (!fits_integer(value, &dialect))
         return false;
     int32_t size = value < 0 ? -value : value;
-    sprintf(line + strlen(line), "%c%s%05d", value < 0 ? '-' : '+', dialect.blank ? " " : "", (int)size);
+    char *end = line + strlen(line);
+    *end++ = value < 0 ? '-' : '+';
+    if (dialect.blank)
+        *end++ = ' ';
+    end += put_decimal(end, (uint32_t)size, 5);
+    *end = '\0';
     return true;
 }
 

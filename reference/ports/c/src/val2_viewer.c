@@ -1,6 +1,5 @@
 #include "cellwire/val2_viewer.h"
 
-#include <stdio.h>
 
 #include "bytes.h"
 
@@ -138,12 +137,24 @@ bool val2_viewer_next(struct val2_viewer_decoder *decoder, struct val2_viewer_it
 
 size_t val2_viewer_encode(const struct val2_viewer_pose *pose, uint8_t *out, size_t size)
 {
-    char line[VAL2_VIEWER_MAX_LEN + 1];
-    size_t length = (size_t)snprintf(line, sizeof line, "%s%u", HEAD, (unsigned)pose->count);
-    for (size_t word = 0; word < VAL2_VIEWER_WORDS; word++)
-        length += (size_t)snprintf(line + length, sizeof line - length, ",%d", (int)pose->words[word]);
+    static const char HEX[] = "0123456789ABCDEF";
+    char line[VAL2_VIEWER_MAX_LEN];
+    size_t length = sizeof HEAD - 1;
+    memcpy(line, HEAD, length);
+    length += put_decimal(line + length, pose->count, 1);
+    for (size_t word = 0; word < VAL2_VIEWER_WORDS; word++) {
+        int32_t value = pose->words[word];
+        line[length++] = ',';
+        if (value < 0)
+            line[length++] = '-';
+        length += put_decimal(line + length, (uint32_t)(value < 0 ? -value : value), 1);
+    }
     unsigned sum = checksum((const uint8_t *)line, length);
-    length += (size_t)snprintf(line + length, sizeof line - length, "*%02X\r\n", sum);
+    line[length++] = '*';
+    line[length++] = HEX[sum >> 4];
+    line[length++] = HEX[sum & 0xF];
+    line[length++] = '\r';
+    line[length++] = '\n';
     if (length > size)
         return 0;
     memcpy(out, line, length);

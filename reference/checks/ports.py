@@ -17,7 +17,10 @@ TARGET = REFERENCE.parent / "target/reference"
 CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
 SESSIONS = {
     "python": [f"{path.stem}/{end}" for path in (REFERENCE / "sessions").glob("*.json") for end in json.loads(path.read_text())["ends"]],
-    "c": ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"],
+    "c": [
+        *("isra-ball/ball", "isra-ball/host", "laser-eb90/host", "mmacell-proto/central"),
+        *("val2-alter/host", "val2-viewer/host", "val2-viewer/workstation"),
+    ],
 }
 
 
@@ -43,7 +46,7 @@ def python():
 
 def c():
     build = TARGET / "c"
-    if not passes("make", "--silent", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
+    if not passes("make", "--silent", "-j2", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
         return False
     return passes(*testee("c"), build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
 

@@ -1,4 +1,4 @@
-#include "../fanuc_hmi_modbus.h"
+#include "cellwire/fanuc_hmi_modbus.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #ifndef CELLWIRE_TESTEE_FANUC_LS_H
 #define CELLWIRE_TESTEE_FANUC_LS_H
 
-#include "../fanuc_ls.h"
+#include "cellwire/fanuc_ls.h"
 #include "link.h"
 
 #define MAX_TEXT (1 << 20)

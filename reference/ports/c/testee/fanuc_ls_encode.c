@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../fanuc_ls_write.h"
+#include "cellwire/fanuc_ls_write.h"
 #include "fanuc_ls.h"
 
 #define MAX_AXES 64

@@ -1,4 +1,4 @@
-#include "../isra_ball.h"
+#include "cellwire/isra_ball.h"
 
 #include "link.h"
 
@@ -16,9 +16,9 @@ static size_t push(const uint8_t *data, size_t size) { return isra_ball_push(&de
 
 static void end(void) { isra_ball_end(&decoder); }
 
-static void print_packet(const struct isra_ball_packet *packet)
+void print_isra_packet(const struct isra_ball_packet *packet)
 {
-    print("\"message\":{\"sensor_type\":%d,\"sensor\":%d,", packet->sensor_type, packet->sensor);
+    print("{\"sensor_type\":%d,\"sensor\":%d,", packet->sensor_type, packet->sensor);
     print("\"status\":\"%s\",\"keys\":%d,\"force\":", STATUSES[packet->status], packet->keys);
     PRINT_LIST(packet->force, 3);
     print(",\"moment\":");
@@ -34,7 +34,8 @@ static bool next(bool ended)
     print_item(item.offset, item.length, ended);
     switch (item.kind) {
     case ISRA_BALL_PACKET:
-        print_packet(&item.packet);
+        print("\"message\":");
+        print_isra_packet(&item.packet);
         break;
     case ISRA_BALL_RAW:
         print("\"message\":{\"data\":");

@@ -1,4 +1,4 @@
-#include "../kawasaki_msg.h"
+#include "cellwire/kawasaki_msg.h"
 
 #include "link.h"
 

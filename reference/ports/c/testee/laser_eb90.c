@@ -1,4 +1,4 @@
-#include "../laser_eb90.h"
+#include "cellwire/laser_eb90.h"
 
 #include <math.h>
 

@@ -6,9 +6,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "../laser_eb90.h"
-#include "../mmacell_proto.h"
-#include "../val2_alter.h"
+#include "cellwire/isra_ball.h"
+#include "cellwire/laser_eb90.h"
+#include "cellwire/mmacell_proto.h"
+#include "cellwire/val2_alter.h"
+#include "cellwire/val2_viewer.h"
 #include "json.h"
 
 #define MAX_FRAME 4096
@@ -45,26 +47,6 @@ bool read_list(const struct json *list, size_t count, int64_t low, int64_t high,
 
 extern const struct link FANUC_HMI_MODBUS, ISRA_BALL, KAWASAKI_MSG, LASER_EB90, MMACELL_PROTO, VAL2_ALTER, VAL2_VIEWER;
 
-/* What the testee needs of an end's session. */
-struct end {
-    const char *link, *name;
-    /* Begins with the `config` of a request; false: it is not implemented. */
-    bool (*begin)(const struct json *config);
-    void (*connected)(uint64_t now);
-    void (*disconnected)(uint64_t now);
-    size_t (*input)(uint64_t now, const uint8_t *data, size_t size);
-    void (*timeout)(uint64_t now);
-    void (*transmitted)(uint64_t now);
-    /* A call of the owner; false: refused. */
-    bool (*call)(uint64_t now, const char *name, const struct json *argument);
-    /* Prints the next event; false: there is none. */
-    bool (*event)(bool is_first);
-    size_t (*transmit)(uint64_t now, uint8_t *out, size_t size);
-    bool (*deadline)(uint64_t *deadline);
-};
-
-extern const struct end ALTER_HOST, LASER_HOST, MMACELL_CENTRAL;
-
 /* fanuc-ls: a file of so many bytes in `program_text`, as a document or as a program; and a program, written. */
 char *program_text(size_t *size);
 void answer_program(const struct json *request, size_t length, bool is_document);
@@ -76,6 +58,10 @@ void print_alter_error(const struct val2_alter_error *error);
 void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at);
 void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found);
 bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item);
+void print_isra_packet(const struct isra_ball_packet *packet);
+void print_viewer_pose(const struct val2_viewer_pose *pose);
+void print_viewer_error(const struct val2_viewer_item *item);
+bool read_viewer_words(const struct json *list, int16_t words[VAL2_VIEWER_WORDS]);
 void print_mmacell_status(const struct mmacell_proto_message *message); /* its fields */
 void print_mmacell_message(const struct mmacell_proto_message *message);
 void print_mmacell_error(const struct mmacell_proto_item *item);

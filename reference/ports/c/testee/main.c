@@ -4,13 +4,14 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "link.h"
+#include "end.h"
 
 #define MAX_LINE (1 << 22)
 
 static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL,  &KAWASAKI_MSG, &LASER_EB90,
                                            &MMACELL_PROTO,    &VAL2_ALTER, &VAL2_VIEWER};
-static const struct end *const ENDS[] = {&ALTER_HOST, &LASER_HOST, &MMACELL_CENTRAL};
+static const struct end *const ENDS[] = {&ALTER_HOST,      &BALL,           &BALL_HOST,   &LASER_HOST,
+                                         &MMACELL_CENTRAL, &MMACELL_DEVICE, &VIEWER_HOST, &VIEWER_WORKSTATION};
 static char line[MAX_LINE];
 static bool is_first; /* of the items of an answer */
 
@@ -140,16 +141,19 @@ static void print_events(const struct end *end, bool *is_first_event)
         *is_first_event = false;
 }
 
-/* Gives bytes in pieces; their events stay in the session. */
-static void give_input(const struct end *end, uint64_t now, const struct json *hex)
+/* Gives bytes in pieces, until a session whose events stay takes no more. */
+static void give_input(const struct end *end, uint64_t now, const struct json *hex, bool takes, bool *is_first_event)
 {
     static uint8_t data[MAX_LINE / 2];
-    size_t length = 0;
+    size_t length = 0, taken = 1;
     const char *at = hex->text, *stop = hex->text + hex->length;
     for (int byte = next_byte(&at, stop); byte >= 0; byte = next_byte(&at, stop))
         data[length++] = (uint8_t)byte;
-    for (size_t given = 0; given < length;)
-        given += end->input(now, data + given, length - given);
+    for (size_t given = 0; given < length && taken > 0; given += taken) {
+        taken = end->input(now, data + given, length - given);
+        if (takes)
+            print_events(end, is_first_event);
+    }
 }
 
 /* One step of a story, as reference/README.md describes it. */
@@ -161,24 +165,23 @@ static void play(const struct end *end, const struct json *step)
     char name[32] = "";
     int64_t now = 0;
     uint64_t deadline;
-    bool is_taken = true, is_first_event = true;
+    bool is_taken = true, is_first_event = true, takes = !json_true(json_get(step, "keep"));
     size_t sent_len = 0;
     json_integer(json_get(step, "at"), 0, INT64_MAX, &now);
     memcpy(name, input->key, input->key_length < sizeof name ? input->key_length : 0);
+    print("{\"events\":[");
     if (strcmp(name, "connected") == 0)
         end->connected((uint64_t)now);
     else if (strcmp(name, "disconnected") == 0)
         end->disconnected((uint64_t)now);
     else if (strcmp(name, "input") == 0)
-        give_input(end, (uint64_t)now, input);
+        give_input(end, (uint64_t)now, input, takes, &is_first_event);
     else if (strcmp(name, "timeout") == 0)
         end->timeout((uint64_t)now);
-    else if (strcmp(name, "transmitted") == 0)
+    else if (strcmp(name, "transmitted") == 0 && end->transmitted != NULL)
         end->transmitted((uint64_t)now);
-    else if (strcmp(name, "nothing") != 0)
+    else if (strcmp(name, "transmitted") != 0 && strcmp(name, "nothing") != 0)
         is_taken = end->call((uint64_t)now, name, input);
-    print("{%s\"events\":[", is_taken ? "" : "\"refused\":{\"kind\":\"refused\"},");
-    bool takes = !json_true(json_get(step, "keep"));
     if (takes)
         print_events(end, &is_first_event);
     while (!json_true(json_get(step, "hold"))) {
@@ -192,7 +195,8 @@ static void play(const struct end *end, const struct json *step)
         if (takes)
             print_events(end, &is_first_event);
     }
-    print("],\"transmit\":[%.*s],\"deadline\":", (int)sent_len, sent);
+    print("],%s", is_taken ? "" : "\"refused\":{\"kind\":\"refused\"},");
+    print("\"transmit\":[%.*s],\"deadline\":", (int)sent_len, sent);
     if (end->deadline(&deadline))
         print("%llu}", (unsigned long long)deadline);
     else

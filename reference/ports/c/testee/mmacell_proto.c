@@ -1,4 +1,4 @@
-#include "../mmacell_proto.h"
+#include "cellwire/mmacell_proto.h"
 
 #include "link.h"
 

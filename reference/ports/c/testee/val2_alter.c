@@ -1,4 +1,4 @@
-#include "../val2_alter.h"
+#include "cellwire/val2_alter.h"
 
 #include "link.h"
 

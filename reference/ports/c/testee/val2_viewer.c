@@ -1,4 +1,4 @@
-#include "../val2_viewer.h"
+#include "cellwire/val2_viewer.h"
 
 #include "link.h"
 
@@ -15,10 +15,10 @@ static size_t push(const uint8_t *data, size_t size) { return val2_viewer_push(&
 
 static void end(void) { val2_viewer_end(&decoder); }
 
-static void print_error(const struct val2_viewer_item *item)
+void print_viewer_error(const struct val2_viewer_item *item)
 {
     static const char *const KINDS[] = {"", "format", "number", "checksum", "too_long", "incomplete", "noise"};
-    print("\"error\":{\"kind\":\"%s\"", KINDS[item->kind]);
+    print("{\"kind\":\"%s\"", KINDS[item->kind]);
     if (item->kind == VAL2_VIEWER_FORMAT || item->kind == VAL2_VIEWER_NUMBER)
         print(",\"offset\":%zu", item->error_offset);
     else if (item->kind == VAL2_VIEWER_CHECKSUM)
@@ -30,6 +30,23 @@ static void print_error(const struct val2_viewer_item *item)
     print("}");
 }
 
+void print_viewer_pose(const struct val2_viewer_pose *pose)
+{
+    print("{\"count\":%d,\"pose\":", pose->count);
+    PRINT_LIST(pose->words, VAL2_VIEWER_WORDS);
+    print("}");
+}
+
+bool read_viewer_words(const struct json *list, int16_t words[VAL2_VIEWER_WORDS])
+{
+    int64_t values[VAL2_VIEWER_WORDS];
+    if (!read_list(list, VAL2_VIEWER_WORDS, INT16_MIN, INT16_MAX, values))
+        return false;
+    for (int word = 0; word < VAL2_VIEWER_WORDS; word++)
+        words[word] = (int16_t)values[word];
+    return true;
+}
+
 static bool next(bool ended)
 {
     struct val2_viewer_item item;
@@ -37,25 +54,22 @@ static bool next(bool ended)
         return false;
     print_item(item.offset, item.length, ended);
     if (item.kind != VAL2_VIEWER_POSE) {
-        print_error(&item);
+        print("\"error\":");
+        print_viewer_error(&item);
         return true;
     }
-    print("\"message\":{\"count\":%d,\"pose\":", item.pose.count);
-    PRINT_LIST(item.pose.words, VAL2_VIEWER_WORDS);
-    print("}");
+    print("\"message\":");
+    print_viewer_pose(&item.pose);
     return true;
 }
 
 static size_t encode(const struct json *message, uint8_t *out, size_t size)
 {
     struct val2_viewer_pose pose;
-    int64_t count, words[VAL2_VIEWER_WORDS];
-    if (!json_integer(json_get(message, "count"), 0, UINT16_MAX, &count) ||
-        !read_list(json_get(message, "pose"), VAL2_VIEWER_WORDS, INT16_MIN, INT16_MAX, words))
+    int64_t count;
+    if (!json_integer(json_get(message, "count"), 0, UINT16_MAX, &count) || !read_viewer_words(json_get(message, "pose"), pose.words))
         return 0;
     pose.count = (uint16_t)count;
-    for (int word = 0; word < VAL2_VIEWER_WORDS; word++)
-        pose.words[word] = (int16_t)words[word];
     return val2_viewer_encode(&pose, out, size);
 }
 

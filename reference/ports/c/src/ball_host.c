@@ -1,0 +1,161 @@
+#include "cellwire/ball_host.h"
+
+#include "session.h"
+
+#define EXCHANGE_LEN 13
+#define OUTCOMES 3 /* IB-30 */
+
+const struct ball_host_config BALL_HOST_DEFAULT = {
+    .baud = 9600, .period = 28 * MS, .max_delay = 14 * MS, .max_age = 150 * MS};
+
+static struct ball_host_event *report(struct ball_host *host, enum ball_host_kind kind)
+{
+    struct ball_host_event *event = ADD_EVENT(host);
+    event->kind = kind;
+    return event;
+}
+
+bool ball_host_init(struct ball_host *host, const struct ball_host_config *config)
+{
+    memset(host, 0, sizeof *host);
+    host->config = *config;
+    host->exchange = line_time(EXCHANGE_LEN, config->baud);
+    host->window = after(host->exchange, config->max_delay);
+    host->spread = after(config->max_delay, host->exchange / 5);
+    uint64_t cycle = later(config->period, host->window);
+    host->quiet = after(cycle, host->spread);
+    uint64_t whole = host->exchange > NEVER - MS ? NEVER : (host->exchange + MS - 1) / MS * MS;
+    bool outlasts = config->max_age == NEVER || config->max_age > after(after(cycle, cycle), host->window);
+    return config->period >= whole && outlasts;
+}
+
+/* IB-29 */
+static void lose_values(struct ball_host *host)
+{
+    if (host->is_live)
+        report(host, BALL_HOST_STALE);
+    host->is_live = false;
+}
+
+static void close(struct ball_host *host)
+{
+    if (host->link == BALL_HOST_WAITING)
+        report(host, BALL_HOST_MISSED);
+    lose_values(host);
+    host->link = BALL_HOST_DISCONNECTED;
+}
+
+/* IB-23 */
+void ball_host_connected(struct ball_host *host, uint64_t now)
+{
+    ball_host_timeout(host, now);
+    close(host);
+    host->link = BALL_HOST_IDLE;
+    host->due = after(now, host->quiet);
+    host->proven = 0;
+    isra_ball_init(&host->decoder);
+}
+
+void ball_host_disconnected(struct ball_host *host, uint64_t now)
+{
+    ball_host_timeout(host, now);
+    close(host);
+    isra_ball_init(&host->decoder);
+}
+
+/* IB-26, IB-31 */
+static void take_packet(struct ball_host *host, uint64_t now, const struct isra_ball_packet *packet)
+{
+    if (host->link == BALL_HOST_DISCONNECTED) {
+        report(host, BALL_HOST_UNEXPECTED);
+        return;
+    }
+    if (host->link == BALL_HOST_IDLE || now < host->from) {
+        report(host, BALL_HOST_UNASKED)->packet = *packet;
+        return;
+    }
+    bool is_new = packet->status == ISRA_BALL_FRESH && now < host->proven;
+    struct ball_host_event *event = report(host, is_new ? BALL_HOST_NEW : BALL_HOST_OLD);
+    event->packet = *packet;
+    if (is_new) {
+        host->is_live = true;
+        host->live_until = event->live_until = host->proven;
+    }
+    host->proven = host->proof;
+    host->link = BALL_HOST_IDLE;
+}
+
+static void read_items(struct ball_host *host, uint64_t now)
+{
+    struct isra_ball_item item;
+    while (isra_ball_next(&host->decoder, &item)) {
+        if (item.kind == ISRA_BALL_PACKET) {
+            take_packet(host, now, &item.packet);
+            continue;
+        }
+        struct ball_host_event *event = report(host, BALL_HOST_CORRUPT);
+        event->error = item.kind;
+        event->length = item.length;
+        event->error_offset = item.error_offset;
+        event->expected = item.expected;
+        event->found = item.kind == ISRA_BALL_RAW ? item.raw_len : item.found;
+    }
+}
+
+/* IB-28 */
+static void give_up(struct ball_host *host, uint64_t now)
+{
+    isra_ball_end(&host->decoder);
+    read_items(host, now);
+}
+
+size_t ball_host_input(struct ball_host *host, uint64_t now, const uint8_t *data, size_t size)
+{
+    size_t taken = 0;
+    ball_host_timeout(host, now);
+    while (taken < size && host->event_count < BALL_HOST_EVENTS / 2) {
+        taken += isra_ball_push(&host->decoder, data + taken, 1);
+        read_items(host, now);
+    }
+    return taken;
+}
+
+void ball_host_timeout(struct ball_host *host, uint64_t now)
+{
+    if (host->link == BALL_HOST_WAITING && now >= host->until) {
+        host->link = BALL_HOST_IDLE;
+        host->due = after(later(host->due, now), host->spread); /* IB-40 */
+        give_up(host, now);
+        report(host, BALL_HOST_MISSED);
+    }
+    if (host->is_live && now >= host->live_until)
+        lose_values(host);
+}
+
+bool ball_host_event(struct ball_host *host, struct ball_host_event *event) { return TAKE_EVENT(host, event); }
+
+/* IB-24 */
+size_t ball_host_transmit(struct ball_host *host, uint64_t now, uint8_t *out, size_t size)
+{
+    ball_host_timeout(host, now);
+    bool is_due = host->link == BALL_HOST_IDLE && now >= host->due;
+    if (!is_due || size < 1 || host->event_count + OUTCOMES > BALL_HOST_EVENTS)
+        return 0;
+    give_up(host, now);
+    host->link = BALL_HOST_WAITING;
+    host->from = after(now, host->exchange - host->exchange / 10);
+    host->until = after(now, host->window);
+    host->due = after(now, host->config.period);
+    host->proof = after(now, host->config.max_age);
+    out[0] = ISRA_BALL_POLL;
+    return 1;
+}
+
+/* IB-39 */
+bool ball_host_deadline(const struct ball_host *host, uint64_t *deadline)
+{
+    *deadline = host->link == BALL_HOST_WAITING ? host->until : host->due;
+    if (host->is_live)
+        *deadline = sooner(*deadline, host->live_until);
+    return host->link != BALL_HOST_DISCONNECTED;
+}

@@ -1,0 +1,424 @@
+#include "cellwire/fanuc_hmi_modbus.h"
+
+#include "bytes.h"
+
+#define MBAP_LEN 7
+#define MIN_BODY 2 /* unit and PDU */
+#define MAX_BODY 254
+#define MIN_RTU 4
+#define MAX_RTU 256
+#define TCP_EXTENT 504
+#define RTU_EXTENT 265
+#define COIL_ON 0xFF00
+#define EXCEPTION 0x80
+#define MAX_REPLY_BYTES 250
+#define NO_FRAME SIZE_MAX
+
+uint16_t modbus_crc(const uint8_t *data, size_t length)
+{
+    uint16_t crc = 0xFFFF;
+    for (size_t i = 0; i < length; i++) {
+        crc ^= data[i];
+        for (int bit = 0; bit < 8; bit++)
+            crc = (uint16_t)(crc >> 1 ^ (crc & 1 ? 0xA001 : 0));
+    }
+    return crc;
+}
+
+uint16_t modbus_max_read(uint8_t function)
+{
+    return function == 1 || function == 2 ? 2000 : function == 3 || function == 4 || function == 23 ? 125 : 0;
+}
+
+uint16_t modbus_max_write(uint8_t function) { return function == 15 ? 1968 : function == 16 ? 123 : 121; }
+
+enum length_by { BY_BEGINNING, BY_SILENCE, NOT_KNOWN_YET };
+
+/* The bytes of an RTU frame (FM-10); where they are not known yet, how many are needed to know. */
+static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbus_side side, size_t *size)
+{
+    size_t base = 0, count_at = 0;
+    *size = MIN_RTU;
+    if (length < 2)
+        return NOT_KNOWN_YET;
+    uint8_t function = frame[1];
+    bool is_client = side == MODBUS_CLIENT;
+    if (function == 22) {
+        *size = 10;
+    } else if (function == 15 || function == 16) {
+        *size = 8;
+        base = 9, count_at = is_client ? 6 : 0;
+    } else if (function == 23) {
+        base = is_client ? 13 : 5, count_at = is_client ? 10 : 2;
+    } else if (function == 5 || function == 6) {
+        *size = 8;
+    } else if (modbus_max_read(function) > 0) {
+        *size = 8;
+        base = 5, count_at = is_client ? 0 : 2;
+    } else if (!is_client && function > EXCEPTION) {
+        *size = 5;
+    } else {
+        return BY_SILENCE;
+    }
+    if (count_at == 0)
+        return BY_BEGINNING;
+    bool is_there = length > count_at;
+    *size = base + (is_there ? frame[count_at] : 1);
+    return is_there ? BY_BEGINNING : NOT_KNOWN_YET;
+}
+
+static bool error(struct modbus_item *item, enum modbus_error_kind kind, size_t expected, size_t found)
+{
+    item->error = kind;
+    item->expected = expected;
+    item->found = found;
+    return false;
+}
+
+/* What is at the beginning: FRAME of `item->length` bytes, CORRUPT, or WAIT for more bytes. */
+enum outcome { FRAME, CORRUPT, WAIT };
+
+static enum outcome corrupt(struct modbus_item *item, enum modbus_error_kind kind, size_t expected, size_t found)
+{
+    error(item, kind, expected, found);
+    return CORRUPT;
+}
+
+static enum outcome more(const struct modbus_decoder *decoder, size_t expected, struct modbus_item *item)
+{
+    return decoder->ended ? corrupt(item, MODBUS_CUT, expected, decoder->length) : WAIT;
+}
+
+/* FM-72 */
+static enum outcome take_tcp(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    if (decoder->length < MBAP_LEN - 1)
+        return more(decoder, MBAP_LEN, item);
+    uint16_t protocol = get_u16_be(decoder->held + 2), length = get_u16_be(decoder->held + 4);
+    if (protocol != 0)
+        return corrupt(item, MODBUS_PROTOCOL, 0, protocol);
+    if (length < MIN_BODY || length > MAX_BODY)
+        return corrupt(item, MODBUS_MBAP_LENGTH, 0, length);
+    item->length = MBAP_LEN - 1 + (size_t)length;
+    return decoder->length < item->length ? more(decoder, item->length, item) : FRAME;
+}
+
+/* FM-73 */
+static enum outcome take_rtu(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    const uint8_t *held = decoder->held;
+    size_t size;
+    switch (rtu_length(held, decoder->length, decoder->side, &size)) {
+    case NOT_KNOWN_YET:
+        return more(decoder, size, item);
+    case BY_SILENCE:
+        if (decoder->length > MAX_RTU)
+            return corrupt(item, MODBUS_TOO_LONG, 0, MAX_RTU + 1);
+        if (!decoder->ended)
+            return WAIT;
+        size = decoder->length;
+        if (size < MIN_RTU)
+            return corrupt(item, MODBUS_CUT, MIN_RTU, size);
+        break;
+    case BY_BEGINNING:
+        if (size > MAX_RTU)
+            return corrupt(item, MODBUS_TOO_LONG, 0, size);
+        if (decoder->length < size)
+            return more(decoder, size, item);
+        break;
+    }
+    uint16_t expected = modbus_crc(held, size - 2), found = get_u16_le(held + size - 2);
+    item->length = item->size = size;
+    return found == expected ? FRAME : corrupt(item, MODBUS_CRC, expected, found);
+}
+
+/* Where the next frame is, from `start` on; NO_FRAME: nowhere; `*wait`: that is not known yet. */
+static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool *wait)
+{
+    for (size_t at = start; at + MBAP_LEN - 1 <= decoder->length; at++) {
+        const uint8_t *header = decoder->held + at;
+        uint16_t length = get_u16_be(header + 4);
+        size_t size;
+        if (get_u16_be(header + 2) != 0 || length < MIN_BODY || length > MAX_BODY)
+            continue;
+        if (at == start && start > 1)
+            return at;
+        enum length_by by = rtu_length(header + 6, decoder->length - at - 6, decoder->side, &size);
+        if (by == BY_BEGINNING && size == (size_t)length + 2)
+            return at;
+        /* What 520 bytes do not decide is no frame. */
+        *wait = by == NOT_KNOWN_YET && !decoder->ended && decoder->length < MODBUS_LOOKED_AT;
+        if (*wait)
+            return NO_FRAME;
+    }
+    return NO_FRAME;
+}
+
+/* The frame with a right CRC that ends first, from `start` on (FM-30). */
+static size_t find_rtu(const struct modbus_decoder *decoder, size_t start)
+{
+    size_t first_end = SIZE_MAX, found = NO_FRAME;
+    for (size_t at = start; at < decoder->length; at++) {
+        const uint8_t *frame = decoder->held + at;
+        size_t left = decoder->length - at, size;
+        if (rtu_length(frame, left, decoder->side, &size) != BY_BEGINNING || size > MAX_RTU || size > left)
+            continue;
+        if (at + size < first_end && get_u16_le(frame + size - 2) == modbus_crc(frame, size - 2)) {
+            first_end = at + size;
+            found = at;
+        }
+    }
+    return found;
+}
+
+/* The bytes before the next frame, which are corrupt; false: that is not known yet. */
+static bool extent(struct modbus_decoder *decoder, size_t start, size_t *covered)
+{
+    bool is_tcp = decoder->framing == MODBUS_TCP, wait = false;
+    *covered = is_tcp ? find_tcp(decoder, start, &wait) : find_rtu(decoder, start);
+    if (*covered != NO_FRAME)
+        return true;
+    if (!wait && decoder->length == MODBUS_LOOKED_AT) {
+        decoder->in_noise = true;
+        *covered = is_tcp ? TCP_EXTENT : RTU_EXTENT;
+        return true;
+    }
+    *covered = decoder->length;
+    return !wait && decoder->ended;
+}
+
+/* A PDU that is read from left to right. */
+struct pdu {
+    const uint8_t *data;
+    size_t length, at;
+    struct modbus_item *item;
+};
+
+static bool exactly(struct pdu *pdu, size_t expected)
+{
+    pdu->item->function = pdu->data[0];
+    return pdu->length == expected || error(pdu->item, MODBUS_PDU_LENGTH, expected, pdu->length);
+}
+
+static bool get_u8(struct pdu *pdu, uint8_t *value)
+{
+    if (pdu->length < pdu->at + 1)
+        return exactly(pdu, pdu->at + 1);
+    *value = pdu->data[pdu->at++];
+    return true;
+}
+
+static bool get_u16(struct pdu *pdu, uint16_t *value)
+{
+    if (pdu->length < pdu->at + 2)
+        return exactly(pdu, pdu->at + 2);
+    *value = get_u16_be(pdu->data + pdu->at);
+    pdu->at += 2;
+    return true;
+}
+
+static bool get_quantity(struct pdu *pdu, uint16_t most, uint16_t *value)
+{
+    pdu->item->function = pdu->data[0];
+    return get_u16(pdu, value) && ((*value >= 1 && *value <= most) || error(pdu->item, MODBUS_QUANTITY, most, *value));
+}
+
+/* The rest of the PDU, as bytes and as registers. */
+static void get_rest(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    size_t left = pdu->length - pdu->at;
+    memcpy(message->bytes, pdu->data + pdu->at, left);
+    for (size_t i = 0; i < left / 2 && i < MODBUS_MAX_REGISTERS; i++)
+        message->registers[i] = get_u16_be(pdu->data + pdu->at + 2 * i);
+}
+
+/* The byte count and the values of a request that writes (FM-12). */
+static bool get_written_values(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    size_t expected = message->function == 15 ? (message->quantity + 7u) / 8u : 2u * message->quantity;
+    uint8_t found;
+    if (!get_u8(pdu, &found))
+        return false;
+    if (found != expected)
+        return error(pdu->item, MODBUS_BYTE_COUNT, expected, found);
+    if (!exactly(pdu, pdu->at + found))
+        return false;
+    get_rest(pdu);
+    return true;
+}
+
+/* Functions 5, 6 and 22, whose replies repeat the request. */
+static bool decode_single(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    uint8_t function = message->function;
+    if (!exactly(pdu, function == 22 ? 7 : 5) || !get_u16(pdu, &message->address) || !get_u16(pdu, &message->value))
+        return false;
+    message->shape = function == 5 ? MODBUS_WRITE_COIL : function == 6 ? MODBUS_WRITE_REGISTER : MODBUS_MASK;
+    message->coil = message->value == COIL_ON;
+    message->and_mask = message->value;
+    if (function == 5 && !message->coil && message->value != 0)
+        return error(pdu->item, MODBUS_COIL_VALUE, 0, message->value);
+    return function != 22 || get_u16(pdu, &message->or_mask);
+}
+
+static bool decode_raw(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    message->shape = MODBUS_RAW;
+    message->quantity = (uint16_t)(pdu->length - 1);
+    get_rest(pdu);
+    return true;
+}
+
+/* FM-32 */
+static bool decode_request(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    uint8_t function = message->function;
+    if (function == 0 || function >= EXCEPTION)
+        return error(pdu->item, MODBUS_FUNCTION, 0, function);
+    switch (function) {
+    case 1:
+    case 2:
+    case 3:
+    case 4:
+        message->shape = MODBUS_READ;
+        return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
+               get_quantity(pdu, modbus_max_read(function), &message->quantity);
+    case 5:
+    case 6:
+    case 22:
+        return decode_single(pdu);
+    case 15:
+    case 16:
+        message->shape = function == 15 ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
+        return get_u16(pdu, &message->address) && get_quantity(pdu, modbus_max_write(function), &message->quantity) &&
+               get_written_values(pdu);
+    case 23:
+        message->shape = MODBUS_READ_WRITE;
+        if (!get_u16(pdu, &message->address) || !get_u16(pdu, &message->read_quantity) ||
+            !get_u16(pdu, &message->write_address))
+            return false;
+        pdu->at = 3; /* only now is the first quantity looked at */
+        return get_quantity(pdu, modbus_max_read(function), &message->read_quantity) &&
+               get_u16(pdu, &message->write_address) &&
+               get_quantity(pdu, modbus_max_write(function), &message->quantity) && get_written_values(pdu);
+    default:
+        return decode_raw(pdu);
+    }
+}
+
+/* FM-32 */
+static bool decode_reply(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    uint8_t function = message->function, count = 0;
+    if (function == 0 || function == EXCEPTION)
+        return error(pdu->item, MODBUS_FUNCTION, 0, function);
+    if (function > EXCEPTION) {
+        message->shape = MODBUS_EXCEPTION;
+        message->function = function - EXCEPTION;
+        return exactly(pdu, 2) && get_u8(pdu, &message->exception);
+    }
+    if (modbus_max_read(function) > 0) {
+        bool is_bits = function <= 2;
+        pdu->item->function = function;
+        if (!get_u8(pdu, &count))
+            return false;
+        if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && count % 2 != 0))
+            return error(pdu->item, MODBUS_REPLY_BYTE_COUNT, 0, count);
+        if (!exactly(pdu, 2 + (size_t)count))
+            return false;
+        message->shape = is_bits ? MODBUS_BITS : MODBUS_REGISTERS;
+        message->quantity = (uint16_t)(is_bits ? count * 8 : count / 2);
+        get_rest(pdu);
+        return true;
+    }
+    if (function == 5 || function == 6 || function == 22)
+        return decode_single(pdu);
+    if (function == 15 || function == 16) {
+        message->shape = MODBUS_WRITTEN;
+        return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
+               get_quantity(pdu, modbus_max_write(function), &message->quantity);
+    }
+    return decode_raw(pdu);
+}
+
+static void decode_frame(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    bool is_tcp = decoder->framing == MODBUS_TCP;
+    const uint8_t *body = decoder->held + (is_tcp ? MBAP_LEN - 1 : 0);
+    size_t pdu_len = item->length - (is_tcp ? MBAP_LEN : 3);
+    struct pdu pdu = {body + 1, pdu_len, 1, item};
+    memset(&item->message, 0, sizeof item->message);
+    item->message.transaction = is_tcp ? get_u16_be(decoder->held) : 0;
+    item->message.unit = body[0];
+    item->message.function = body[1];
+    if (decoder->side == MODBUS_CLIENT)
+        decode_request(&pdu);
+    else
+        decode_reply(&pdu);
+}
+
+void modbus_init(struct modbus_decoder *decoder, enum modbus_side side, enum modbus_framing framing)
+{
+    memset(decoder, 0, sizeof *decoder);
+    decoder->side = side;
+    decoder->framing = framing;
+}
+
+size_t modbus_push(struct modbus_decoder *decoder, const uint8_t *data, size_t size)
+{
+    return bytes_append(decoder->held, &decoder->length, sizeof decoder->held, data, size);
+}
+
+void modbus_end(struct modbus_decoder *decoder) { decoder->ended = true; }
+
+/* What is at the beginning; false: more bytes are needed. */
+static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    bool is_tcp = decoder->framing == MODBUS_TCP;
+    item->error = MODBUS_NO_ERROR;
+    if (decoder->length == 0)
+        return false;
+    if (decoder->in_noise) {
+        if (!extent(decoder, 0, &item->length))
+            return false;
+        item->error = MODBUS_NOISE;
+        item->size = item->length;
+        if (item->length > 0)
+            return true;
+        decoder->in_noise = false;
+        item->error = MODBUS_NO_ERROR;
+    }
+    switch (is_tcp ? take_tcp(decoder, item) : take_rtu(decoder, item)) {
+    case WAIT:
+        return false;
+    case FRAME:
+        decode_frame(decoder, item);
+        return true;
+    case CORRUPT:
+        break;
+    }
+    if (is_tcp && item->error == MODBUS_CUT) {
+        item->length = decoder->length;
+        return true;
+    }
+    size_t length = is_tcp ? get_u16_be(decoder->held + 4) : SIZE_MAX;
+    return extent(decoder, length <= MAX_BODY ? MBAP_LEN - 1 + length : 1, &item->length);
+}
+
+bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    item->offset = decoder->position;
+    if (!take(decoder, item)) {
+        decoder->ended = false;
+        return false;
+    }
+    bytes_remove(decoder->held, &decoder->length, item->length);
+    decoder->position += item->length;
+    return true;
+}

@@ -1,0 +1,137 @@
+/* Section 6 of reference/fanuc-hmi-modbus.md. */
+#include "cellwire/fanuc_hmi_modbus.h"
+
+#include "bytes.h"
+
+#define MBAP_LEN 7
+#define COIL_ON 0xFF00
+#define EXCEPTION 0x80
+#define MAX_PDU 253
+
+/* A run of addresses that the function allows (FM-36). */
+static bool is_run(uint16_t address, uint16_t quantity, uint16_t most)
+{
+    return quantity >= 1 && quantity <= most && (uint32_t)address + quantity <= 0x10000;
+}
+
+static size_t put_u16(uint8_t *pdu, size_t at, uint16_t value)
+{
+    put_u16_be(pdu + at, value);
+    return at + 2;
+}
+
+/* A byte count and bits; the unused ones are 0 (FM-8). */
+static size_t put_bits(uint8_t *pdu, size_t at, const struct modbus_message *message)
+{
+    size_t count = (message->quantity + 7u) / 8u;
+    pdu[at++] = (uint8_t)count;
+    memcpy(pdu + at, message->bytes, count);
+    at += count;
+    if (message->quantity % 8 != 0)
+        pdu[at - 1] &= (uint8_t)((1u << message->quantity % 8) - 1);
+    return at;
+}
+
+static size_t put_registers(uint8_t *pdu, size_t at, const struct modbus_message *message)
+{
+    pdu[at++] = (uint8_t)(2 * message->quantity);
+    for (size_t i = 0; i < message->quantity; i++)
+        at = put_u16(pdu, at, message->registers[i]);
+    return at;
+}
+
+static bool is_shape(const struct modbus_message *message)
+{
+    uint8_t function = message->function;
+    bool is_bits = function == 1 || function == 2, reads = modbus_max_read(function) > 0;
+    bool is_run_of_15_16 =
+        (function == 15 || function == 16) && is_run(message->address, message->quantity, modbus_max_write(function));
+    switch (message->shape) {
+    case MODBUS_READ:
+        return reads && function != 23 && is_run(message->address, message->quantity, modbus_max_read(function));
+    case MODBUS_WRITE_COIL:
+        return function == 5;
+    case MODBUS_WRITE_REGISTER:
+        return function == 6;
+    case MODBUS_WRITE_COILS:
+        return function == 15 && is_run_of_15_16;
+    case MODBUS_WRITE_WORDS:
+        return function == 16 && is_run_of_15_16;
+    case MODBUS_MASK:
+        return function == 22;
+    case MODBUS_READ_WRITE:
+        return function == 23 && is_run(message->address, message->read_quantity, modbus_max_read(function)) &&
+               is_run(message->write_address, message->quantity, modbus_max_write(function));
+    case MODBUS_BITS:
+        return is_bits && is_run(0, message->quantity, modbus_max_read(function));
+    case MODBUS_REGISTERS:
+        return reads && !is_bits && is_run(0, message->quantity, modbus_max_read(function));
+    case MODBUS_WRITTEN:
+        return is_run_of_15_16;
+    case MODBUS_EXCEPTION:
+        return function >= 1 && function < EXCEPTION;
+    case MODBUS_RAW:
+        return function >= 1 && function < EXCEPTION && !reads && function != 5 && function != 6 && function != 15 &&
+               function != 16 && function != 22 && message->quantity <= MODBUS_MAX_DATA;
+    }
+    return false;
+}
+
+/* The PDU of a message that is_shape. */
+static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
+{
+    size_t at = 1;
+    pdu[0] = message->function;
+    switch (message->shape) {
+    case MODBUS_EXCEPTION:
+        pdu[0] = (uint8_t)(message->function + EXCEPTION);
+        pdu[at++] = message->exception;
+        return at;
+    case MODBUS_RAW:
+        memcpy(pdu + at, message->bytes, message->quantity);
+        return at + message->quantity;
+    case MODBUS_BITS:
+        return put_bits(pdu, at, message);
+    case MODBUS_REGISTERS:
+        return put_registers(pdu, at, message);
+    case MODBUS_READ:
+    case MODBUS_WRITTEN:
+        return put_u16(pdu, put_u16(pdu, at, message->address), message->quantity);
+    case MODBUS_WRITE_COIL:
+        return put_u16(pdu, put_u16(pdu, at, message->address), message->coil ? COIL_ON : 0);
+    case MODBUS_WRITE_REGISTER:
+        return put_u16(pdu, put_u16(pdu, at, message->address), message->value);
+    case MODBUS_MASK:
+        return put_u16(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->and_mask), message->or_mask);
+    case MODBUS_WRITE_COILS:
+        return put_bits(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->quantity), message);
+    case MODBUS_WRITE_WORDS:
+        return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->quantity), message);
+    case MODBUS_READ_WRITE:
+        at = put_u16(pdu, put_u16(pdu, at, message->address), message->read_quantity);
+        return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->write_address), message->quantity), message);
+    }
+    return 0;
+}
+
+size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size)
+{
+    uint8_t body[1 + MAX_PDU];
+    if (!is_shape(message))
+        return 0;
+    body[0] = message->unit;
+    size_t length = 1 + put_pdu(body + 1, message);
+    size_t head = framing == MODBUS_TCP ? MBAP_LEN - 1 : 0;
+    if (head + length + (head > 0 ? 0 : 2) > size)
+        return 0;
+    if (head > 0) {
+        put_u16_be(out, message->transaction);
+        put_u16_be(out + 2, 0);
+        put_u16_be(out + 4, (uint16_t)length);
+    }
+    memcpy(out + head, body, length);
+    if (head > 0)
+        return head + length;
+    put_u16_le(out + length, modbus_crc(body, length));
+    return length + 2;
+}

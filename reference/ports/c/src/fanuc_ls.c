@@ -1,0 +1,300 @@
+#include "cellwire/fanuc_ls.h"
+
+#include <string.h>
+
+#include "fanuc_ls_text.h"
+
+static const char *const SECTIONS[] = {"/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"};
+enum { PROG, ATTR, APPL, MN, POS, END };
+
+static bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+static const char *skip_blanks(const char *at, const char *end)
+{
+    while (at < end && (*at == ' ' || *at == '\t'))
+        at++;
+    return at;
+}
+
+static bool begins(const char *at, const char *end, const char *word)
+{
+    return (size_t)(end - at) >= strlen(word) && memcmp(at, word, strlen(word)) == 0;
+}
+
+static bool ends_with(struct fanuc_ls_text text, char c) { return text.length > 0 && text.at[text.length - 1] == c; }
+
+/* The line that begins here, without its end; `*at` moves to the next one. */
+static struct fanuc_ls_text take_line(const char **at, const char *end)
+{
+    const char *begin = *at, *stop = memchr(begin, '\n', (size_t)(end - begin));
+    *at = stop == NULL ? end : stop + 1;
+    if (stop == NULL)
+        stop = end;
+    while (stop > begin && stop[-1] == '\r')
+        stop--;
+    return between(begin, stop);
+}
+
+/* Digits as a number; false: none, or above the largest. */
+static bool to_number(const char *at, const char *end, uint64_t largest, uint64_t *value)
+{
+    *value = 0;
+    for (const char *digit = at; digit < end; digit++) {
+        if (!is_digit(*digit) || *value > (largest - (uint64_t)(*digit - '0')) / 10)
+            return false;
+        *value = *value * 10 + (uint64_t)(*digit - '0');
+    }
+    return at < end;
+}
+
+int fanuc_ls_section(struct fanuc_ls_text line)
+{
+    const char *end = end_of(line), *at = fanuc_ls_skip_white(line.at, end);
+    for (int index = PROG; index <= END; index++) {
+        const char *behind = at + strlen(SECTIONS[index]);
+        if (begins(at, end, SECTIONS[index]) && (behind == end || *behind == '_' || !fanuc_ls_is_word(behind, end)))
+            return index;
+    }
+    return -1;
+}
+
+bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block)
+{
+    const char *end = end_of(line), *body = line.at, *digits;
+    while (body < end && *body == ' ')
+        body++;
+    for (digits = body; digits < end && is_digit(*digits);)
+        digits++;
+    uint64_t own;
+    bool follows = to_number(body, digits, UINT64_MAX, &own) && own == last + 1;
+    return body - line.at >= 5 && last > 0 && (in_block || (!follows && !(body < end && *body == ':')));
+}
+
+static bool fail(struct fanuc_ls_fault *fault, enum fanuc_ls_kind kind, const char *at)
+{
+    memset(fault, 0, sizeof *fault);
+    fault->kind = kind;
+    fault->at = at;
+    return false;
+}
+
+/* The pseudocode of section 5. */
+bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *scratch, struct fanuc_ls_fault *fault)
+{
+    const char *end = end_of(text), *start = text.at;
+    memset(file, 0, sizeof *file);
+    file->text = text;
+    file->scratch = scratch;
+    while ((start = fanuc_ls_skip_white(start, end)) < end && begins(start, end, "\xEF\xBB\xBF"))
+        start += 3;
+    int last = PROG;
+    const char *begin = start, *at = start;
+    while (at < end && last != END) {
+        struct fanuc_ls_text line = take_line(&at, end);
+        int found = fanuc_ls_section(line);
+        if ((found == PROG && line.at != start) || (found == APPL && last == APPL))
+            found = -1;
+        const char *words = fanuc_ls_skip_white(line.at, end_of(line));
+        if (found < 0) {
+            if (last == PROG && line.at == start)
+                return fail(fault, FANUC_LS_PROGRAM, start);
+            if (last == PROG && words < end_of(line))
+                return fail(fault, FANUC_LS_MAIN, line.at);
+            continue;
+        }
+        if (found == PROG) {
+            const char *name = fanuc_ls_skip_white(line.at + 5, end_of(line)), *stop = name;
+            size_t length;
+            while (stop < end_of(line) && !fanuc_ls_is_white(fanuc_ls_character(stop, end_of(line), &length)))
+                stop += length;
+            if (stop == name)
+                return fail(fault, FANUC_LS_PROGRAM, end_of(fanuc_ls_trim_end(line)));
+            file->name = between(name, stop);
+            file->kind = fanuc_ls_trim(between(stop, end_of(line)));
+            continue;
+        }
+        if (line.at == start)
+            return fail(fault, FANUC_LS_PROGRAM, start);
+        if (found <= last || (found > MN && last < MN))
+            return fail(fault, last < MN ? FANUC_LS_MAIN : FANUC_LS_END, line.at);
+        const char *behind = words + strlen(SECTIONS[found]);
+        if (found == MN && fanuc_ls_skip_white(behind, end_of(line)) < end_of(line))
+            return fail(fault, FANUC_LS_MAIN, behind);
+        file->sections[last] = between(begin, line.at);
+        last = found;
+        begin = at;
+    }
+    if (last != END)
+        return fail(fault, start == end ? FANUC_LS_PROGRAM : last < MN ? FANUC_LS_MAIN : FANUC_LS_END, end);
+    const char *rest = begin;
+    while ((rest = fanuc_ls_skip_white(rest, end)) < end && *rest == 0x1A)
+        rest++;
+    if (rest < end)
+        return fail(fault, FANUC_LS_TRAILING, rest);
+    fanuc_ls_rewind(file);
+    return true;
+}
+
+void fanuc_ls_rewind(struct fanuc_ls_file *file)
+{
+    file->next = FANUC_LS_HEAD;
+    file->is_begun = file->in_block = file->is_off = false;
+    file->is_counted = true;
+    file->last = file->last_found = 0;
+}
+
+/* Takes an attribute; one with a fault ends where the next line begins at the left edge (LS-36). */
+static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+{
+    const char *end = end_of(file->sections[ATTR]), *at = fanuc_ls_skip_white(file->at, end);
+    struct fanuc_ls_cursor cursor = {at, end, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
+    if (at == end)
+        return false;
+    if (!fanuc_ls_read_attribute(&cursor, &entry->attribute)) {
+        entry->fault = cursor.fault;
+        for (cursor.at = at; cursor.at < end;) {
+            const char *line_end = memchr(cursor.at, '\n', (size_t)(end - cursor.at));
+            cursor.at = line_end == NULL ? end : line_end + 1;
+            if (fanuc_ls_skip_white(cursor.at, end) == cursor.at)
+                break;
+        }
+    }
+    entry->place = fanuc_ls_trim_end(between(at, cursor.at));
+    file->at = cursor.at;
+    return true;
+}
+
+static bool is_closed(struct fanuc_ls_text line) { return ends_with(fanuc_ls_trim_end(line), ';'); }
+
+/* The digits before the `:` and what follows it; false: there is no `:`. */
+static bool split_head(struct fanuc_ls_text statement, struct fanuc_ls_text *digits, const char **body)
+{
+    const char *end = end_of(statement), *at = fanuc_ls_skip_white(statement.at, end), *stop = at;
+    while (stop < end && is_digit(*stop))
+        stop++;
+    *digits = between(at, stop);
+    stop = skip_blanks(stop, end);
+    *body = stop + 1;
+    return stop < end && *stop == ':';
+}
+
+/* LS-14 */
+static bool read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+{
+    struct fanuc_ls_text digits, statement = entry->statement;
+    const char *body, *trimmed = end_of(fanuc_ls_trim_end(statement));
+    if (entry->is_nested) {
+        entry->instruction.kind = FANUC_LS_NESTED;
+        entry->instruction.text = fanuc_ls_trim_end(statement);
+        return true;
+    }
+    if (!split_head(statement, &digits, &body) || (digits.length > 0 && !entry->has_number))
+        return fail(&entry->fault, FANUC_LS_LINE_NUMBER, digits.at);
+    entry->body = fanuc_ls_skip_white(body, trimmed > body ? trimmed : body);
+    if (trimmed <= body || trimmed[-1] != ';') {
+        const char *closed = trimmed;
+        while (closed > body && closed[-1] != ';' && closed[-1] != '\n')
+            closed--;
+        if (closed <= body || closed[-1] != ';' || *entry->body == '!')
+            return fail(&entry->fault, FANUC_LS_INSTRUCTION_END, trimmed);
+        return fail(&entry->fault, FANUC_LS_AFTER_INSTRUCTION, fanuc_ls_skip_white(closed, trimmed));
+    }
+    struct fanuc_ls_cursor cursor = {body, trimmed - 1, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
+    if (fanuc_ls_read_instruction(&cursor, &entry->instruction))
+        return true;
+    entry->fault = cursor.fault;
+    return false;
+}
+
+/* LS-14, LS-15 */
+static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+{
+    const char *end = end_of(file->sections[MN]), *at = file->at, *body;
+    struct fanuc_ls_text line = {NULL, 0}, digits;
+    while (at < end && fanuc_ls_trim(line = take_line(&at, end)).length == 0)
+        line.at = NULL;
+    file->at = at;
+    if (line.at == NULL)
+        return false;
+    entry->statement = line;
+    entry->is_nested = file->in_block = fanuc_ls_is_nested(line, file->last, file->in_block);
+    if (!entry->is_nested) {
+        entry->has_number = split_head(line, &digits, &body) && to_number(digits.at, end_of(digits), UINT64_MAX, &entry->number);
+        file->last = entry->has_number ? entry->number : file->last + 1;
+        while (!is_closed(line) && at < end) {
+            line = take_line(&at, end);
+            const char *mark = skip_blanks(line.at, end_of(line));
+            if (mark == end_of(line) || *mark != ':')
+                break;
+            entry->statement = between(entry->statement.at, end_of(line));
+            file->at = at;
+        }
+    }
+    entry->place = fanuc_ls_trim(entry->statement);
+    read_statement(file, entry);
+    return true;
+}
+
+/* A position from the line that begins with P[ to the next one (LS-27); what is before the first one is a position as well. */
+static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+{
+    const char *end = end_of(file->sections[POS]), *at = fanuc_ls_skip_white(file->at, end), *stop = at;
+    if (at == end)
+        return false;
+    take_line(&stop, end);
+    while (stop < end) {
+        const char *next = stop, *words;
+        struct fanuc_ls_text line = take_line(&next, end);
+        words = fanuc_ls_skip_white(line.at, end_of(line));
+        if (begins(words, end_of(line), "P["))
+            break;
+        stop = next;
+    }
+    file->at = stop;
+    entry->place = fanuc_ls_trim_end(between(at, stop));
+    struct fanuc_ls_cursor cursor = {at, stop, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
+    if (!fanuc_ls_read_position(&cursor, &entry->position))
+        entry->fault = cursor.fault;
+    return true;
+}
+
+bool fanuc_ls_next(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+{
+    static const int OF[] = {PROG, ATTR, APPL, MN, POS};
+    for (; file->next <= FANUC_LS_POSITION_ENTRY; file->next++, file->is_begun = false) {
+        struct fanuc_ls_text section = file->sections[OF[file->next]];
+        memset(entry, 0, sizeof *entry);
+        entry->kind = file->next;
+        if (section.at == NULL)
+            continue;
+        if (!file->is_begun)
+            file->at = section.at;
+        bool is_first = !file->is_begun, found = false;
+        file->is_begun = true;
+        switch (file->next) {
+        case FANUC_LS_HEAD:
+            found = is_first;
+            entry->place = between(file->name.at, file->kind.length > 0 ? end_of(file->kind) : end_of(file->name));
+            break;
+        case FANUC_LS_ATTRIBUTE_ENTRY:
+            found = next_attribute(file, entry);
+            break;
+        case FANUC_LS_LINE:
+            found = file->at < end_of(section);
+            if (found) {
+                entry->line = fanuc_ls_trim_end(take_line(&file->at, end_of(section)));
+                entry->place = fanuc_ls_trim(entry->line);
+            }
+            break;
+        case FANUC_LS_STATEMENT:
+            found = next_statement(file, entry);
+            break;
+        case FANUC_LS_POSITION_ENTRY:
+            found = next_position(file, entry);
+            break;
+        }
+        if (found)
+            return true;
+    }
+    return false;
+}

@@ -1,0 +1,266 @@
+/* What a document finds besides faults (LS-50, LS-54). Nothing is remembered: what stands elsewhere is read again. */
+#include "cellwire/fanuc_ls.h"
+
+#include <string.h>
+
+#include "fanuc_ls_text.h"
+
+bool fanuc_ls_fits(char letter, enum fanuc_ls_unit unit)
+{
+    return unit == FANUC_LS_SEC || unit == FANUC_LS_MSEC || (unit == FANUC_LS_PERCENT) == (letter == 'J');
+}
+
+bool fanuc_ls_in_range(double speed, enum fanuc_ls_unit unit) { return speed >= 0.001 && speed <= (unit == FANUC_LS_PERCENT ? 100 : 100000); }
+
+static bool is(struct fanuc_ls_text text, const char *word) { return text.length == strlen(word) && memcmp(text.at, word, text.length) == 0; }
+
+static bool to_number(struct fanuc_ls_text digits, uint64_t largest, uint64_t *value)
+{
+    *value = 0;
+    for (size_t i = 0; i < digits.length; i++) {
+        if (digits.at[i] < '0' || digits.at[i] > '9' || *value > (largest - (uint64_t)(digits.at[i] - '0')) / 10)
+            return false;
+        *value = *value * 10 + (uint64_t)(digits.at[i] - '0');
+    }
+    return digits.length > 0;
+}
+
+/* The number that a text begins with, behind white space. */
+static bool leading_number(struct fanuc_ls_text text, uint64_t *value)
+{
+    struct fanuc_ls_text digits = fanuc_ls_trim(text);
+    size_t count = 0;
+    while (count < digits.length && digits.at[count] >= '0' && digits.at[count] <= '9')
+        count++;
+    digits.length = count;
+    return to_number(digits, UINT32_MAX, value);
+}
+
+/* Whether a word ends right before `at`. */
+static bool is_word_before(const char *begin, const char *at)
+{
+    const char *first = at;
+    if (at == begin)
+        return false;
+    do
+        first--;
+    while (first > begin && ((unsigned char)*first & 0xC0) == 0x80);
+    return fanuc_ls_is_word(first, at);
+}
+
+/* Whether an instruction names a position, or chooses any when it runs. */
+static bool names(struct fanuc_ls_text text, uint64_t number)
+{
+    const char *end = text.at + text.length;
+    for (const char *at = text.at; end - at >= 2; at++) {
+        struct fanuc_ls_text rest = {at + 2, (size_t)(end - at - 2)};
+        uint64_t found;
+        if (at[0] == 'P' && at[1] == '[' && !is_word_before(text.at, at) && (!leading_number(rest, &found) || found == number))
+            return true;
+    }
+    return false;
+}
+
+/* Another reader of the same file; it overwrites copied texts, which its callers do not need. */
+static struct fanuc_ls_file again(const struct fanuc_ls_file *file)
+{
+    struct fanuc_ls_file other = *file;
+    fanuc_ls_rewind(&other);
+    return other;
+}
+
+static bool is_used(const struct fanuc_ls_file *file, uint64_t number)
+{
+    struct fanuc_ls_file other = again(file);
+    struct fanuc_ls_entry entry;
+    while (fanuc_ls_next(&other, &entry))
+        if (entry.kind == FANUC_LS_STATEMENT && names(entry.statement, number))
+            return true;
+    return false;
+}
+
+/* How often a position is there, up to a place; one that cannot be read counts as the first. */
+static size_t count_positions(const struct fanuc_ls_file *file, uint64_t number, const char *end)
+{
+    struct fanuc_ls_file other = again(file);
+    struct fanuc_ls_entry entry;
+    size_t count = 0;
+    uint64_t found;
+    while (fanuc_ls_next(&other, &entry) && (end == NULL || entry.place.at <= end)) {
+        struct fanuc_ls_text inside = {entry.place.at + 2, entry.place.length > 2 ? entry.place.length - 2 : 0};
+        if (entry.kind != FANUC_LS_POSITION_ENTRY)
+            continue;
+        if (entry.fault.kind == FANUC_LS_OK)
+            count += entry.position.number == number;
+        else if (entry.place.length > 2 && memcmp(entry.place.at, "P[", 2) == 0 && leading_number(inside, &found) && found == number)
+            count = 1;
+    }
+    return count;
+}
+
+static bool goes_to(const struct fanuc_ls_motion *motion, uint64_t number)
+{
+    const struct fanuc_ls_target *targets[] = {&motion->via, &motion->target};
+    for (int i = 0; i < 2; i++)
+        if (targets[i]->kind == FANUC_LS_TARGET_POSITION && targets[i]->number == number)
+            return true;
+    return false;
+}
+
+/* Whether no motion before a place goes to a position. */
+static bool is_first_motion(const struct fanuc_ls_file *file, uint64_t number, const char *place)
+{
+    struct fanuc_ls_file other = again(file);
+    struct fanuc_ls_entry entry;
+    while (fanuc_ls_next(&other, &entry) && entry.place.at < place)
+        if (entry.kind == FANUC_LS_STATEMENT && entry.fault.kind == FANUC_LS_OK && entry.instruction.kind == FANUC_LS_MOTION &&
+            goes_to(&entry.instruction.motion, number))
+            return false;
+    return true;
+}
+
+static void add(struct fanuc_ls_fault *found, size_t *count, enum fanuc_ls_kind kind, const char *at, uint64_t expected, uint64_t number)
+{
+    struct fanuc_ls_fault fault = {kind, at, kind != FANUC_LS_NAME_LENGTH && kind != FANUC_LS_SPEED_RANGE, expected, number};
+    found[(*count)++] = fault;
+}
+
+/* The numbers of statements: false, and what was expected, where one does not follow. Two in a row: none is looked at. */
+static bool follows(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, uint64_t *expected)
+{
+    *expected = file->last_found + 1;
+    if (entry->is_nested)
+        return true;
+    if (!entry->has_number) {
+        file->is_counted = false;
+        return true;
+    }
+    bool is_next = entry->number == *expected;
+    file->is_counted = file->is_counted && (is_next || !file->is_off);
+    file->is_off = !is_next;
+    file->last_found = entry->number;
+    return is_next || !file->is_counted;
+}
+
+static size_t find_in_statement(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, struct fanuc_ls_fault *found)
+{
+    const struct fanuc_ls_motion *motion = &entry->instruction.motion;
+    size_t count = 0;
+    uint64_t expected;
+    if (!follows(file, entry, &expected))
+        add(found, &count, FANUC_LS_LINE_NUMBER, entry->place.at, expected, entry->number);
+    if (entry->fault.kind != FANUC_LS_OK || entry->instruction.kind != FANUC_LS_MOTION)
+        return count;
+    if (motion->speed_kind != FANUC_LS_SPEED_NAMED && !fanuc_ls_fits(motion->letter, motion->unit))
+        add(found, &count, FANUC_LS_SPEED_UNIT, entry->body, 0, 0);
+    else if (motion->speed_kind == FANUC_LS_SPEED_FIXED && !fanuc_ls_in_range(motion->speed, motion->unit))
+        add(found, &count, FANUC_LS_SPEED_RANGE, entry->body, 0, 0);
+    return count;
+}
+
+/* Positions that are not there; by their number. */
+static size_t find_undefined(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, struct fanuc_ls_fault *found)
+{
+    struct fanuc_ls_target one = entry->instruction.motion.via, other = entry->instruction.motion.target;
+    bool has_one = one.kind == FANUC_LS_TARGET_POSITION, has_other = other.kind == FANUC_LS_TARGET_POSITION;
+    uint32_t numbers[2] = {one.number, other.number};
+    bool has[2] = {has_one, has_other && !(has_one && one.number == other.number)};
+    size_t count = 0;
+    if (has[0] && has[1] && numbers[0] > numbers[1]) {
+        numbers[0] = other.number;
+        numbers[1] = one.number;
+    }
+    for (int i = 0; i < 2; i++)
+        if (has[i] && count_positions(file, numbers[i], NULL) == 0 && is_first_motion(file, numbers[i], entry->place.at))
+            add(found, &count, FANUC_LS_UNDEFINED, entry->body, 0, numbers[i]);
+    return count;
+}
+
+static bool is_line_count(const struct fanuc_ls_entry *entry)
+{
+    return entry->kind == FANUC_LS_ATTRIBUTE_ENTRY && entry->fault.kind == FANUC_LS_OK && !entry->attribute.is_list &&
+           (is(entry->attribute.name, "LINE_COUNT") || is(entry->attribute.name, "ZEILEN"));
+}
+
+/* Whether this LINE_COUNT is the last one, and is neither 0 nor the count of statements that have no findings. */
+static bool is_miscounted(const struct fanuc_ls_file *file, const struct fanuc_ls_entry *line_count, uint64_t stated, uint64_t *count)
+{
+    struct fanuc_ls_file other = again(file);
+    struct fanuc_ls_entry entry;
+    struct fanuc_ls_fault found[FANUC_LS_MAX_FINDINGS];
+    *count = 0;
+    while (fanuc_ls_next(&other, &entry)) {
+        if (is_line_count(&entry) && entry.place.at > line_count->place.at)
+            return false;
+        if (entry.kind != FANUC_LS_STATEMENT)
+            continue;
+        *count += !entry.is_nested;
+        if (entry.fault.kind != FANUC_LS_OK || find_in_statement(&other, &entry, found) > 0)
+            return false;
+    }
+    return stated != 0 && stated != *count;
+}
+
+static bool is_name(struct fanuc_ls_text name)
+{
+    for (size_t i = 0; i < name.length; i++)
+        if ((unsigned char)name.at[i] > 0x7F || !fanuc_ls_is_word(name.at + i, name.at + name.length))
+            return false;
+    return name.length > 0 && !(name.at[0] >= '0' && name.at[0] <= '9');
+}
+
+static bool is_untaught(struct fanuc_ls_cursor groups)
+{
+    struct fanuc_ls_group group;
+    struct fanuc_ls_axis axis;
+    while (fanuc_ls_next_group(&groups, &group))
+        for (bool is_first = true; fanuc_ls_next_axis(&groups, &axis, is_first); is_first = false)
+            if (!axis.is_taught)
+                return true;
+    return false;
+}
+
+size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, size_t name_limit,
+                         struct fanuc_ls_fault found[FANUC_LS_MAX_FINDINGS])
+{
+    const char *at = entry->place.at;
+    size_t count = 0;
+    uint64_t stated, lines;
+    switch (entry->kind) {
+    case FANUC_LS_HEAD:
+        if (!is_name(file->name))
+            add(found, &count, FANUC_LS_NAME, at, 0, 0);
+        else if (file->name.length > name_limit)
+            add(found, &count, FANUC_LS_NAME_LENGTH, at, name_limit, file->name.length);
+        break;
+    case FANUC_LS_ATTRIBUTE_ENTRY:
+        if (entry->fault.kind != FANUC_LS_OK)
+            break;
+        stated = fanuc_ls_characters(fanuc_ls_comment(&entry->attribute));
+        if (stated > FANUC_LS_COMMENT_LENGTH)
+            add(found, &count, FANUC_LS_COMMENT, at, 0, stated);
+        if (is_line_count(entry) && to_number(entry->attribute.value, UINT64_MAX, &stated) && is_miscounted(file, entry, stated, &lines))
+            add(found, &count, FANUC_LS_LINE_COUNT, at, stated, lines);
+        break;
+    case FANUC_LS_LINE:
+        break;
+    case FANUC_LS_STATEMENT:
+        count = find_in_statement(file, entry, found);
+        if (entry->fault.kind == FANUC_LS_OK && entry->instruction.kind == FANUC_LS_MOTION)
+            count += find_undefined(file, entry, found + count);
+        break;
+    case FANUC_LS_POSITION_ENTRY:
+        if (entry->fault.kind != FANUC_LS_OK)
+            break;
+        stated = entry->position.number;
+        lines = count_positions(file, stated, at);
+        if (lines == 1 && !is_used(file, stated))
+            add(found, &count, FANUC_LS_UNUSED, at, 0, stated);
+        else if (lines == 2)
+            add(found, &count, FANUC_LS_REPEATED, at, 0, stated);
+        if (is_untaught(entry->position.groups))
+            add(found, &count, FANUC_LS_UNTAUGHT, at, 0, stated);
+        break;
+    }
+    return count;
+}

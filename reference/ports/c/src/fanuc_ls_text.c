@@ -1,0 +1,79 @@
+#include "fanuc_ls_text.h"
+
+#include <string.h>
+
+/* The character here, and its length; the text is UTF-8. */
+uint32_t fanuc_ls_character(const char *at, const char *end, size_t *length)
+{
+    unsigned char first = (unsigned char)*at;
+    size_t count = first < 0x80 ? 1 : first < 0xE0 ? 2 : first < 0xF0 ? 3 : 4;
+    uint32_t value = count == 1 ? first : first & (0x7Fu >> count);
+    if (count > (size_t)(end - at))
+        count = (size_t)(end - at);
+    for (size_t i = 1; i < count; i++)
+        value = value << 6 | ((unsigned char)at[i] & 0x3F);
+    *length = count;
+    return value;
+}
+
+/* LS-55 */
+bool fanuc_ls_is_white(uint32_t c)
+{
+    return (c >= 9 && c <= 13) || c == ' ' || c == 0x85 || c == 0xA0 || c == 0x1680 || (c >= 0x2000 && c <= 0x200A) || c == 0x2028 ||
+           c == 0x2029 || c == 0x202F || c == 0x205F || c == 0x3000;
+}
+
+static bool is_letter(uint32_t c) { return c < 0x80 ? (c | 0x20) >= 'a' && (c | 0x20) <= 'z' : !fanuc_ls_is_white(c); }
+
+static bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+bool fanuc_ls_is_word(const char *at, const char *end)
+{
+    size_t length;
+    return at < end && (*at == '_' || is_digit(*at) || is_letter(fanuc_ls_character(at, end, &length)));
+}
+
+bool fanuc_ls_is_control(const char *at, const char *end)
+{
+    size_t length;
+    uint32_t c = fanuc_ls_character(at, end, &length);
+    return c < 0x20 || (c >= 0x7F && c < 0xA0);
+}
+
+size_t fanuc_ls_characters(struct fanuc_ls_text text)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < text.length; i++)
+        count += ((unsigned char)text.at[i] & 0xC0) != 0x80;
+    return count;
+}
+
+/* What follows white space. */
+const char *fanuc_ls_skip_white(const char *at, const char *end)
+{
+    size_t length;
+    while (at < end && fanuc_ls_is_white(fanuc_ls_character(at, end, &length)))
+        at += length;
+    return at;
+}
+
+struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text)
+{
+    const char *kept = text.at;
+    size_t length;
+    for (const char *at = text.at, *end = end_of(text); at < end; at += length)
+        if (!fanuc_ls_is_white(fanuc_ls_character(at, end, &length)))
+            kept = at + length;
+    return between(text.at, kept);
+}
+
+struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text)
+{
+    const char *end = end_of(text);
+    return fanuc_ls_trim_end(between(fanuc_ls_skip_white(text.at, end), end));
+}
+
+bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other)
+{
+    return (one.at == NULL) == (other.at == NULL) && one.length == other.length && (one.length == 0 || memcmp(one.at, other.at, one.length) == 0);
+}

@@ -1,0 +1,31 @@
+/* What the files of fanuc-ls share: characters, words and lines of a text in UTF-8. */
+#ifndef CELLWIRE_FANUC_LS_TEXT_H
+#define CELLWIRE_FANUC_LS_TEXT_H
+
+#include "cellwire/fanuc_ls.h"
+
+static inline struct fanuc_ls_text between(const char *at, const char *end)
+{
+    struct fanuc_ls_text text = {at, (size_t)(end - at)};
+    return text;
+}
+
+static inline const char *end_of(struct fanuc_ls_text text) { return text.at + text.length; }
+
+/* The character here, and its length. */
+uint32_t fanuc_ls_character(const char *at, const char *end, size_t *length);
+bool fanuc_ls_is_white(uint32_t c); /* LS-55 */
+const char *fanuc_ls_skip_white(const char *at, const char *end);
+struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text);
+struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text);
+bool fanuc_ls_is_word(const char *at, const char *end); /* a letter, a digit or `_` is here */
+bool fanuc_ls_is_control(const char *at, const char *end);
+bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block);
+int fanuc_ls_section(struct fanuc_ls_text line); /* -1: it begins none */
+bool fanuc_ls_fits(char letter, enum fanuc_ls_unit unit);
+bool fanuc_ls_in_range(double speed, enum fanuc_ls_unit unit);
+bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other);
+bool fanuc_ls_same_motion(const struct fanuc_ls_motion *one, const struct fanuc_ls_motion *other);
+extern const char *const FANUC_LS_UNITS[11]; /* as they are written; the last four are German */
+
+#endif

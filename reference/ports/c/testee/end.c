@@ -1,0 +1,20 @@
+#include "end.h"
+
+void read_time(const struct json *config, const char *name, uint64_t *time)
+{
+    const struct json *value = json_get(config, name);
+    int64_t number;
+    if (json_integer(value, 0, INT64_MAX - 1, &number))
+        *time = (uint64_t)number;
+    else if (value != NULL && (value->type == '0' || value->type == 'n'))
+        *time = UINT64_MAX; /* longer than 63 bits: never */
+}
+
+void read_unsigned(const struct json *config, const char *name, int64_t most, unsigned *number)
+{
+    int64_t found;
+    if (json_integer(json_get(config, name), 0, most, &found))
+        *number = (unsigned)found;
+}
+
+void begin_event(bool is_first, const char *name) { print("%s{\"event\":\"%s\"", is_first ? "" : ",", name); }

@@ -8,13 +8,16 @@ import contextlib
 import gc
 import importlib.machinery
 import json
+import math
 import os
 import resource
 import shutil
 import signal
 import subprocess
 import sys
+import time
 import types
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -23,25 +26,33 @@ Case = tuple[dict, Callable[[dict], bool]]  # a request, and whether its answer 
 MEMORY = 2 << 30
 LOOP = 0.5  # seconds of a processor that one answer of Python may take
 COMMAND_LOOP = 2  # … and all answers of a command
+LINES = 2000  # of a function for one case, that are noted
 OUTPUT = 64 << 20
 FIRST = 40  # requests that are asked first, those that have noticed the most
 
 
 class Link:
-    """The cases of a link, those first that noticed something last."""
+    """The cases of a link: the cheap ones first, and of those that cost alike the one that noticed something last."""
 
     def __init__(self, cases: list[Case]) -> None:
         self.cases = cases
         self.order = list(range(len(cases)))
+        self.costs = dict.fromkeys(self.order, 0.0)  # seconds
         # The lines of a file to the cases that run them; None: not known.
         self.runs: dict[str, dict[int, set[int]]] | None = None
 
     def noticed_by(self, number: int) -> None:
         self.order.remove(number)
-        self.order.insert(0, number)
+        self.order.insert(next((at for at, other in enumerate(self.order) if self.rank(other) >= self.rank(number)), len(self.order)), number)
 
-    def keep(self, numbers: set[int]) -> None:
-        self.order = [number for number in self.order if number in numbers]
+    def keep(self, costs: dict[int, float]) -> None:
+        """Only these cases."""
+        self.costs = costs
+        self.order = sorted((number for number in self.order if number in costs), key=self.rank)
+
+    def rank(self, number: int) -> int:
+        """The order of magnitude of what a case costs."""
+        return math.floor(math.log10(max(self.costs[number], 1e-6)))
 
     def running(self, file: str, lines: range, nested: bool) -> list[int]:
         """The cases that run these lines; what is run when a module is loaded concerns all."""
@@ -69,7 +80,7 @@ class Python:
         found = self.forked(link, link.order, None, traced)
         if not isinstance(found, dict):
             sys.exit(f"the port itself fails at {json.dumps(link.cases[found][0])[:300] if isinstance(found, int) and found >= 0 else found}")
-        link.keep(set(found["answered"]))
+        link.keep({int(number): cost for number, cost in found["answered"].items()})
         if traced:
             link.runs = {file: {int(line): set(cases) for line, cases in lines.items()} for file, lines in found["lines"].items()}
         for name in found["modules"]:
@@ -127,8 +138,9 @@ class Asked:
     def __init__(self, port: Python, link: Link, cases: list[int], change, traced: bool) -> None:
         self.port, self.link, self.cases, self.change, self.traced = port, link, iter(cases), change, traced
         self.now: int | None = None
-        self.answered: list[int] = []
+        self.answered: dict[int, float] = {}  # and what it cost in seconds
         self.lines: dict[str, dict[int, set[int]]] = {}
+        self.counts: Counter[types.CodeType] = Counter()  # lines of a function that were run for this case
         self.text = ""
 
     def ask(self, out) -> None:
@@ -167,13 +179,17 @@ class Asked:
         os._exit(0)
 
     def trace(self, frame, event, _):
+        """Notes the lines of a function of the port, but for those of a long loop that come late."""
         file = frame.f_code.co_filename
-        if file not in self.port.code or self.now is None:
+        if file not in self.port.code or self.now is None or self.counts[frame.f_code] > LINES:
             return None
-        lines = self.lines.setdefault(file, {})
+        lines, code, counts = self.lines.setdefault(file, {}), frame.f_code, self.counts
 
         def line(frame, event, _):
             lines.setdefault(frame.f_lineno, set()).add(self.now)
+            counts[code] += 1
+            if counts[code] > LINES:
+                frame.f_trace = None
             return line
 
         return line(frame, event, None)
@@ -184,8 +200,10 @@ class Asked:
     def __next__(self) -> str:
         self.check()
         self.now = next(self.cases)
-        if not self.traced:
-            signal.setitimer(signal.ITIMER_PROF, LOOP)
+        self.counts = Counter()
+        self.begun = time.process_time()
+        if self.change:
+            signal.setitimer(signal.ITIMER_PROF, LOOP + 3 * self.link.costs[self.now])
         return json.dumps(self.link.cases[self.now][0]) + "\n"
 
     def readline(self) -> str:
@@ -205,7 +223,7 @@ class Asked:
         self.text = ""
         if not self.change and "skipped" in answer:
             return
-        self.answered.append(self.now)
+        self.answered[self.now] = time.process_time() - self.begun
         if not self.link.cases[self.now][1](answer):
             self.report(self.now)
 
@@ -249,7 +267,7 @@ class Command:
         wrong = [number for number, answer in zip(link.order, answers) if "skipped" not in answer and not link.cases[number][1](answer)]
         if wrong:
             sys.exit(f"the port itself fails at {json.dumps(link.cases[wrong[0]][0])[:300]}")
-        link.keep(set(asked))
+        link.keep(dict.fromkeys(asked, 0.0))
         return {str(path) for path in self.folder.rglob("*")}
 
     def is_noticed(self, link: Link, path: Path, source: bytes, cases: list[int]) -> bool | None:

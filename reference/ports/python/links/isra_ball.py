@@ -2,7 +2,6 @@
 
 from .stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers, one_of
 
-POLL = 0x05
 HEADER_MASK = 0x55
 MAX_LEN = 259  # IB-8
 DATA_LEN = 8

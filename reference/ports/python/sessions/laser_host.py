@@ -154,6 +154,7 @@ class Host(Session):
 
     def input(self, now: int, data: bytes) -> None:
         if self.state in (State.DISCONNECTED, State.DISCONNECTED_HELD):
+            self.unexpected("Input")
             return
         self.decoder.push(data)
         self.read(now)
@@ -266,8 +267,11 @@ class Host(Session):
         if self.state in resumed:
             self.state = resumed[self.state]
         else:
-            name = self.state.name.title().replace("_", "")
-            self.report("unexpected", state=name, input="Resume")
+            self.unexpected("Resume")
+
+    def unexpected(self, what: str) -> None:
+        """LE-106"""
+        self.report("unexpected", state=self.state.name, input=what)
 
     def submit(self, word: int, parameters: list[Json]) -> None:
         """LE-39 to LE-41"""
@@ -277,7 +281,7 @@ class Host(Session):
         shorts = [item["i16"][0] & 0xFFFF for item in parameters if len(item.get("i16", [])) == 1]
         if any(kind is INTERPRETED or class_of(short) is not None for short in shorts):
             raise NotTaken("lone_short")
-        items = [{"i16": [word if word < 0x8000 else word - 0x10000]}, *parameters]
+        items: list[Json] = [{"i16": [word]}, *parameters]
         filling = self.filling
         try:
             laser_eb90.encode({"items": items}, options=self.config.profile)

@@ -91,6 +91,7 @@ class Central(Session):
 
     def input(self, now: int, data: bytes) -> None:
         if self.link is Link.DOWN:
+            self.report("unexpected", state="Down", input="Reply")
             return
         self.decoder.push(data)
         while (item := self.decoder.next()) is not None:

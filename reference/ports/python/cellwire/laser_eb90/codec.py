@@ -94,7 +94,7 @@ class Decoder(StreamDecoder):
         begin = find_head(held)
         if begin >= MAX_PAYLOAD:
             begin = MAX_PAYLOAD
-        elif begin == 0 or not held[begin:].startswith(HEAD):
+        elif not held[begin:].startswith(HEAD):
             raise Incomplete
         return begin, None, error("no_head", skipped=begin)
 

@@ -146,6 +146,7 @@ class Host(Session):
 
     def input(self, now: int, data: bytes) -> None:
         if self.state in (State.DISCONNECTED, State.DISCONNECTED_HELD):
+            self.ignored("Input")
             return
         self.decoder.push(data)
         self.read(now)
@@ -251,8 +252,11 @@ class Host(Session):
         if self.state in resumed:
             self.state = resumed[self.state]
         else:
-            name = self.state.name.title().replace("_", "")
-            self.report("unexpected", state=name, input="Resume")
+            self.ignored("Resume")
+
+    def ignored(self, given: str) -> None:
+        """LE-106"""
+        self.unexpected(self.state.name.title().replace("_", ""), given)
 
     def submit(self, word: int, parameters: Sequence[Json] = ()) -> None:
         """An instruction for the next frame (LE-39 to LE-41); raises NotTaken."""

@@ -90,6 +90,7 @@ class Central(Session):
 
     def input(self, now: int, data: bytes) -> None:
         if self.link is Link.DOWN:
+            self.unexpected("Down", "Reply")
             return
         self.decoder.push(data)
         while (item := self.decoder.next()) is not None:

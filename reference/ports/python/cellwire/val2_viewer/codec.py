@@ -43,7 +43,7 @@ class Decoder(StreamDecoder):
 
 
 class Line:
-    """A line that is read from left to right (VV-12)."""
+    """A line that is read from left to right (VV-12): nothing is read past its LF."""
 
     def __init__(self, line: bytes) -> None:
         self.line = line
@@ -52,7 +52,7 @@ class Line:
     def expect(self, expected: bytes) -> None:
         """Exactly these bytes."""
         for byte in expected:
-            if self.at >= len(self.line) or self.line[self.at] != byte:
+            if self.line[self.at] != byte:
                 raise Wrong("format", offset=self.at)
             self.at += 1
 
@@ -73,7 +73,7 @@ class Line:
         """Two hex digits in upper case (VV-6)."""
         begin = self.at
         for _ in range(2):
-            if self.at >= len(self.line) or chr(self.line[self.at]) not in "0123456789ABCDEF":
+            if chr(self.line[self.at]) not in "0123456789ABCDEF":
                 raise Wrong("format", offset=self.at)
             self.at += 1
         return int(self.line[begin : self.at], 16)

@@ -179,6 +179,7 @@ class Host(Session):
 
     def input(self, now: int, data: bytes) -> None:
         if self.phase is Phase.DISCONNECTED:
+            self.report("unexpected", state="disconnected", input="Bytes")
             return
         self.timeout(now)
         self.decoder.push(data)

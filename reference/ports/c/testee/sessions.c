@@ -70,7 +70,7 @@ static bool central_call(uint64_t now, const char *name, const struct json *argu
 
 static bool central_event(bool is_first)
 {
-    static const char *const NAMES[] = {"connected", "done", "refused", "status", "aborted", "closed"};
+    static const char *const NAMES[] = {"connected", "done", "refused", "status", "aborted", "closed", "unexpected"};
     static const char *const UNFINISHED[] = {NULL, "not_sent", "unknown"};
     struct mmacell_central_event event;
     if (!mmacell_central_event(&central, &event))
@@ -84,7 +84,7 @@ static bool central_event(bool is_first)
             print("},\"motion\":{\"missed\":\"%s\"}", event.motion + 7);
         else
             print("},\"motion\":\"%s\"", event.motion);
-    } else if (!is_closed && event.kind != MMACELL_CENTRAL_CONNECTED) {
+    } else if (!is_closed && event.kind != MMACELL_CENTRAL_CONNECTED && event.kind != MMACELL_CENTRAL_UNEXPECTED) {
         print(",\"command\":");
         print_mmacell_message(&event.message);
     }
@@ -330,7 +330,7 @@ static bool alter_event(bool is_first)
 {
     static const char *const NAMES[] = {"",        "corrupt", "lost",         "exception",
                                         "stopped", "missed",  "target_stale", "rejected",
-                                        "delayed"};
+                                        "delayed", "unexpected"};
     struct alter_host_event event;
     if (!alter_host_event(&alter, &event))
         return false;

@@ -236,7 +236,8 @@ impl<F: Framings> Decoder<F> {
         if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {
             corruption.tried = tried;
             if self.framing.has_transactions() {
-                self.wanted = tried + SHORTEST;
+                // A full window decides without them.
+                self.wanted = (tried + SHORTEST).min(start + WINDOW);
             }
             return None;
         }

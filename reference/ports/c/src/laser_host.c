@@ -226,8 +226,10 @@ static void read_items(struct laser_host *host, uint64_t now)
 
 size_t laser_host_input(struct laser_host *host, uint64_t now, const uint8_t *data, size_t size)
 {
-    if (host->state == LASER_HOST_DISCONNECTED || host->state == LASER_HOST_DISCONNECTED_HELD)
+    if (host->state == LASER_HOST_DISCONNECTED || host->state == LASER_HOST_DISCONNECTED_HELD) {
+        report(host, LASER_HOST_UNEXPECTED);
         return size;
+    }
     size_t taken = laser_eb90_push(&host->decoder, data, size);
     read_items(host, now);
     return taken;

@@ -173,6 +173,8 @@ static void take_reply(struct mmacell_central *central, uint64_t now, const stru
 size_t mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size)
 {
     struct mmacell_proto_item item;
+    if (central->link == MMACELL_CENTRAL_DOWN)
+        report(central, MMACELL_CENTRAL_UNEXPECTED);
     /* What comes after the end of a connection is ignored (MM-38). */
     for (size_t taken = 0; taken < size && is_open(central);) {
         taken += mmacell_proto_push(&central->decoder, data + taken, size - taken);

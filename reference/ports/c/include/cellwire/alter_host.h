@@ -51,6 +51,7 @@ enum alter_host_kind {
     ALTER_HOST_STALE,
     ALTER_HOST_REJECTED, /* code: the error */
     ALTER_HOST_DELAYED,
+    ALTER_HOST_UNEXPECTED, /* bytes without a connection */
 };
 
 struct alter_host_event {

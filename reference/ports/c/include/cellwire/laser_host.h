@@ -37,7 +37,7 @@ enum laser_host_kind {
     LASER_HOST_UNKNOWN,    /* first, count, text: the reason; expected and word for `other_word` */
     LASER_HOST_UNASKED,    /* word */
     LASER_HOST_CORRUPT,    /* error; `no_word` if its kind is LASER_EB90_FRAME */
-    LASER_HOST_UNEXPECTED, /* a call that the state does not allow */
+    LASER_HOST_UNEXPECTED, /* a call, or bytes, that the state does not allow */
 };
 
 struct laser_host_event {

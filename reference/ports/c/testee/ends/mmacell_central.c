@@ -32,7 +32,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"connected", "done", "refused", "status", "aborted", "closed"};
+    static const char *const NAMES[] = {"connected", "done", "refused", "status", "aborted", "closed", "unexpected"};
     static const char *const UNFINISHED[] = {NULL, "not_sent", "unknown"};
     struct mmacell_central_event event;
     if (!mmacell_central_event(&session, &event))
@@ -46,7 +46,7 @@ static bool event(bool is_first)
             print("},\"motion\":{\"missed\":\"%s\"}", event.motion + 7);
         else
             print("},\"motion\":\"%s\"", event.motion);
-    } else if (!is_closed && event.kind != MMACELL_CENTRAL_CONNECTED) {
+    } else if (!is_closed && event.kind != MMACELL_CENTRAL_CONNECTED && event.kind != MMACELL_CENTRAL_UNEXPECTED) {
         print(",\"command\":");
         print_mmacell_message(&event.message);
     }

@@ -2,7 +2,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use crate::error::{EncodeError, Reason};
-use crate::text::{Read, expect, fail, is_letter, space};
+use crate::text::{Read, expect, fail, is_letter};
 
 /// One entry of `/ATTR`, kept as it stands: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -110,7 +110,7 @@ impl Attribute {
 
 /// What is before the next `=` or `:`.
 fn decode_name(input: &str, reason: Reason) -> Read<'_, &str> {
-    let length = input.find(['=', ':', ';', ',', '\n']).unwrap_or(input.len());
+    let length = input.find(['=', ':', ';', ',', '\r', '\n']).unwrap_or(input.len());
     let name = input.get(..length).unwrap_or(input).trim_end();
     if name.is_empty() || name.contains([' ', '\t', '"']) {
         return fail(input, reason);
@@ -122,7 +122,7 @@ fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
     let mut items = Vec::new();
     let mut rest = input;
     loop {
-        let (after, name) = decode_name(space(rest), Reason::AttributeValue)?;
+        let (after, name) = decode_name(rest.trim_start(), Reason::AttributeValue)?;
         let after = expect(after, "=", Reason::AttributeValue)?;
         let (after, text) = decode_value(after, &[';', ','])?;
         items.push((name.to_string(), text));

@@ -10,8 +10,8 @@ use crate::mistake::{Level, Mistake};
 use crate::motion::{Motion, Speed, Target};
 use crate::parts::{Parts, at, offset};
 use crate::program::{COMMENT_LENGTH, Rules, check_name};
-use crate::statement::Statement;
-use crate::text::{is_letter_or_digit, plain_number};
+use crate::statement::{Statement, line_number};
+use crate::text::is_letter_or_digit;
 
 /// Something in a file that its author should look at, and where.
 ///
@@ -158,7 +158,7 @@ impl<'a> Check<'a> {
                     if let AttributeValue::Text(count) = attribute.value
                         && matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN")
                     {
-                        line_count = Some(place.start).zip(plain_number(&count));
+                        line_count = Some(place.start).zip(line_number(&count));
                     }
                 }
             }
@@ -167,7 +167,7 @@ impl<'a> Check<'a> {
     }
 
     fn statements(&mut self, used: &mut Used<'a>, line_count: Option<(usize, usize)>) {
-        let (mut last, mut count, mut numbered, mut is_off) = (0, 0, true, false);
+        let (mut last, mut count, mut numbered, mut is_off) = (0usize, 0, true, false);
         let before = self.found.len();
         for statement in self.parts.statements(self.text) {
             used.note(statement.text());
@@ -177,7 +177,7 @@ impl<'a> Check<'a> {
             count += 1;
             match statement.number() {
                 Some(found) => {
-                    let expected = last + 1;
+                    let expected = last.saturating_add(1);
                     // Two in a row: the numbers do not count the lines, and the controller will.
                     numbered &= found == expected || !is_off;
                     is_off = found != expected;
@@ -227,7 +227,9 @@ impl<'a> Check<'a> {
                     self.error(fault.at, fault.reason);
                     // It is there, whatever is wrong with it.
                     let words = at(self.text, block).strip_prefix("P[").unwrap_or("");
-                    defined.extend(leading_number(words).map(|number| (number, 1)));
+                    if let Some(number) = leading_number(words) {
+                        defined.entry(number).or_insert(1);
+                    }
                     continue;
                 }
             };

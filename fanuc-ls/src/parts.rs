@@ -106,11 +106,13 @@ impl Parts {
             let (after, attribute) = match Attribute::decode(rest) {
                 Ok((after, attribute)) => (after, Ok(attribute)),
                 Err(error) => {
-                    // What is not closed ends where the next attribute begins, at the left edge; items of a list are indented.
+                    let fault = Fault::of(error);
+                    // What is wrong ends where the next attribute begins, at the left edge; items of a list are indented.
                     let blank = |c: char| c.is_whitespace();
-                    let next = rest.match_indices('\n').map(|(at, _)| rest.get(at + 1..).unwrap_or(""));
+                    let next =
+                        fault.at.match_indices('\n').map(|(at, _)| fault.at.get(at + 1..).unwrap_or(""));
                     let after = { next }.find(|line| !line.starts_with(blank)).unwrap_or("");
-                    (after, Err(Fault::of(error)))
+                    (after, Err(fault))
                 }
             };
             let length = rest.get(..rest.len() - after.len()).unwrap_or(rest).trim_end().len();
@@ -198,7 +200,7 @@ impl Parts {
                     open = !is_closed(next.text);
                 }
                 // A line without a number has the next one.
-                last = Statement::new(words, false).number().unwrap_or(last + 1);
+                last = Statement::new(words, false).number().unwrap_or(last.saturating_add(1));
             }
             self.statements.push((line.start..end, in_block));
         }

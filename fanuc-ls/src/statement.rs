@@ -1,6 +1,6 @@
 use crate::error::Reason;
 use crate::instruction::Instruction;
-use crate::text::{Fault, after_blanks, digits, indent};
+use crate::text::{Fault, after_blanks, digits, indent, plain_number};
 
 /// A statement of `/MN` as it is in the text: its number, its instruction and what closes it.
 ///
@@ -30,7 +30,7 @@ impl<'a> Statement<'a> {
     /// Its number. Post-processors leave it out.
     pub fn number(&self) -> Option<usize> {
         let (digits, _) = self.head().ok()?;
-        digits.parse().ok()
+        line_number(digits)
     }
 
     /// Its instruction, without the blanks around it: what is between the first `:` and the last `;`.
@@ -55,8 +55,7 @@ impl<'a> Statement<'a> {
             return Ok(Instruction::Nested(self.text.trim_end().into()));
         }
         let (digits, body) = self.head()?;
-        // Nine digits are a number on every machine.
-        if digits.len() > 9 && digits.parse::<usize>().is_err() {
+        if digits.len() > 9 && line_number(digits).is_none() {
             return Err(Fault { at: digits, reason: Reason::LineNumber });
         }
         let (body, rest) = close(body);
@@ -80,6 +79,11 @@ impl<'a> Statement<'a> {
             None => Err(Fault { at: start, reason: Reason::LineNumber }),
         }
     }
+}
+
+/// The number of a statement, the same ones on every machine.
+pub(crate) fn line_number(digits: &str) -> Option<usize> {
+    plain_number::<u32>(digits)?.try_into().ok()
 }
 
 /// What is before the `;` that closes an instruction, and what follows it on its line.

@@ -9,6 +9,7 @@ use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Parser};
 
 use crate::error::Reason;
+use crate::statement::line_number;
 
 /// What is still to be read, and what was read.
 pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
@@ -56,12 +57,6 @@ pub(crate) fn or_fail<'a, T>(
         Err(nom::Err::Error(_)) => fail(input, reason),
         other => other,
     }
-}
-
-/// What follows spaces, tabs and line ends.
-#[inline]
-pub(crate) fn space(input: &str) -> &str {
-    input.trim_ascii_start()
 }
 
 /// What follows spaces and tabs.
@@ -435,7 +430,7 @@ pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     }
     let body = line.get(spaces..).unwrap_or("");
     let digits = digits(body);
-    let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
+    let own = body.get(..digits).and_then(line_number);
     // A line of a block may go on in one that begins with the colon.
-    number > 0 && (in_block || own != Some(number + 1) && !body.starts_with(':'))
+    number > 0 && (in_block || own != Some(number.saturating_add(1)) && !body.starts_with(':'))
 }

@@ -274,3 +274,39 @@ fn one_cause_is_one_finding() {
     // Lines without numbers are a post-processor's.
     assert_eq!(found("/PROG A\n/MN\n : END ;\n  1: END ;\n  1: END ;\n/END"), []);
 }
+
+#[test]
+fn reading_goes_on_behind_what_is_wrong_in_an_attribute() {
+    let text = "/PROG A\n/ATTR\nTCD: A = 1,\nPPL\nB = 0;\nC\n/MN\n/END";
+    let expected =
+        [(4, 4, Problem::Error(Reason::AttributeValue)), (6, 2, Problem::Error(Reason::AttributeValue))];
+    assert_eq!(found(text), expected);
+    // Line ends of the other kind move nothing.
+    assert_eq!(found(&text.replace('\n', "\r\n")), expected);
+    assert_eq!(Document::decode(text).unwrap().attributes().map(|it| it.name).collect::<Vec<_>>(), ["B"]);
+}
+
+#[test]
+fn numbers_of_lines_are_the_same_ones_on_every_machine() {
+    let greatest = "/PROG A\n/MN\n4294967295:  X ;\n :  Y ;\n      8:  Z ;\n/END";
+    let off = Problem::Warning(Warning::LineNumber { expected: 1, found: 4_294_967_295 });
+    assert_eq!(found(greatest), [(3, 1, off)]);
+    for number in ["4294967296", "18446744073709551615"] {
+        let text = greatest.replace("4294967295", number);
+        assert_eq!(found(&text), [(3, 1, Problem::Error(Reason::LineNumber))]);
+    }
+}
+
+#[test]
+fn a_position_is_repeated_once_whatever_is_wrong_with_others() {
+    let block = |number: u32, body: &str| format!("P[{number}]{{{body}}};\n");
+    let (good, bad) = (block(1, "GP1:UF:0,UT:1,J1=0 deg"), block(1, "x"));
+    let repeated = |text: &str| {
+        let text = format!("/PROG A\n/MN\n : J P[1] 5% FINE;\n/POS\n{text}/END");
+        let warning = Problem::Warning(Warning::RepeatedPosition { number: 1 });
+        found(&text).iter().filter(|(.., problem)| *problem == warning).count()
+    };
+    assert_eq!(repeated(&good), 0);
+    assert_eq!(repeated(&[bad.as_str(), &good, &bad, &good].concat()), 1);
+    assert_eq!(repeated(&[good.as_str(), &good, &bad, &good].concat()), 1);
+}

@@ -66,7 +66,7 @@ bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block)
     for (digits = body; digits < end && is_digit(*digits);)
         digits++;
     uint64_t own;
-    bool follows = to_number(body, digits, UINT64_MAX, &own) && own == last + 1;
+    bool follows = to_number(body, digits, UINT32_MAX, &own) && own == last + 1;
     return body - line.at >= 5 && last > 0 && (in_block || (!follows && !(body < end && *body == ':')));
 }
 
@@ -143,7 +143,7 @@ void fanuc_ls_rewind(struct fanuc_ls_file *file)
     file->last = file->last_found = 0;
 }
 
-/* Takes an attribute; one with a fault ends where the next line begins at the left edge (LS-36). */
+/* Takes an attribute; one with a fault ends where the next line behind it begins at the left edge (LS-57). */
 static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
     const char *end = end_of(file->sections[ATTR]), *at = fanuc_ls_skip_white(file->at, end);
@@ -152,7 +152,7 @@ static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
         return false;
     if (!fanuc_ls_read_attribute(&cursor, &entry->attribute)) {
         entry->fault = cursor.fault;
-        for (cursor.at = at; cursor.at < end;) {
+        for (cursor.at = entry->fault.at; cursor.at < end;) {
             const char *line_end = memchr(cursor.at, '\n', (size_t)(end - cursor.at));
             cursor.at = line_end == NULL ? end : line_end + 1;
             if (fanuc_ls_skip_white(cursor.at, end) == cursor.at)
@@ -219,7 +219,7 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     entry->statement = line;
     entry->is_nested = file->in_block = fanuc_ls_is_nested(line, file->last, file->in_block);
     if (!entry->is_nested) {
-        entry->has_number = split_head(line, &digits, &body) && to_number(digits.at, end_of(digits), UINT64_MAX, &entry->number);
+        entry->has_number = split_head(line, &digits, &body) && to_number(digits.at, end_of(digits), UINT32_MAX, &entry->number);
         file->last = entry->has_number ? entry->number : file->last + 1;
         while (!is_closed(line) && at < end) {
             line = take_line(&at, end);

@@ -92,7 +92,8 @@ static size_t count_positions(const struct fanuc_ls_file *file, uint64_t number,
             continue;
         if (entry.fault.kind == FANUC_LS_OK)
             count += entry.position.number == number;
-        else if (entry.place.length > 2 && memcmp(entry.place.at, "P[", 2) == 0 && leading_number(inside, &found) && found == number)
+        else if (entry.place.length > 2 && memcmp(entry.place.at, "P[", 2) == 0 && leading_number(inside, &found) && found == number &&
+                 count == 0)
             count = 1;
     }
     return count;
@@ -239,7 +240,7 @@ size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry
         stated = fanuc_ls_characters(fanuc_ls_comment(&entry->attribute));
         if (stated > FANUC_LS_COMMENT_LENGTH)
             add(found, &count, FANUC_LS_COMMENT, at, 0, stated);
-        if (is_line_count(entry) && to_number(entry->attribute.value, UINT64_MAX, &stated) && is_miscounted(file, entry, stated, &lines))
+        if (is_line_count(entry) && to_number(entry->attribute.value, UINT32_MAX, &stated) && is_miscounted(file, entry, stated, &lines))
             add(found, &count, FANUC_LS_LINE_COUNT, at, stated, lines);
         break;
     case FANUC_LS_LINE:

@@ -82,7 +82,7 @@ static struct fanuc_ls_text join_lines(struct fanuc_ls_cursor *cursor, struct fa
 static bool attribute_name(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, struct fanuc_ls_text *name)
 {
     const char *begin = cursor->at, *at = begin;
-    while (at < cursor->end && !is_one_of(*at, "=:;,\n"))
+    while (at < cursor->end && !is_one_of(*at, "=:;,\r\n"))
         at++;
     *name = fanuc_ls_trim_end(between(begin, at));
     for (size_t i = 0; i < name->length; i++)
@@ -160,7 +160,7 @@ static bool attribute_value(struct fanuc_ls_cursor *cursor, const char *ends, st
 
 bool fanuc_ls_item(struct fanuc_ls_cursor *items, struct fanuc_ls_text *name, struct fanuc_ls_text *value)
 {
-    skip(items, "\t\n\f\r ");
+    items->at = fanuc_ls_trim(between(items->at, items->end)).at;
     if (!attribute_name(items, FANUC_LS_ATTRIBUTE_VALUE, name) || !expect(items, "=", FANUC_LS_ATTRIBUTE_VALUE))
         return false;
     return attribute_value(items, ";,", value);

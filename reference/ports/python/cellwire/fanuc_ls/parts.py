@@ -32,7 +32,7 @@ def read_attribute(cursor: Cursor) -> Json:
     if cursor.take(":"):
         items = []
         while True:
-            cursor.skip("\t\n\f\r ")
+            cursor.skip(WHITE)
             item = attribute_name(cursor, "attribute_value")
             cursor.expect("=", "attribute_value")
             items.append([item, attribute_value(cursor, ";,")])
@@ -48,7 +48,7 @@ def read_attribute(cursor: Cursor) -> Json:
 
 def attribute_name(cursor: Cursor, kind: str) -> str:
     end = cursor.at
-    while end < len(cursor.text) and cursor.text[end] not in "=:;,\n":
+    while end < len(cursor.text) and cursor.text[end] not in "=:;,\r\n":
         end += 1
     name = cursor.text[cursor.at : end].rstrip(WHITE)
     if not name or any(c in name for c in ' \t"'):

@@ -168,7 +168,7 @@ class Parts:
                 stop = cursor.at
             except Fault as fault:
                 attribute = fault
-                following = re.compile(f"\n(?![{WHITE}])").search(rest)
+                following = re.compile(f"\n(?![{WHITE}])").search(rest, fault.at - at)
                 stop = following.end() if following else len(rest)
             found.append((at, at + len(rest[:stop].rstrip(WHITE)), attribute))
             at += stop
@@ -347,7 +347,7 @@ class Document:
                 self.add(at, block, fault)
                 value = leading_number(block[2:]) if block.startswith("P[") else None
                 if value is not None:
-                    defined[value] = 1
+                    defined.setdefault(value, 1)
                 continue
             self.add(at, block, {"position": position})
             value = position["number"]

@@ -11,7 +11,7 @@ WHITE = "\t\n\v\f\r \x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u20
 BLANKS = " \t"
 DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)")  # LS-31
 DIGITS = re.compile(r"[0-9]*")
-LARGEST = 2**64 - 1  # of the numbers of statements
+LARGEST = 2**32 - 1  # of the numbers of statements (LS-53)
 
 
 class Fault(Exception):

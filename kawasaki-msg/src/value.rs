@@ -45,26 +45,10 @@ impl Charset {
         matches!(byte, START | END | DATA) || !self.has(byte)
     }
 
-    /// Where text ends: at the first byte that [ends it](Self::ends_text). Eight are looked at together.
-    #[inline(always)]
+    /// Where text ends: at the first byte that [ends it](Self::ends_text).
+    #[inline]
     pub(crate) fn text_end(self, bytes: &[u8]) -> Option<usize> {
-        const ONES: u64 = u64::from_le_bytes([1; 8]);
-        // Of the first byte that is 0 the highest bit comes up by a borrow, and of no byte before it.
-        let zero = |word: u64| word.wrapping_sub(ONES) & !word;
-        let beyond = if matches!(self, Charset::Ascii) { u64::MAX } else { 0 };
-        let (words, rest) = bytes.as_chunks();
-        for (at, word) in words.iter().enumerate() {
-            let word = u64::from_le_bytes(*word);
-            // `<` and `>` differ in one bit.
-            let marks = (word & !(ONES * u64::from(START ^ END))) ^ (ONES * u64::from(START & END));
-            let ends = zero(marks) | zero(word ^ (ONES * u64::from(DATA))) | (word & beyond);
-            let ends = ends & (ONES << 7);
-            if ends != 0 {
-                return Some(8 * at + ends.trailing_zeros() as usize / 8);
-            }
-        }
-        let end = rest.iter().position(|byte| self.ends_text(*byte))?;
-        Some(8 * words.len() + end)
+        bytes.iter().position(|byte| self.ends_text(*byte))
     }
 
     /// The byte that a character is on the wire.

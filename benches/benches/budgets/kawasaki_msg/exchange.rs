@@ -6,8 +6,8 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::{Decoder as _, Session};
 use kawasaki_msg::{
-    Charset, Decoder, Dialect, Job, JobSource, Limits, Line, Packet, Pc, PcConfig, Robot, RobotConfig, Room,
-    Supply, Work,
+    Charset, Decoder, Dialect, Job, JobSource, LargeRobot, Limits, Line, Packet, Pc, PcConfig, RobotConfig,
+    Room, Supply, Work,
 };
 
 use super::{JOBS, line};
@@ -47,7 +47,7 @@ fn answer(pc: &mut Pc<'_, impl JobSource>, now: Duration, packet: &[u8], out: &m
 /// The robot's packets, one each cycle. It executes all that it has queued in every cycle.
 fn record() -> Vec<Vec<u8>> {
     let (jobs, mut reader) = kawasaki_msg::motion::boxed(256, 9999).expect("a queue");
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).expect("a robot");
+    let mut robot = LargeRobot::<Line>::sized(RobotConfig::TCP, jobs).expect("a robot");
     let (mut pc, mut out) = (pc(), [0; 4096]);
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);

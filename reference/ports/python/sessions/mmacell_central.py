@@ -200,10 +200,14 @@ class Central(Session):
         if self.link is not Link.IDLE or self.events:
             raise NotTaken("busy")
         try:
-            mmacell_proto.encode(command, "central", self.config.writes)
+            frame = mmacell_proto.encode(command, "central", self.config.writes)
         except Refused as refused:
             raise NotTaken(str(refused)) from refused
-        self.command = command
+        reader = mmacell_proto.Decoder("central", self.config.writes)
+        reader.push(frame)
+        item = reader.next()
+        # With its coordinates as they are written (MM-11).
+        self.command = command if item is None or item.message is None else item.message
         self.link = Link.SENDING
 
     def transmit(self, now: int) -> bytes | None:

@@ -187,10 +187,14 @@ class Central(Session):
         if self.link is not Link.IDLE or self.events:
             raise NotTaken("busy")
         try:
-            codec.encode(command, "central", self.config.writes)
+            frame = codec.encode(command, "central", self.config.writes)
         except Refused as refused:
             raise NotTaken(str(refused)) from refused
-        self.command = command
+        reader = codec.Decoder("central", self.config.writes)
+        reader.push(frame)
+        item = reader.next()
+        # With its coordinates as they are written (MM-11).
+        self.command = command if item is None or item.message is None else item.message
         self.link = Link.SENDING
 
     def transmit(self, now: int) -> bytes | None:

@@ -1,28 +1,48 @@
-"""Runs a port against the vectors, streams and session stories.
+"""Runs a port against the vectors, streams, session stories and values.
 
-Usage: python3 reference/checks/testee.py [--link LINK]… [--claim CLAIM]… COMMAND [ARGUMENT…]
+Usage: python3 reference/checks/testee.py [--link LINK]… [--clause CLAUSE]… [--claim CLAIM]… [--json FILE] [--html FILE] COMMAND…
+       python3 reference/checks/testee.py --link LINK --explain "streams 12" [COMMAND…]
 
 COMMAND starts the testee; ports/README.md describes what it reads and writes. Prints what is wrong, and
 `link: passed of all` with the number of cases that the testee skipped; exit status 1 on a failure.
 """
 
 import argparse
+import html
 import json
 import math
+import re
 import struct
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
-
-import programs
+from typing import Any
 
 REFERENCE = Path(__file__).resolve().parent.parent
-TIMEOUT = 120
+TIMEOUT = 600  # of a machine that has other things to do
 NEVER = 2**63  # nanoseconds, or more
 # How many bytes a read returns; 0: everything up to the next end.
 READS = [0, 1, 3]
 # What a side and a setting are when a file does not name them.
 DEFAULTS = {"options": {}}
+
+
+@dataclass
+class Case:
+    """An example of the reference, and what a testee makes of it."""
+
+    name: str
+    entry: Any
+    # Requests, and what says whether the answer to each is right.
+    checks: list[Any]
+    result: str = "passed"
+    why: str = ""
+    answers: list[Any] = field(default_factory=list)
+
+
+def case(kind, entry, checks, prefix=""):
+    return Case(f"{prefix}{kind} {entry['id']}", entry, checks)
 
 
 def load(kind, link):
@@ -68,11 +88,12 @@ def vector_cases(vector, side):
     def decoded(answer):
         items = answer.get("items", [])
         first = items[0] if items else {}
-        if result in ("valid", "acceptable"):
-            whole = len(items) == 1 and first.get("length") == size and not first.get("end")
-            return whole and same(first.get("message"), vector["message"])
-        if result == "incomplete" and not first.get("end"):
+        # What only the end shows is given with it, and all else before it.
+        if first.get("end", False) != vector.get("end", False):
             return False
+        if result in ("valid", "acceptable"):
+            whole = len(items) == 1 and first.get("length") == size
+            return whole and same(first.get("message"), vector["message"])
         only = vector.get("only", False)
         return covers(first.get("error"), vector["error"]) and (not only or len(items) == 1)
 
@@ -135,10 +156,88 @@ def story_cases(story, link):
     return [(request, played)]
 
 
+def value_cases(value, link):
+    """What words mean, apart from any frame."""
+
+    def computed(answer):
+        return "error" in answer if "error" in value else same(answer.get("gives"), value["gives"])
+
+    return [({"task": "value", "link": link, "given": value["given"]}, computed)]
+
+
+def whole(part, text):
+    """The text of a program that has this part."""
+    return part["before"] + text + part["behind"] if part else text
+
+
+def program(part, message):
+    """The object of a program that has this part."""
+    base = {"name": "A", "kind": None, "attributes": None, "application": None, "instructions": [], "positions": []}
+    return base | {part["list"]: [message]} if part else message
+
+
+def inside(part, error):
+    """An error by its place in the program, not in its part."""
+    before = part["before"] if part else ""
+    return error | {"line": error["line"] + before.count("\n"), "offset": error["offset"] + len(before)}
+
+
+def items_are(items):
+    return lambda answer: same(answer.get("items"), items)
+
+
+def written_as(text):
+    return lambda answer: "hex" in answer and bytes.fromhex(answer["hex"]).decode() == text
+
+
+def is_refused(answer):
+    return "refused" in answer
+
+
+def ls_request(task, entry, **fields):
+    return {"task": task, "link": "fanuc-ls", "options": entry.get("options", {})} | fields
+
+
+def read(task, entry, data):
+    return ls_request(task, entry, hex=data.hex().upper() + "|", read=0)
+
+
+def program_cases(vector, parts):
+    part = parts.get(vector.get("part"))
+    data = whole(part, vector["text"]).encode()
+    item = {"offset": 0, "length": len(data)}
+    if vector["result"] == "invalid":
+        return [(read("decode", vector, data), items_are([item | {"error": inside(part, vector["error"])}]))]
+    message = program(part, vector["message"])
+    text = whole(part, vector.get("written", vector["text"]))
+    writes = is_refused if "refused" in vector else written_as(text)
+    return [
+        (read("decode", vector, data), items_are([item | {"message": message}])),
+        (ls_request("encode", vector, message=message), writes),
+    ]
+
+
+def ls_cases(vectors, streams):
+    """The cases of fanuc-ls: texts of programs, and of parts of them."""
+    parts = vectors["parts"]
+    for vector in vectors["vectors"]:
+        yield case("vectors", vector, program_cases(vector, parts))
+    for refused in vectors["refused"]:
+        message = program(parts.get(refused.get("part")), refused["message"])
+        yield case("refused", refused, [(ls_request("encode", refused, message=message), is_refused)])
+    for stream in streams["streams"]:
+        data = stream["text"].encode(stream.get("encoding", "utf-8"))
+        yield case("streams", stream, [(read("stream", stream, data), items_are(stream["items"]))])
+
+
 def cases(link):
-    """The name of each case, and its requests."""
+    """The cases of a link, each with its requests and what says whether the answer to each is right."""
+    yield from ((case, case.checks) for case in every_case(link))
+
+
+def every_case(link):
     if link == "fanuc-ls":
-        yield from programs.cases(load("vectors", link), load("streams", link), same)
+        yield from ls_cases(load("vectors", link), load("streams", link))
         return
     for folder in ("vectors", "streams", "sessions"):
         yield from entries("", load(folder, link), link)
@@ -149,14 +248,16 @@ def cases(link):
             yield from entries(f"{path.stem} ", document, link)
 
 
-def entries(name, document, link):
+def entries(prefix, document, link):
     """The cases of one file."""
     for kind, make in (("vectors", vector_cases), ("refused", refused_cases), ("streams", stream_cases)):
         for entry in document.get(kind, []):
-            side = DEFAULTS | {"link": link} | {field: entry[field] for field in ("from", "options") if field in entry}
-            yield f"{name}{kind} {entry['id']}", make(entry, side)
-    for story in document.get("stories", document.get("sessions", [])):
-        yield f"{name}story {story['id']}", story_cases(story, link)
+            side = DEFAULTS | {"link": link} | {name: entry[name] for name in ("from", "options") if name in entry}
+            yield case(kind, entry, make(entry, side), prefix)
+    for story in document.get("stories", []):
+        yield case("story", story, story_cases(story, link), prefix)
+    for value in document.get("values", []):
+        yield case("values", value, value_cases(value, link), prefix)
 
 
 def ask(command, requests):
@@ -169,41 +270,128 @@ def ask(command, requests):
     return answers + [{}] * (len(requests) - len(answers))
 
 
-def run(command, link, claims):
-    groups = list(cases(link))
-    answers = iter(ask(command, [request for _, group in groups for request, _ in group]))
-    passed = skipped = 0
-    for name, group in groups:
-        got = [(request, check, next(answers)) for request, check in group]
-        if all("skipped" in answer for _, _, answer in got):
-            request = got[0][0]
-            claim = f"{link}/{request['end']}" if "end" in request else link
-            if claim in claims:
-                print(f"{link} {name}: is skipped, and {claim} is claimed")
-            else:
-                skipped += 1
-            continue
-        wrong = next(((r, a) for r, check, a in got if not check(a)), None)
-        if wrong is None:
-            passed += 1
-        else:
-            request, answer = wrong
-            what = answer.get("wrong") or f"{json.dumps(request)}\n  gives {json.dumps(answer)}"
-            print(f"{link} {name}: {what}")
-    total = len(groups) - skipped
-    print(f"{link}: {passed} of {total}" + (f" ({skipped} skipped)" if skipped else ""))
-    return passed == total
+def judge(case, link, claims):
+    """Says of a case whether its answers are right."""
+    if all("skipped" in answer for answer in case.answers):
+        request = case.checks[0][0]
+        claim = {"session": f"{link}/{request.get('end')}", "value": f"{link}/values"}.get(request["task"], link)
+        case.result = "wrong" if claim in claims else "skipped"
+        case.why = f"is skipped, and {claim} is claimed" if claim in claims else case.answers[0]["skipped"]
+        return
+    for (request, is_right), answer in zip(case.checks, case.answers):
+        if not is_right(answer):
+            case.result = "wrong"
+            case.why = answer.get("wrong") or f"{json.dumps(request)}\n  gives {json.dumps(answer)}"
+            return
+
+
+def run(command, link, chosen, claims):
+    """The cases of a link, judged."""
+    found = [case for case in every_case(link) if chosen(case)]
+    answers = iter(ask(command, [request for case in found for request, _ in case.checks]) if found else [])
+    for case in found:
+        case.answers = [next(answers) for _ in case.checks]
+        judge(case, link, claims)
+        if case.result == "wrong":
+            print(f"{link} {case.name}: {case.why}")
+    counts = count(found)
+    total = len(found) - counts["skipped"]
+    print(f"{link}: {counts['passed']} of {total}" + (f" ({counts['skipped']} skipped)" if counts["skipped"] else ""))
+    return found
+
+
+def count(found):
+    return {result: sum(case.result == result for case in found) for result in ("passed", "wrong", "skipped")}
+
+
+def clause_text(link, clause):
+    """A clause of the specification, to the blank line behind it."""
+    text = (REFERENCE / f"{link}.md").read_text()
+    match = re.search(rf"^(- |\| )?\*{{0,2}}{clause}\b.*?(?=\n\n|\n- |\n\| )", text, re.M | re.S)
+    return match[0] if match else f"**{clause}** is not in {link}.md"
+
+
+def explain(link, case):
+    """What a case tests, its bytes by field, what is expected, and what the testee gives."""
+    entry = case.entry
+    lines = [f"{link} {case.name}: {entry.get('comment', '')}"]
+    lines += [clause_text(link, clause) for clause in entry.get("clauses", [])]
+    for name in ("end", "config", "from", "options", "part"):
+        if entry.get(name):
+            lines.append(f"{name}: {json.dumps(entry[name])}")
+    if "hex" in entry:
+        lines.append("bytes, by field:")
+        offset = 0
+        for field_bytes in re.findall(r"[0-9A-F]+|\|", entry["hex"]):
+            for part in re.findall(".{1,64}", field_bytes):
+                lines.append(f"  {offset:5}  {'(an end)' if part == '|' else part}")
+                offset += 0 if part == "|" else len(part) // 2
+    if "text" in entry:
+        lines += ["text:", *(f"  {number:4}  {line!r}" for number, line in enumerate(entry["text"].split("\n"), 1))]
+    lines.append("expected:")
+    for name in ("result", "message", "written", "refused", "error", "only", "given", "gives"):
+        if name in entry:
+            lines.append(f"  {name}: {json.dumps(entry[name], ensure_ascii=False)}")
+    for step in [*entry.get("items", []), *entry.get("steps", [])]:
+        lines.append(f"  {json.dumps(step, ensure_ascii=False)}")
+    for (request, is_right), answer in zip(case.checks, case.answers):
+        size = f", read {request['read']}" if request.get("read") else ""
+        lines.append(f"{request['task']}{size}: {'right' if is_right(answer) else 'wrong'}")
+        given = answer.get("items") or answer.get("steps") or [answer]
+        lines += [f"  {json.dumps(item, ensure_ascii=False)}" for item in given]
+        lines += [f"  {answer['wrong']}"] if "wrong" in answer else []
+    return "\n".join(lines)
+
+
+def report(results):
+    """All cases as an object."""
+    one = lambda case: {"case": case.name, "clauses": case.entry.get("clauses", []), "result": case.result} | ({"why": case.why} if case.why else {})
+    return {link: count(found) | {"cases": [one(case) for case in found]} for link, found in results.items()}
+
+
+def page(results):
+    """All cases as a page: a table of links, and what is wrong."""
+    rows = "".join(
+        f"<tr><td>{link}<td>{c['passed']}<td class={'bad' if c['wrong'] else 'good'}>{c['wrong']}<td>{c['skipped']}"
+        for link, c in ((link, count(found)) for link, found in results.items())
+    )
+    wrong = "".join(
+        f"<details><summary>{html.escape(' '.join([link, case.name, case.entry.get('comment', '')]))}</summary>"
+        f"<pre>{html.escape(explain(link, case))}</pre></details>"
+        for link, found in results.items()
+        for case in found
+        if case.result == "wrong"
+    )
+    style = "body{font:15px sans-serif;margin:2em}td,th{padding:.2em 1em;text-align:left}.bad{color:#b00}pre{white-space:pre-wrap;background:#eee;padding:1em}"
+    head = "<tr><th>link<th>passed<th>wrong<th>skipped"
+    return f"<!doctype html><meta charset=utf-8><title>testee</title><style>{style}</style><table>{head}{rows}</table>{wrong or '<p>Nothing is wrong.'}\n"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--link", action="append", help="only this link")
-    parser.add_argument("--claim", action="append", default=[], help="LINK, or LINK/END: none of it may be skipped")
+    parser.add_argument("--clause", action="append", help="only cases that test this clause")
+    parser.add_argument("--claim", action="append", default=[], help="LINK, LINK/END or LINK/values: none of it may be skipped")
+    parser.add_argument("--explain", metavar="CASE", help="shows one case, such as \"streams 12\": its clauses, bytes and result")
+    parser.add_argument("--json", type=Path, help="writes all cases there")
+    parser.add_argument("--html", type=Path, help="writes a page there")
     parser.add_argument("command", nargs=argparse.REMAINDER)
     args = parser.parse_args()
     links = args.link or sorted(path.stem for path in (REFERENCE / "vectors").glob("*.json"))
-    results = [run(args.command, link, set(args.claim)) for link in links]
-    sys.exit(not all(results))
+    if args.explain:
+        shown = [(link, case) for link in links for case in every_case(link) if case.name == args.explain]
+        for link, case in shown:
+            case.answers = ask(args.command, [request for request, _ in case.checks]) if args.command else []
+            print(explain(link, case))
+        sys.exit(0 if shown else f"there is no case {args.explain}")
+    wanted = set(args.clause or [])
+    chosen = lambda case: not wanted or not wanted.isdisjoint(case.entry.get("clauses", []))
+    results = {link: run(args.command, link, chosen, set(args.claim)) for link in links}
+    if args.json:
+        args.json.write_text(json.dumps(report(results), indent=1))
+    if args.html:
+        args.html.write_text(page(results))
+    sys.exit(any(case.result == "wrong" for found in results.values() for case in found))
 
 
 if __name__ == "__main__":

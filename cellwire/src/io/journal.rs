@@ -119,7 +119,10 @@ impl<R: Record> Journal<R> {
     /// When another process has it open, or it is the journal of other work, or none.
     pub fn open(path: &Path, work: &str, fingerprint: String, parts: usize, again: bool) -> Result<Self> {
         let what = || format!("the journal {}", path.display());
-        let file = OpenOptions::new().read(true).append(true).create(true).open(path).with_context(what)?;
+        // Not to append: Windows lets nobody shorten such a file.
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        let file = options.open(path).with_context(what)?;
         ensure!(
             file.metadata().with_context(what)?.is_file(),
             "{} is no file: a journal is read again",
@@ -215,6 +218,7 @@ impl<R: Record> Journal<R> {
             );
         }
         self.file.set_len(whole)?;
+        self.file.seek(SeekFrom::Start(whole))?;
         Ok(number > 0)
     }
 }

@@ -27,12 +27,12 @@ def free_port():
 
 
 class Ground:
-    def __init__(self, cellwire, folder):
+    def __init__(self, cellwire, folder, broker="listener {port} 127.0.0.1\nallow_anonymous true\n"):
         self.cellwire, self.folder, self.processes = str(cellwire), folder, []
         subprocess.run(["rm", "-rf", folder], check=True)
         folder.mkdir(parents=True)
         self.broker_port, self.health_port = free_port(), free_port()
-        (folder / "mosquitto.conf").write_text(f"listener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
+        (folder / "mosquitto.conf").write_text(broker.format(port=self.broker_port, folder=folder))
         self.start_broker()
 
     def spawn(self, command, log, **options):
@@ -43,9 +43,9 @@ class Ground:
     def start_broker(self):
         self.broker = self.spawn(["mosquitto", "-c", str(self.folder / "mosquitto.conf")], "broker.log", stderr=subprocess.STDOUT)
 
-    def simulate(self, count):
-        kinds = [LINKS[index % len(LINKS)] for index in range(count)]
-        self.cells = [kind(f"{kind.NAME}-{index // len(LINKS) + 1}", self.cellwire, self.folder, self.spawn)
+    def simulate(self, count, links=LINKS, **options):
+        kinds = [links[index % len(links)] for index in range(count)]
+        self.cells = [kind(f"{kind.NAME}-{index // len(links) + 1}", self.cellwire, self.folder, self.spawn, **options)
                       for index, kind in enumerate(kinds)]
         for cell in self.cells:
             self.wait(f"the simulator of {cell.name}", cell.ready)

@@ -29,6 +29,8 @@ pub struct Commands {
     /// In milliseconds.
     max_age: u64,
     rate: Rate,
+    /// The time of the latest command that was not refused.
+    latest: u64,
     known: HashMap<String, Remembered>,
     buckets: HashMap<String, Bucket>,
 }
@@ -81,7 +83,7 @@ impl Commands {
     ) -> Result<(Self, Vec<Interrupted>)> {
         let (mut known, mut unknown) = (Remembered::open(store)?, Vec::new());
         for (cell, remembered) in &mut known {
-            for (id, entry) in remembered.unfinished() {
+            for (id, entry) in remembered.unfinished(true) {
                 entry.outcome = Outcome::Unknown;
                 entry.detail = "the bridge has ended before the outcome".into();
                 remembered::put(batch, cell, id, Some(entry));
@@ -89,7 +91,8 @@ impl Commands {
             }
         }
         let max_age = u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX);
-        Ok((Self { max_age, rate, known, buckets: HashMap::new() }, unknown))
+        let latest = known.values().map(Remembered::latest).max().unwrap_or_default();
+        Ok((Self { max_age, rate, latest, known, buckets: HashMap::new() }, unknown))
     }
 
     /// Decides about a message for a cell.
@@ -109,13 +112,16 @@ impl Commands {
             Ok(()) => (Outcome::Accepted, String::new()),
             Err((_, why)) => (Outcome::Refused, why.clone()),
         };
-        let entry = Entry { at: now, sent, outcome, detail };
+        let entry = Entry { at: now, sent, outcome, detail, by: String::new() };
         let report = entry.named(&command.id);
         let known = self.known.entry(cell.to_owned()).or_default();
         known.keep(cell, &command.id, entry, now, max_age, batch);
         command.until = sent.saturating_add(max_age);
         match acceptable {
-            Ok(()) => Decision::Give(command, report),
+            Ok(()) => {
+                self.latest = self.latest.max(sent);
+                Decision::Give(command, report)
+            }
             Err((reason, _)) => Decision::Refuse(reason, report),
         }
     }
@@ -183,7 +189,7 @@ impl Commands {
     ) -> Vec<Named> {
         let known = self.known.entry(cell.to_owned()).or_default();
         let (at, sent) = known.get(id).map_or((0, 0), |entry| (entry.at, entry.sent));
-        let entry = Entry { at, sent, outcome, detail };
+        let entry = Entry { at, sent, outcome, detail, by: String::new() };
         let report = entry.named(id);
         known.keep(cell, id, entry, at, self.max_age, batch);
         report
@@ -191,13 +197,57 @@ impl Commands {
 
     /// The commands of a cell whose thread has ended: those without an outcome have none. What is to be reported of each.
     pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
-        let unfinished = self.known.get_mut(cell).into_iter().flat_map(Remembered::unfinished);
+        let unfinished = self.known.get_mut(cell).into_iter().flat_map(|known| known.unfinished(true));
         let over = |(id, entry): (&String, &mut Entry)| {
             (entry.outcome, entry.detail) = (Outcome::Unknown, why.into());
             remembered::put(batch, cell, id, Some(entry));
             entry.named(id)
         };
         unfinished.map(over).collect()
+    }
+
+    /// What became of a command.
+    pub fn entry(&self, cell: &str, id: &str) -> Option<&Entry> {
+        self.known.get(cell)?.get(id)
+    }
+
+    /// The time of the latest command that was given, here or by another bridge, as far as is known.
+    pub fn latest(&self) -> u64 {
+        self.latest
+    }
+
+    /// What another bridge says of a command. Who has given it knows best; what was given is more than what was refused, since only one
+    /// bridge gives it.
+    pub fn hear(&mut self, cell: &str, id: &str, entry: Entry, now: u64, batch: &mut Batch) {
+        let known = self.known.entry(cell.to_owned()).or_default();
+        let is_news = known.get(id).is_none_or(|before| match (before.outcome, entry.outcome) {
+            (Outcome::Refused, outcome) => outcome != Outcome::Refused,
+            _ if before.by.is_empty() => false,
+            (Outcome::Accepted, _) => true,
+            (Outcome::Unknown, outcome) => !matches!(outcome, Outcome::Accepted | Outcome::Unknown),
+            (Outcome::Done | Outcome::Partial, _) => false,
+        });
+        if is_news {
+            if entry.outcome != Outcome::Refused {
+                self.latest = self.latest.max(entry.sent);
+            }
+            known.keep(cell, id, entry, now, self.max_age, batch);
+        }
+    }
+
+    /// The cell is this bridge's now, and what others were given until this time may not have been heard of. What is to be reported of
+    /// their commands that have no outcome.
+    pub fn take(&mut self, cell: &str, until: u64, batch: &mut Batch) -> Vec<Vec<Named>> {
+        let known = self.known.entry(cell.to_owned()).or_default();
+        known.bar(cell, until, batch);
+        let over = |(id, entry): (&String, &mut Entry)| {
+            let by = &entry.by;
+            (entry.outcome, entry.detail) =
+                (Outcome::Unknown, format!("{by} had the cell, and has it no more, before the outcome"));
+            remembered::put(batch, cell, id, Some(entry));
+            entry.named(id)
+        };
+        known.unfinished(false).map(over).collect()
     }
 
     /// Forgets what is older than a day.
@@ -330,7 +380,7 @@ mod tests {
         // Two days too late, and right again.
         commands.forget(1_000_000 + 2 * DAY, &mut batch);
         store.write(&batch, &|_| Vec::new()).unwrap();
-        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, or a clock was wrong";
+        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, a clock was wrong, or another bridge had the cell";
         let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
         assert_eq!(outcome(&again), ("forgotten", why.into()));
         drop(commands);

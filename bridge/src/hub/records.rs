@@ -114,7 +114,7 @@ impl Hub<'_> {
     pub(super) fn show(&mut self) {
         self.notify.lives(Instant::now());
         let now = metric::now();
-        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone());
+        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone() && cell.is_here());
         let cells = known.map(|(place, cell)| CellHealth {
             commands_left: self.commands.left(&cell.name, now),
             refusals: self

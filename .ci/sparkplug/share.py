@@ -215,7 +215,7 @@ def executed():
             found.update(f"{cell.name}/{float(line.split(',')[3]):.0f}" for line in lines)
         else:
             events = map(json.loads, (ground.folder / cell.log).read_text().splitlines()[1:])
-            found.update(f"{cell.name}/{event['items'][0]['value']:.0f}" for event in events if "items" in event)
+            found.update(f"{cell.name}/{event['items'][0]['value']:.0f}" for event in events if event.get("word") == 0x0101)
     return found
 
 

@@ -102,7 +102,8 @@ impl Remembered {
 
     /// Those that have no outcome: this bridge's, or those of others.
     pub fn unfinished(&mut self, is_own: bool) -> impl Iterator<Item = (&String, &mut Entry)> {
-        let is_wanted = move |entry: &Entry| entry.outcome == Outcome::Accepted && entry.by.is_empty() == is_own;
+        let is_wanted =
+            move |entry: &Entry| entry.outcome == Outcome::Accepted && entry.by.is_empty() == is_own;
         self.entries.iter_mut().filter(move |(_, entry)| is_wanted(entry))
     }
 

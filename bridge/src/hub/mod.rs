@@ -39,8 +39,8 @@ use super::outages::Outages;
 use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
-use super::share::{self, Share};
 use super::report::{Command, Input, Outcome, Report, What};
+use super::share::{self, Share};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire::io::interrupt;
@@ -158,7 +158,8 @@ impl<'a> Hub<'a> {
         let (sender, inbox) = sync_channel(ROOM);
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
         let uplink = Uplink::new(&hall.broker, hall.share.is_some(), bd_seq, sender.clone())?;
-        let share = |with: &share::Settings| Share::new(&hall.broker.node, &with.bridges, hall.commands.max_age);
+        let share =
+            |with: &share::Settings| Share::new(&hall.broker.node, &with.bridges, hall.commands.max_age);
         let share = hall.share.as_ref().map(share);
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {

@@ -99,7 +99,8 @@ impl Hub<'_> {
         for place in over {
             let Some(cell) = self.cells.get_mut(place) else { continue };
             cell.thread = None;
-            let rest = if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
+            let rest =
+                if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
             let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, rest));
             for report in
                 self.commands.interrupt(&name, "the cell was changed before the outcome", &mut turn.batch)

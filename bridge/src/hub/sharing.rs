@@ -97,7 +97,8 @@ impl Hub<'_> {
         for (place, Command { id, .. }) in commands {
             let Some(cell) = self.cells.get(place) else { continue };
             let (name, at) = (cell.name.clone(), metric::now());
-            let why = "the broker was lost, or the cell, before the other bridges knew of it: it was not executed";
+            let why =
+                "the broker was lost, or the cell, before the other bridges knew of it: it was not executed";
             self.latest.note(&name, &id, at, Outcome::Refused, why);
             let named = self.commands.finish(&name, &id, Outcome::Refused, why.into(), &mut turn.batch);
             self.count(Outcome::Refused.name());

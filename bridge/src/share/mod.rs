@@ -13,8 +13,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::remembered::Entry;
 use super::lease::Lease;
+use super::remembered::Entry;
 use super::report::Command;
 use message::{Alive, Message, What};
 pub use settings::Share as Settings;
@@ -214,12 +214,14 @@ impl Share {
             if self.lives(peer, now)? {
                 // It has heard that this bridge lives, and so takes nothing of what is this one's by rank.
                 let knows_this = peer.alive.knows.get(&self.node) == Some(&self.term);
-                let comes_after = peer.alive.cells.get(cell).is_none_or(|has| !has && self.is_before(name, cell));
+                let comes_after =
+                    peer.alive.cells.get(cell).is_none_or(|has| !has && self.is_before(name, cell));
                 if !knows_this || !comes_after {
                     return None;
                 }
             }
-            until = until.max(if peer.heard.is_some() { peer.until } else { today.saturating_add(self.ahead) });
+            until =
+                until.max(if peer.heard.is_some() { peer.until } else { today.saturating_add(self.ahead) });
         }
         Some(until)
     }
@@ -240,7 +242,8 @@ impl Share {
 
     /// The bridge that has a cell, as far as is known.
     pub fn owner(&self, cell: &str, now: Duration) -> Option<&str> {
-        let has = |peer: &Peer| self.lives(peer, now) == Some(true) && peer.alive.cells.get(cell) == Some(&true);
+        let has =
+            |peer: &Peer| self.lives(peer, now) == Some(true) && peer.alive.cells.get(cell) == Some(&true);
         self.peers.iter().find(|(_, peer)| has(peer)).map(|(name, _)| &**name)
     }
 

@@ -28,7 +28,9 @@ pub(crate) fn check(
     let mut shared = cells.iter().filter(|(_, cell)| cell.shared).peekable();
     let Some(Share { bridges }) = share else {
         return match shared.next() {
-            Some((name, _)) => wrong(&format!("cell.{name}.shared"), "there is no [share] that says with whom"),
+            Some((name, _)) => {
+                wrong(&format!("cell.{name}.shared"), "there is no [share] that says with whom")
+            }
             None => Ok(()),
         };
     };
@@ -36,7 +38,10 @@ pub(crate) fn check(
         return wrong("share", "no cell is shared: give shared = true to those that are");
     }
     if !bridges.contains(&broker.node) || bridges.iter().all(|name| *name == broker.node) {
-        return wrong("share.bridges", "give the nodes of all bridges that share cells: broker.node and others");
+        return wrong(
+            "share.bridges",
+            "give the nodes of all bridges that share cells: broker.node and others",
+        );
     }
     if let Some(Err(error)) = bridges.iter().map(|name| check_name(name)).find(Result::is_err) {
         return wrong("share.bridges", &error.to_string());

@@ -17,6 +17,9 @@ fn milliseconds(count: u64) -> Duration {
     Duration::from_millis(count)
 }
 
+/// Who has said something, and what.
+type Said = (usize, Vec<u8>);
+
 /// A bridge with its threads, and its connection to the broker.
 struct Bridge {
     share: Share,
@@ -25,7 +28,7 @@ struct Bridge {
     is_connected: bool,
     /// What is on its way to the broker and back, and when it arrives; nothing to go by is a subscription.
     up: VecDeque<(Duration, Option<Vec<u8>>)>,
-    down: VecDeque<(Duration, Option<(usize, Vec<u8>)>)>,
+    down: VecDeque<(Duration, Option<Said>)>,
     /// Its process, or its network, stands still until then.
     frozen: Duration,
     jam: Duration,
@@ -176,7 +179,8 @@ impl World {
             bridge.cells.insert(*cell, None);
         }
         let offered = CELLS.iter().enumerate();
-        let offered = offered.map(|(cell, name)| ((*name).to_owned(), bridge.cells.contains_key(&cell))).collect();
+        let offered =
+            offered.map(|(cell, name)| ((*name).to_owned(), bridge.cells.contains_key(&cell))).collect();
         let (up, jam, is_connected) = (&mut bridge.up, bridge.jam, bridge.is_connected);
         let delay = self.rng.u64(0..120);
         bridge.share.say(now, offered, 7, |message| {
@@ -229,7 +233,8 @@ impl World {
 
     fn owners(&self, cell: usize) -> Vec<&str> {
         let has = |bridge: &&Bridge| bridge.cells.get(&cell) == Some(&None);
-        let of = |bridge: &Bridge| NAMES[self.bridges.iter().position(|it| core::ptr::eq(it, bridge)).unwrap()];
+        let of =
+            |bridge: &Bridge| NAMES[self.bridges.iter().position(|it| core::ptr::eq(it, bridge)).unwrap()];
         self.bridges.iter().filter(has).map(of).collect()
     }
 }
@@ -293,13 +298,8 @@ fn the_cells_of_a_bridge_that_dies_are_taken_within_half_a_minute_and_given_back
 #[test]
 fn a_command_is_given_when_it_has_come_back_and_not_when_the_connection_is_another() {
     let mut share = Share::new("a", &["a".into(), "b".into()], Duration::from_secs(30));
-    let entry = Entry {
-        at: 5,
-        sent: 4,
-        outcome: Outcome::Accepted,
-        detail: String::new(),
-        by: String::new(),
-    };
+    let entry =
+        Entry { at: 5, sent: 4, outcome: Outcome::Accepted, detail: String::new(), by: String::new() };
     let command = Command { id: "x".into(), order: serde_json::Map::new(), until: 9 };
     let (now, mut said) = (milliseconds(1000), Vec::new());
     let mut say = |share: &mut Share, now| {

@@ -377,7 +377,8 @@ impl Uplink {
 
     /// Says something to the bridges that share cells. False where it cannot, now.
     pub fn say(&self, message: Vec<u8>) -> bool {
-        let (Phase::Waiting { session, .. } | Phase::Online { session }, Some(share)) = (&self.phase, &self.share)
+        let (Phase::Waiting { session, .. } | Phase::Online { session }, Some(share)) =
+            (&self.phase, &self.share)
         else {
             return false;
         };

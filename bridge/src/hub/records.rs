@@ -138,6 +138,7 @@ impl Hub<'_> {
             cells: cells.collect(),
             broker: BrokerHealth { why, address: self.uplink.address(), ..self.figures.broker.clone() },
             latest: self.latest.list(),
+            shared: self.shared(),
             is_online: self.uplink.is_online(),
             stored: self.store.len(),
             stored_bytes: self.store.bytes(),

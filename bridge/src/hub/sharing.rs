@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::{Hub, Turn, text_of};
 use crate::cell::{Cell, Next};
+use crate::health::Shared;
 use crate::links;
 use crate::metric::{self, COMMAND, Named};
 use crate::report::{Command, Outcome};
@@ -64,6 +65,19 @@ impl Hub<'_> {
         let cells: BTreeMap<_, _> =
             shared.map(|cell| (cell.name.clone(), cell.thread.is_some() && !share.has_ended())).collect();
         share.say(now(), cells, self.commands.latest(), |message| self.uplink.say(message));
+    }
+
+    /// How many shared cells are where.
+    pub(super) fn shared(&self) -> Option<Shared> {
+        let (share, now, mut shared) = (self.share.as_ref()?, now(), Shared::default());
+        for cell in self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone()) {
+            match share.owner(&cell.name, now) {
+                _ if cell.is_here() => shared.here += 1,
+                Some(_) => shared.elsewhere += 1,
+                None => shared.nobody += 1,
+            }
+        }
+        Some(shared)
     }
 
     /// A bridge has said something.

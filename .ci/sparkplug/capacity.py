@@ -7,10 +7,9 @@ import re
 import subprocess
 import threading
 import time
-import urllib.request
 from pathlib import Path
 
-from ground import GROUP, Ground
+from ground import GROUP, Ground, metrics
 from pysparkplug import _protobuf as pb
 
 parser = argparse.ArgumentParser()
@@ -60,15 +59,7 @@ time.sleep(0.5)
 ground.start_bridge()
 
 
-def figures():
-    try:
-        text = urllib.request.urlopen(f"http://127.0.0.1:{ground.health_port}/metrics", timeout=5).read().decode()
-    except OSError:
-        return {}
-    return {line.rsplit(" ", 1)[0].removeprefix("cellwire_bridge_"): float(line.rsplit(" ", 1)[1])
-            for line in text.splitlines() if not line.startswith("#")}
-
-
+figures = lambda: metrics(ground.health_port)
 alive = lambda found: sum(value for name, value in found.items() if name.startswith("link_connected"))
 ground.wait("every cell alive", lambda: alive(figures()) == args.cells, 90)
 cpu = lambda process: sum(map(int, Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")

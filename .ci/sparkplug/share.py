@@ -122,13 +122,21 @@ class Host:
         self.last, self.lost, self.records, self.again = {}, 0, 0, 0
         self.outcomes = collections.defaultdict(list)
         self.client = mqtt.Client("host", protocol=mqtt.MQTTv5)
-        self.client.on_connect = lambda client, *_: client.subscribe([(f"spBv1.0/{GROUP}/#", 1)])
+        self.client.on_connect = self.connected
         self.client.on_message = self.take
         self.client.reconnect_delay_set(1, 1)
         properties = Properties(PacketTypes.CONNECT)
         properties.SessionExpiryInterval, properties.ReceiveMaximum = 3600, 65535
         self.client.connect("127.0.0.1", ground.broker_port, keepalive=10, clean_start=False, properties=properties)
         self.client.loop_start()
+
+    def connected(self, client, *_):
+        """Births have QoS 0: those of the time without a broker are asked for."""
+        client.subscribe([(f"spBv1.0/{GROUP}/#", 1)])
+        payload = pb.Payload(timestamp=int(time.time() * 1000))
+        payload.metrics.add(name="Node Control/Rebirth", timestamp=payload.timestamp, datatype=11, boolean_value=True)
+        for node in NODES:
+            client.publish(f"spBv1.0/{GROUP}/NCMD/{node}", payload.SerializeToString(), qos=1)
 
     def take(self, _client, _data, message):
         _, _, kind, node, *cell = message.topic.split("/")
@@ -217,7 +225,7 @@ def executed():
             found.update(f"{cell.name}/{float(line.split(',')[3]):.0f}" for line in lines)
         else:
             events = map(json.loads, (ground.folder / cell.log).read_text().splitlines()[1:])
-            found.update(f"{cell.name}/{event['to']['x']:.0f}" for event in events if event["event"] == "move")
+            found.update(f"{cell.name}/{event['to'][0]:.0f}" for event in events if event["event"] == "move")
     return found
 
 

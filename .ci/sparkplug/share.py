@@ -132,6 +132,8 @@ class Host:
 
     def connected(self, client, *_):
         """Births have QoS 0: those of the time without a broker are asked for."""
+        with self.lock:
+            self.born.clear()
         client.subscribe([(f"spBv1.0/{GROUP}/#", 1)])
         payload = pb.Payload(timestamp=int(time.time() * 1000))
         payload.metrics.add(name="Node Control/Rebirth", timestamp=payload.timestamp, datatype=11, boolean_value=True)

@@ -77,7 +77,8 @@ function show(view) {
   say(at("broker-why"), (broker.online ? broker.address : broker.why || broker.address) + where);
   mark(at("broker"), `tile ${broker.online ? "good" : "bad"}`);
   say(at("store-records"), store.stuck ? "stuck" : `${whole.format(store.records)} wait`);
-  const level = 100 * store.bytes / store.limit;
+  // There is no limit before the bridge has said one.
+  const level = store.limit ? 100 * store.bytes / store.limit : 0;
   at("store-level").value = level;
   const lost = store.dropped ? `; ${whole.format(store.dropped)} dropped` : "";
   say(at("store-why"), store.stuck ? "the disk takes nothing" : `${size(store.bytes)} of ${size(store.limit)}${lost}`);

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressStyle};
-use testkit::soak::{Log, ROWS, Row, Tally};
+use testkit::soak::{HANDLES, Log, ROWS, Row, Tally};
 
 /// Runs both ends of every session over the faults that its transport can commit, on a virtual clock, from seeds.
 ///
@@ -40,18 +40,22 @@ struct Args {
     jobs: Option<usize>,
 }
 
+fn all_rows() -> impl Iterator<Item = &'static Row> {
+    ROWS.iter().chain(&HANDLES)
+}
+
 fn known(name: &str) -> Result<String, String> {
-    if ROWS.iter().any(|row| row.is_named(name)) {
+    if all_rows().any(|row| row.is_named(name)) {
         return Ok(name.into());
     }
-    let names: Vec<_> = ROWS.iter().map(Row::name).collect();
+    let names: Vec<_> = all_rows().map(Row::name).collect();
     Err(format!("known are {}", names.join(", ")))
 }
 
 fn main() -> ExitCode {
     let args = Args::parse();
     let wanted = |row: &&Row| args.links.is_empty() || args.links.iter().any(|name| row.is_named(name));
-    let rows: Vec<Row> = ROWS.iter().filter(wanted).copied().collect();
+    let rows: Vec<Row> = all_rows().filter(wanted).copied().collect();
     let (first, seeds) = args.seed.map_or((args.first, args.seeds), |seed| (seed, 1));
     if args.trace {
         for row in &rows {

@@ -7,6 +7,7 @@
 
 mod cell;
 mod fanuc_hmi_modbus;
+mod handles;
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
@@ -22,6 +23,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::link::End;
 
 pub use fanuc_hmi_modbus::SABOTAGED;
+pub use handles::ROWS as HANDLES;
 pub use laser_eb90::{Article, Fault, frame};
 pub use log::{Log, Mark};
 pub use tally::{Job, Ledger, Reported, Tally};

@@ -1,0 +1,172 @@
+//! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock, and what is between
+//! them are pipes whose bytes pass through the faulty [`Link`]. The faults are those that no check has to see: what is late, in pieces,
+//! silent, or cut off.
+//!
+//! A job is a call, or one of those that a call is for. Some calls are dropped while they wait. Of a link without calls it is a value that
+//! is waited for.
+
+mod rows;
+mod wire;
+
+use core::convert::Infallible;
+use core::ops::Range;
+use core::time::Duration;
+use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use cellwire_sim::{Device, Executed, Settings, Simulator, Told};
+use robot_session::now;
+use robot_session::tokio::{Reports, Service, spawn};
+use tokio::time::timeout;
+
+pub use self::rows::ROWS;
+use self::wire::{Plug, Wire};
+use super::{Ledger, Log, Mark, Reported, Tally};
+use crate::link::{End, Faults};
+use robot_session::contract::Rng;
+
+const MS: Duration = Duration::from_millis(1);
+/// The fault-free time at the end, and the jobs that must be done in it.
+const HEALED: Duration = Duration::from_secs(60);
+const WORK: usize = 20;
+
+/// The handle of one link, and what is at the other end.
+trait Handled: Sized {
+    /// The simulated device.
+    type Device: Settings<Device: Send + 'static>;
+    /// What the transport does wrong.
+    const FAULTS: Faults;
+    /// Whether the device says which jobs it has executed; otherwise what was reported as done was.
+    const NAMES_JOBS: bool = true;
+
+    /// The device's settings.
+    fn device() -> Self::Device;
+
+    /// The handle; its task runs by itself.
+    fn spawn(plug: Plug) -> Self;
+
+    /// Has jobs done, and says what became of each.
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
+
+    /// The number of a job that was executed.
+    fn job(work: &Work<Self>) -> Option<usize>;
+}
+
+type Work<L> = <<<L as Handled>::Device as Settings>::Device as Device>::Work;
+type Shared<W> = Arc<Mutex<Vec<Executed<W>>>>;
+
+/// The service of a device, which nobody calls: it notes what is executed.
+struct Executing<D: Device>(Shared<D::Work>);
+
+impl<D: Device<Session: Send> + Send> Service for Executing<D> {
+    type Session = Simulator<D>;
+    type Call = Infallible;
+    type Event = ();
+
+    fn has_room(&self, _: &Simulator<D>) -> bool {
+        true
+    }
+
+    fn call(&mut self, _: &mut Simulator<D>, _: Duration, call: Infallible) {
+        match call {}
+    }
+
+    fn event(&mut self, simulator: &mut Simulator<D>, told: Told<D::Event>, reports: &mut Reports<'_, ()>) {
+        self.note(simulator);
+        if let Told::Close(why) = told {
+            reports.reconnect(io::Error::other(why));
+        }
+    }
+
+    async fn keep(&mut self, simulator: &mut Simulator<D>) -> io::Result<()> {
+        self.note(simulator);
+        Ok(())
+    }
+
+    fn refuse(&mut self, call: Infallible, _: &Arc<io::Error>) {
+        match call {}
+    }
+}
+
+impl<D: Device> Executing<D> {
+    fn note(&self, simulator: &mut Simulator<D>) {
+        let mut executed = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        executed.extend(core::iter::from_fn(|| simulator.poll_executed()));
+    }
+}
+
+fn session<L: Handled>(seed: u64, log: Log) -> Tally {
+    // The pauses before a connection is made again.
+    fastrand::seed(seed);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true);
+    runtime.build().unwrap().block_on(run::<L>(seed, log))
+}
+
+async fn run<L: Handled>(seed: u64, log: Log) -> Tally {
+    let (mut rng, begun) = (Rng::new(!seed), now());
+    let log_line = |text: core::fmt::Arguments<'_>| log.line(now() - begun, text);
+    let bad = [0.3, 1.0, 4.0][rng.below(3)];
+    let Faults { lose, disconnect, .. } = L::FAULTS;
+    let faults = Faults { lose: lose * bad, disconnect: disconnect * bad, ..L::FAULTS };
+    let (wire, [near, far]) = Wire::start(seed, faults);
+    let executed = Shared::default();
+    let simulator = L::device().simulator().unwrap();
+    let (device, task) = spawn(simulator, Executing(Arc::clone(&executed)), far);
+    let device_task = tokio::spawn(task.run());
+    let (mut handle, mut ledger, mut tally) = (L::spawn(near), Ledger::default(), Tally::default());
+
+    let mut send = |ledger: &mut Ledger, rng: &mut Rng| {
+        let count = 1 + rng.below(8);
+        let first = ledger.len();
+        (0..count).for_each(|_| _ = ledger.send(Mark::END));
+        first..first + count
+    };
+    for _ in 0..3 + rng.below(20) {
+        let jobs = send(&mut ledger, &mut rng);
+        let patience = if rng.chance(0.2) { rng.log_uniform(MS, 2000 * MS) } else { Duration::MAX };
+        log_line(format_args!("jobs {jobs:?}"));
+        let reported = timeout(patience, handle.work(jobs.clone())).await;
+        // Whoever goes away learns nothing.
+        let reported = reported.unwrap_or_else(|_| vec![Reported::Unknown; jobs.len()]);
+        log_line(format_args!("  {reported:?}"));
+        for (job, reported) in jobs.zip(reported) {
+            ledger.report(job, reported, Mark::END);
+        }
+    }
+    wire.heal();
+    log_line(format_args!("no more faults"));
+    let end = tokio::time::Instant::now() + HEALED;
+    let mut done = 0;
+    while done < WORK {
+        let jobs = send(&mut ledger, &mut rng);
+        let Ok(reported) = tokio::time::timeout_at(end, handle.work(jobs.clone())).await else {
+            log_line(format_args!("!!! {done} jobs are done"));
+            tally.stuck = 1;
+            jobs.for_each(|job| _ = ledger.report(job, Reported::Unknown, Mark::END));
+            break;
+        };
+        log_line(format_args!("jobs {jobs:?}: {reported:?}"));
+        for (job, reported) in jobs.zip(reported) {
+            done += usize::from(reported == Reported::Done);
+            ledger.report(job, reported, Mark::END);
+        }
+    }
+    // What is queued is executed.
+    tokio::time::sleep(HEALED).await;
+    device.shutdown().await;
+    if let Ok(mut simulator) = device_task.await {
+        Executing(Arc::clone(&executed)).note(&mut simulator);
+    }
+    for done in executed.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+        if L::NAMES_JOBS && !L::job(&done.work).is_some_and(|job| ledger.execute(job)) {
+            log_line(format_args!("!!! nobody sent {:?}", done.work));
+            tally.invented += 1;
+        }
+    }
+    if !L::NAMES_JOBS {
+        ledger.execute_what_is_done();
+    }
+    tally.faults = wire.counts();
+    ledger.settle(now() - begun, log, &mut tally, |_| false);
+    tally
+}

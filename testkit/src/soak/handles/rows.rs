@@ -1,0 +1,311 @@
+//! What is asked for by each handle, and what its answers mean.
+
+use core::ops::Range;
+
+use cellwire_sim::fanuc::Write;
+use cellwire_sim::laser::Job;
+use cellwire_sim::mma::{Mma, MmaRobot, Motion};
+use cellwire_sim::{Fanuc, KawasakiRobot, Laser, Peer, Puma, TeachBall};
+use fanuc_hmi_modbus::{ClientConfig, Failure, tokio as fanuc};
+use isra_ball::tokio as ball;
+use kawasaki_msg::{JobKind, Line, PcConfig, Point, tokio as kawasaki};
+use laser_eb90::{ControllerConfig, HostConfig, tokio as laser};
+use mmacell_proto::{CentralConfig, Command, RobotPose, tokio as mma};
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+use val2_alter::tokio as alter;
+use val2_viewer::tokio as viewer;
+
+use super::{Handled, MS, Plug, Work, session};
+use crate::link::Faults;
+use crate::soak::{Reported, Row};
+
+use Reported::{Done, NotDone, Unknown};
+
+/// One row a link.
+pub const ROWS: [Row; 7] = [
+    row::<kawasaki::Pc<Line, ()>>("kawasaki-msg", "jobs"),
+    row::<alter::Arm>("val2-alter", "motions"),
+    row::<viewer::Arm>("val2-viewer", "poses"),
+    row::<ball::Ball>("isra-ball", "values"),
+    row::<fanuc::Client>("fanuc-hmi-modbus", "writes"),
+    row::<laser::Laser>("laser-eb90", "instructions"),
+    row::<mma::Device<RobotPose>>("mmacell-proto", "motions"),
+];
+
+const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row {
+    Row { link, transport: "handle", job, one_in: None, session: session::<L> }
+}
+
+/// A line whose port vanishes now and then, and that changes no byte.
+const SERIAL: Faults = Faults { flip: 0.0, lose_byte: 0.0, insert: 0.0, disconnect: 0.003, ..Faults::SERIAL };
+
+/// What is given to so many jobs: the first are done, of those after them nobody knows, and the others are not done.
+fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
+    let each = |index| match index {
+        _ if index < done => Done,
+        _ if index < done + unknown => Unknown,
+        _ => NotDone,
+    };
+    (0..count).map(each).collect()
+}
+
+/// A number as a word of the wire.
+fn word(job: usize) -> u16 {
+    u16::try_from(job).expect("fewer jobs")
+}
+
+impl Handled for kawasaki::Pc<Line, ()> {
+    type Device = KawasakiRobot<Line>;
+    const FAULTS: Faults = Faults::TCP;
+
+    fn device() -> Self::Device {
+        KawasakiRobot { job_time: 20 * MS, queue: 4, ..KawasakiRobot::default() }
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (pc, task) = kawasaki::pc(PcConfig::TCP, (), plug).unwrap();
+        tokio::spawn(task.run());
+        pc
+    }
+
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let line = |n: usize| Line {
+            kind: JobKind::Draw,
+            start: Point::new(word(n).into(), 0),
+            end: Point::new(1, 1),
+        };
+        let (order, count) = (1 + word(jobs.start), jobs.len());
+        match self.run(order, jobs.map(line).collect::<Vec<_>>()).await {
+            Ok(over) => split(count, over.executed as usize, 0),
+            Err(kawasaki::Error::OutcomeUnknown { executed, sent }) => {
+                split(count, executed as usize, (sent - executed) as usize)
+            }
+            Err(kawasaki::Error::Closed(_)) => split(count, 0, count),
+            Err(_) => split(count, 0, 0),
+        }
+    }
+
+    fn job(work: &Work<Self>) -> Option<usize> {
+        usize::try_from(work.work.start.x).ok()
+    }
+}
+
+impl Handled for alter::Arm {
+    type Device = Puma;
+    const FAULTS: Faults = SERIAL.at_baud(val2_alter::timing::BAUD);
+    const NAMES_JOBS: bool = false;
+
+    fn device() -> Puma {
+        Puma { restart: 100 * MS, is_paced: false, ..Puma::default() }
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (arm, task) = alter::host(val2_alter::HostConfig::default(), None, plug).unwrap();
+        tokio::spawn(task.run());
+        arm
+    }
+
+    /// To and fro.
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let mut reported = Vec::new();
+        for job in jobs {
+            let (speed, from) = (if job % 2 == 0 { 8 } else { -8 }, self.commanded()[0]);
+            let moves = async {
+                while (self.commanded()[0] - from) * i32::from(speed) < 64 * 8 {
+                    self.set_target([speed, 0, 0, 0, 0, 0]);
+                    sleep(20 * MS).await;
+                }
+            };
+            reported.push(timeout(2000 * MS, moves).await.map_or(NotDone, |()| Done));
+        }
+        reported
+    }
+
+    fn job(_: &Work<Self>) -> Option<usize> {
+        None
+    }
+}
+
+impl Handled for viewer::Arm {
+    type Device = Peer<val2_viewer::Host>;
+    const FAULTS: Faults = SERIAL.at_baud(val2_viewer::timing::BAUD);
+    const NAMES_JOBS: bool = false;
+
+    fn device() -> Self::Device {
+        let mut host = val2_viewer::Host::new(val2_viewer::HostConfig::default()).unwrap();
+        host.set_pose(robot_session::now(), [7; 12]);
+        Peer(host)
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (arm, task) = viewer::workstation(val2_viewer::WorkstationConfig::default(), plug).unwrap();
+        tokio::spawn(task.run());
+        arm
+    }
+
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let mut reported = Vec::new();
+        for _ in jobs {
+            let pose = async { while !matches!(self.pose.next().await, Ok(Some(_))) {} };
+            let has_come = timeout(2000 * MS, pose).await.is_ok();
+            if !has_come {
+                // An operator whose picture stands still.
+                self.pause(true);
+                sleep(3000 * MS).await;
+                self.pause(false);
+            }
+            reported.push(if has_come { Done } else { NotDone });
+        }
+        reported
+    }
+
+    fn job(_: &Work<Self>) -> Option<usize> {
+        None
+    }
+}
+
+impl Handled for ball::Ball {
+    type Device = TeachBall;
+    const FAULTS: Faults = SERIAL.at_baud(9600);
+    const NAMES_JOBS: bool = false;
+
+    fn device() -> TeachBall {
+        TeachBall::default()
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (ball, task) = ball::host(isra_ball::HostConfig::default(), plug).unwrap();
+        tokio::spawn(task.run());
+        ball
+    }
+
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let mut reported = Vec::new();
+        for _ in jobs {
+            let value = async { while !matches!(self.values.next().await, Ok(Some(_))) {} };
+            reported.push(timeout(1000 * MS, value).await.map_or(NotDone, |()| Done));
+        }
+        reported
+    }
+
+    fn job(_: &Work<Self>) -> Option<usize> {
+        None
+    }
+}
+
+/// The register that is written.
+const REGISTER: u16 = 201;
+
+impl Handled for fanuc::Client {
+    type Device = Fanuc;
+    const FAULTS: Faults = Faults::TCP;
+
+    fn device() -> Fanuc {
+        Fanuc::default()
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (client, task) = fanuc::client(ClientConfig::tcp(), plug).unwrap();
+        tokio::spawn(task.run());
+        client
+    }
+
+    /// All at once.
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let mut calls = JoinSet::new();
+        for job in jobs {
+            let client = self.clone();
+            calls.spawn(async move { (job, client.write_register(REGISTER, word(job)).await) });
+        }
+        let mut outcomes = calls.join_all().await;
+        outcomes.sort_by_key(|(job, _)| *job);
+        let reported = outcomes.into_iter().map(|(_, outcome)| match outcome {
+            Ok(()) => Done,
+            Err(fanuc::Error::Failed(Failure::NotSent)) => NotDone,
+            Err(fanuc::Error::Failed(_) | fanuc::Error::Closed(_)) => Unknown,
+            Err(_) => NotDone,
+        });
+        reported.collect()
+    }
+
+    fn job(work: &Work<Self>) -> Option<usize> {
+        match work {
+            Write::Registers(REGISTER, values) => values.first().copied().map(usize::from),
+            _ => None,
+        }
+    }
+}
+
+impl Handled for laser::Laser {
+    type Device = Laser;
+    const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
+
+    fn device() -> Laser {
+        Laser { queue: 6, ..Laser::default() }
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (laser, task) = laser::host(HostConfig::default(), plug).unwrap();
+        tokio::spawn(task.run());
+        laser
+    }
+
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let count = jobs.len();
+        let commands = jobs.map(|job| {
+            laser::Command::new(0x0101, move |values| values.f32(&[f32::from(word(job))]).map(drop))
+        });
+        match self.run(commands).await {
+            Ok(()) => split(count, count, 0),
+            Err(laser::Error::Unfit { index, .. }) => split(count, index, 0),
+            Err(laser::Error::Refused { taken, .. }) => {
+                // A full queue: it has room again then.
+                sleep(200 * MS).await;
+                split(count, taken, 0)
+            }
+            Err(laser::Error::Unknown { taken, count: unknown, .. }) => split(count, taken, unknown),
+            Err(laser::Error::Closed(_)) => split(count, 0, count),
+            Err(_) => split(count, 0, 0),
+        }
+    }
+
+    fn job(work: &Job) -> Option<usize> {
+        work.floats(&ControllerConfig::default()).first().map(|float| *float as usize)
+    }
+}
+
+impl Handled for mma::Device<RobotPose> {
+    type Device = MmaRobot;
+    const FAULTS: Faults = Faults::TCP;
+
+    fn device() -> MmaRobot {
+        Mma { speed: 100, ..Mma::default() }
+    }
+
+    fn spawn(plug: Plug) -> Self {
+        let (robot, task) = mma::central(CentralConfig::DEFAULT, plug).unwrap();
+        tokio::spawn(task.run());
+        robot
+    }
+
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+        let mut reported = Vec::new();
+        // A motion that is refused without it says so.
+        let _ = self.command(Command::Servo { on: true }).await;
+        for job in jobs {
+            let to = RobotPose::from_mm_rad(300.0, f64::from(word(job)), 100.0, 0.0);
+            reported.push(match self.move_to(to).await {
+                Ok(_) => Done,
+                Err(mma::Error::Unknown(_) | mma::Error::Missed(_) | mma::Error::Stopped) => Unknown,
+                Err(mma::Error::Closed(_)) => Unknown,
+                Err(_) => NotDone,
+            });
+        }
+        reported
+    }
+
+    fn job(motion: &Motion<RobotPose>) -> Option<usize> {
+        usize::try_from(motion.to.units()[1] / 1000).ok()
+    }
+}

@@ -16,7 +16,14 @@ TARGET = REFERENCE.parent / "target/reference"
 CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
 SESSIONS = ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"]
 # What the C port has besides.
-C_SESSIONS = ["isra-ball/ball", "isra-ball/host", "val2-viewer/host", "val2-viewer/workstation"]
+C_SESSIONS = [
+    "isra-ball/ball",
+    "isra-ball/host",
+    "laser-eb90/controller",
+    "mmacell-proto/device",
+    "val2-viewer/host",
+    "val2-viewer/workstation",
+]
 
 
 def testee(claims):

@@ -21,6 +21,7 @@ C_SESSIONS = [
     "isra-ball/host",
     "laser-eb90/controller",
     "mmacell-proto/device",
+    "val2-alter/controller",
     "val2-viewer/host",
     "val2-viewer/workstation",
 ]

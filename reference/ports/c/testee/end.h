@@ -48,6 +48,6 @@ void read_unsigned(const struct json *config, const char *name, int64_t most, un
 
 void begin_event(bool is_first, const char *name);
 
-extern const struct end ALTER_HOST, BALL, BALL_HOST, LASER_CONTROLLER, LASER_HOST, MMACELL_CENTRAL, MMACELL_DEVICE, VIEWER_HOST, VIEWER_WORKSTATION;
+extern const struct end ALTER_CONTROLLER, ALTER_HOST, BALL, BALL_HOST, LASER_CONTROLLER, LASER_HOST, MMACELL_CENTRAL, MMACELL_DEVICE, VIEWER_HOST, VIEWER_WORKSTATION;
 
 #endif

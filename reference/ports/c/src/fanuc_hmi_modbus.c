@@ -63,7 +63,7 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
     if (count_at == 0)
         return BY_BEGINNING;
     bool is_there = length > count_at;
-    *size = base + (is_there ? frame[count_at] : 1);
+    *size = base + (is_there ? frame[count_at] : 0);
     return is_there ? BY_BEGINNING : NOT_KNOWN_YET;
 }
 
@@ -409,6 +409,14 @@ static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
     }
     size_t length = is_tcp ? get_u16_be(decoder->held + 4) : SIZE_MAX;
     return extent(decoder, length <= MAX_BODY ? MBAP_LEN - 1 + length : 1, &item->length);
+}
+
+bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    item->error = decoder->in_noise ? MODBUS_NOISE : MODBUS_NO_ERROR;
+    if (decoder->in_noise || decoder->length == 0)
+        return decoder->in_noise;
+    return (decoder->framing == MODBUS_TCP ? take_tcp(decoder, item) : take_rtu(decoder, item)) == CORRUPT;
 }
 
 bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item)

@@ -10,6 +10,7 @@
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
 #include "cellwire/mmacell_proto.h"
+#include "cellwire/modbus_line.h"
 #include "cellwire/val2_alter.h"
 #include "cellwire/val2_viewer.h"
 #include "json.h"
@@ -63,6 +64,9 @@ void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *
 void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found);
 bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item);
 void print_isra_packet(const struct isra_ball_packet *packet);
+void print_modbus_message(const struct modbus_message *message, bool has_transaction);
+void print_modbus_error(const struct modbus_fault *fault);
+bool read_modbus_request(const struct json *object, struct modbus_message *message);
 void print_viewer_pose(const struct val2_viewer_pose *pose);
 void print_viewer_error(const struct val2_viewer_item *item);
 bool read_viewer_words(const struct json *list, int16_t words[VAL2_VIEWER_WORDS]);

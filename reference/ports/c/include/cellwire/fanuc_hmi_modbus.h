@@ -93,6 +93,9 @@ void modbus_end(struct modbus_decoder *decoder);
 /* The next message or error; false: more bytes are needed. */
 bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item);
 
+/* Whether what is held is corrupt, and where a frame begins behind it is not known yet; `item` has its error. */
+bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item *item);
+
 /* Writes a message, and returns its length; 0: refused (FM-36), nothing is written. */
 size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size);
 

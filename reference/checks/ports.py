@@ -17,6 +17,8 @@ CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacel
 SESSIONS = ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"]
 # What the C port has besides.
 C_SESSIONS = [
+    "fanuc-hmi-modbus/client",
+    "fanuc-hmi-modbus/server",
     "isra-ball/ball",
     "isra-ball/host",
     "laser-eb90/controller",

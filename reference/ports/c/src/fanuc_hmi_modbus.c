@@ -347,20 +347,40 @@ static bool decode_reply(struct pdu *pdu)
     return decode_raw(pdu);
 }
 
-static void decode_frame(const struct modbus_decoder *decoder, struct modbus_item *item)
+static void decode_body(const uint8_t *body, size_t pdu_len, enum modbus_side side, struct modbus_item *item)
 {
-    bool is_tcp = decoder->framing == MODBUS_TCP;
-    const uint8_t *body = decoder->held + (is_tcp ? MBAP_LEN - 1 : 0);
-    size_t pdu_len = item->length - (is_tcp ? MBAP_LEN : 3);
     struct pdu pdu = {body + 1, pdu_len, 1, item};
     memset(&item->message, 0, sizeof item->message);
-    item->message.transaction = is_tcp ? get_u16_be(decoder->held) : 0;
     item->message.unit = body[0];
     item->message.function = body[1];
-    if (decoder->side == MODBUS_CLIENT)
+    if (side == MODBUS_CLIENT)
         decode_request(&pdu);
     else
         decode_reply(&pdu);
+}
+
+static void decode_frame(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    if (decoder->framing == MODBUS_RTU) {
+        decode_body(decoder->held, item->length - 3, decoder->side, item);
+        return;
+    }
+    decode_body(decoder->held + MBAP_LEN - 1, item->length - MBAP_LEN, decoder->side, item);
+    item->message.transaction = get_u16_be(decoder->held);
+}
+
+bool modbus_rtu_length(const uint8_t *frame, size_t length, enum modbus_side side, size_t *size)
+{
+    enum length_by by = rtu_length(frame, length, side, size);
+    if (by == BY_SILENCE)
+        *size = 0;
+    return by == BY_BEGINNING;
+}
+
+void modbus_decode_rtu(const uint8_t *frame, size_t length, enum modbus_side side, struct modbus_item *item)
+{
+    *item = (struct modbus_item){.length = length};
+    decode_body(frame, length - 3, side, item);
 }
 
 void modbus_init(struct modbus_decoder *decoder, enum modbus_side side, enum modbus_framing framing)
@@ -409,6 +429,14 @@ static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
     }
     size_t length = is_tcp ? get_u16_be(decoder->held + 4) : SIZE_MAX;
     return extent(decoder, length <= MAX_BODY ? MBAP_LEN - 1 + length : 1, &item->length);
+}
+
+bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    item->error = decoder->in_noise ? MODBUS_NOISE : MODBUS_NO_ERROR;
+    if (decoder->in_noise || decoder->length == 0)
+        return decoder->in_noise;
+    return (decoder->framing == MODBUS_TCP ? take_tcp(decoder, item) : take_rtu(decoder, item)) == CORRUPT;
 }
 
 bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item)

@@ -2,30 +2,15 @@
 
 #include <string.h>
 
+#include "laser_payload.h"
 #include "session.h"
 
 #define ANSWER_LEN 13 /* LE-70 */
 #define REFERENCE_BAUD 9600
-#define BAD_CHECKSUM 0xE001 /* LE-103 */
-#define BAD_FRAME 0xE002
-#define BAD_PARAMETERS 0xE005
-#define QUEUE_FULL 0xE006
 
-enum word_class { NO_CLASS, INTERPRETED, IMMEDIATE, QUERY };
-
-/* LE-102 */
-static enum word_class class_of(uint16_t word)
+static enum laser_words_class class_of(const struct laser_host *host, uint16_t word)
 {
-    unsigned high = word >> 8;
-    return high == 1 ? INTERPRETED : high == 2 ? IMMEDIATE : high == 3 ? QUERY : NO_CLASS;
-}
-
-/* The name of an error code; NULL: it is none. */
-static const char *code_name(uint16_t word)
-{
-    static const char *const NAMES[] = {"bad_checksum", "bad_frame",      "unknown_command",
-                                        "bad_batch",    "bad_parameters", "queue_full"};
-    return word >= BAD_CHECKSUM && word <= QUEUE_FULL ? NAMES[word - BAD_CHECKSUM] : NULL;
+    return laser_words_class(&host->config.words, word);
 }
 
 static struct laser_host_event *report(struct laser_host *host, enum laser_host_kind kind)
@@ -41,6 +26,7 @@ struct laser_host_config laser_host_default(uint32_t baud)
     uint64_t e = slow > usual ? slow - usual : 0;
     return (struct laser_host_config){
         .profile = LASER_EB90_DEFAULT,
+        .words = LASER_WORDS_DEFAULT,
         .baud = baud,
         .batch = 7,
         .resends = 3,
@@ -60,18 +46,18 @@ bool laser_host_init(struct laser_host *host, const struct laser_host_config *co
     memset(host, 0, sizeof *host);
     host->config = *config;
     laser_eb90_init(&host->decoder, config->profile);
-    return config->baud > 0 && config->batch >= 1 && config->batch <= LASER_HOST_BATCH;
+    return laser_words_are_valid(&config->words) && config->baud > 0 && config->batch >= 1 && config->batch <= LASER_HOST_BATCH;
 }
 
 /* How long the controller executes before it answers (LE-48). */
 static uint64_t execution(const struct laser_host *host)
 {
-    return class_of(host->batch.word) == INTERPRETED ? 0 : host->config.execution_timeout;
+    return class_of(host, host->batch.word) == LASER_WORDS_INTERPRETED ? 0 : host->config.execution_timeout;
 }
 
 static uint64_t answer_time(const struct laser_host *host)
 {
-    return class_of(host->batch.word) == INTERPRETED ? host->config.answer_timeout : host->config.execution_timeout;
+    return class_of(host, host->batch.word) == LASER_WORDS_INTERPRETED ? host->config.answer_timeout : host->config.execution_timeout;
 }
 
 static uint64_t settled(const struct laser_host *host, uint64_t now)
@@ -127,21 +113,21 @@ static void resend(struct laser_host *host, uint64_t not_before)
 }
 
 /* LE-52 to LE-56, LE-69 */
-static void take_code(struct laser_host *host, uint64_t now, uint16_t code)
+static void take_code(struct laser_host *host, uint64_t now, enum laser_words_error code)
 {
     struct laser_host_batch *batch = &host->batch;
-    bool may_be_half = code == BAD_FRAME && now < host->final_from && !host->config.controller_drops_partial;
+    bool may_be_half = code == LASER_WORDS_BAD_FRAME && now < host->final_from && !host->config.controller_drops_partial;
     if (may_be_half) {
         host->state = LASER_HOST_AWAITING_REST;
         host->until = settled_if_taken(host, now);
         return;
     }
-    if ((code == BAD_CHECKSUM || code == BAD_FRAME) && batch->resends < host->config.resends) {
+    if ((code == LASER_WORDS_BAD_CHECKSUM || code == LASER_WORDS_BAD_FRAME) && batch->resends < host->config.resends) {
         batch->resends++;
         resend(host, settled(host, now));
         return;
     }
-    if (code == QUEUE_FULL) {
+    if (code == LASER_WORDS_QUEUE_FULL) {
         if (!batch->has_full_until)
             batch->full_until = after(now, host->config.full_timeout);
         batch->has_full_until = true;
@@ -152,16 +138,16 @@ static void take_code(struct laser_host *host, uint64_t now, uint16_t code)
     }
     if (batch->unanswered > 0)
         finish(host, LASER_HOST_UNKNOWN, "silence", settled(host, now));
-    else if (code == BAD_PARAMETERS && class_of(batch->word) == IMMEDIATE)
+    else if (code == LASER_WORDS_BAD_PARAMETERS && class_of(host, batch->word) == LASER_WORDS_IMMEDIATE)
         finish(host, LASER_HOST_UNKNOWN, "execution_failed", settled(host, now));
     else
-        finish(host, LASER_HOST_REFUSED, code_name(code), settled(host, now));
+        finish(host, LASER_HOST_REFUSED, laser_words_name(code), settled(host, now));
 }
 
 /* LE-50 */
 static void take_echo(struct laser_host *host, uint64_t now, const struct laser_eb90_result *result)
 {
-    bool is_query = class_of(host->batch.word) == QUERY;
+    bool is_query = class_of(host, host->batch.word) == LASER_WORDS_QUERY;
     struct laser_host_event *event = report(host, is_query ? LASER_HOST_ANSWER : LASER_HOST_DONE);
     event->first = host->batch.first;
     event->count = host->batch.count;
@@ -177,11 +163,12 @@ static void take_echo(struct laser_host *host, uint64_t now, const struct laser_
 /* Section 7.4 */
 static void take_answer(struct laser_host *host, uint64_t now, uint16_t word, const struct laser_eb90_result *result)
 {
+    enum laser_words_error code = laser_words_error(&host->config.words, word);
     if (host->batch.count == 0) {
         report(host, LASER_HOST_UNASKED)->word = word;
     } else if (word == host->batch.word) {
         take_echo(host, now, result);
-    } else if (code_name(word) == NULL) {
+    } else if (code == LASER_WORDS_NO_ERROR) {
         uint16_t expected = host->batch.word;
         uint64_t quiet_until = host->state == LASER_HOST_AWAITING ? settled_if_taken(host, now)
                                                                   : later(host->until, after(now, host->config.settle));
@@ -189,19 +176,8 @@ static void take_answer(struct laser_host *host, uint64_t now, uint16_t word, co
         event->expected = expected;
         event->word = word;
     } else if (host->state == LASER_HOST_AWAITING) {
-        take_code(host, now, word);
+        take_code(host, now, code);
     }
-}
-
-/* The word that a payload begins with (LE-19). */
-static bool first_word(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, uint16_t *word)
-{
-    struct laser_eb90_item item;
-    size_t at = 0;
-    if (!laser_eb90_item(profile, payload, length, &at, &item) || item.type != LASER_EB90_I16 || item.count != 1)
-        return false;
-    *word = (uint16_t)laser_eb90_get_i16(profile, &item, 0);
-    return true;
 }
 
 static void read_items(struct laser_host *host, uint64_t now)
@@ -209,8 +185,9 @@ static void read_items(struct laser_host *host, uint64_t now)
     struct laser_eb90_result result;
     uint16_t word = 0;
     while (laser_eb90_next(&host->decoder, &result)) {
+        size_t at = 0;
         bool is_answer = result.kind == LASER_EB90_FRAME &&
-                         first_word(&host->config.profile, result.payload, result.payload_len, &word);
+                         first_word(&host->config.profile, result.payload, result.payload_len, &at, &word);
         if (is_answer) {
             take_answer(host, now, word, &result);
             continue;
@@ -279,16 +256,16 @@ void laser_host_resume(struct laser_host *host)
 void laser_host_take_back(struct laser_host *host) { host->next.count = 0; }
 
 /* Whether the parameters of a word keep LE-23 and LE-24. */
-static bool keeps_words(const struct laser_host *host, enum word_class class,
+static bool keeps_words(const struct laser_host *host, enum laser_words_class class,
                         const struct laser_eb90_payload *parameters)
 {
     struct laser_eb90_item item;
     size_t at = 0;
     while (laser_eb90_item(&host->config.profile, parameters->bytes, parameters->length, &at, &item)) {
-        if (item.type != LASER_EB90_I16 || item.count != 1)
+        uint16_t word;
+        if (!is_word(&host->config.profile, &item, &word))
             continue;
-        uint16_t word = (uint16_t)laser_eb90_get_i16(&host->config.profile, &item, 0);
-        if (class == INTERPRETED || class_of(word) != NO_CLASS)
+        if (class == LASER_WORDS_INTERPRETED || class_of(host, word) != LASER_WORDS_NO_CLASS)
             return false;
     }
     return true;
@@ -296,18 +273,17 @@ static bool keeps_words(const struct laser_host *host, enum word_class class,
 
 bool laser_host_submit(struct laser_host *host, uint16_t word, const struct laser_eb90_payload *parameters)
 {
-    enum word_class class = class_of(word);
+    enum laser_words_class class = class_of(host, word);
     struct laser_host_batch *next = &host->next;
     bool is_alone = next->count == 0;
     struct laser_eb90_payload payload = {.profile = &host->config.profile};
-    if (class == NO_CLASS || parameters->is_refused || !keeps_words(host, class, parameters))
+    if (class == LASER_WORDS_NO_CLASS || parameters->is_refused || !keeps_words(host, class, parameters))
         return false;
-    if (!is_alone && (class != INTERPRETED || class_of(next->word) != INTERPRETED || next->count >= host->config.batch))
+    if (!is_alone && (class != LASER_WORDS_INTERPRETED || class_of(host, next->word) != LASER_WORDS_INTERPRETED || next->count >= host->config.batch))
         return false;
     if (!is_alone)
         payload = next->payload;
-    laser_eb90_put_item(&payload, LASER_EB90_I16, 1);
-    laser_eb90_put_i16(&payload, (int16_t)(word < 0x8000 ? word : word - 0x10000));
+    put_word(&payload, word);
     for (size_t i = 0; i < parameters->length; i++)
         laser_eb90_put_byte(&payload, parameters->bytes[i]);
     if (payload.is_refused)

@@ -18,3 +18,11 @@ void read_unsigned(const struct json *config, const char *name, int64_t most, un
 }
 
 void begin_event(bool is_first, const char *name) { print("%s{\"event\":\"%s\"", is_first ? "" : ",", name); }
+
+enum modbus_line read_modbus_line(const struct json *config)
+{
+    const struct json *framing = json_get(config, "framing");
+    return json_is(framing, "rtu")            ? MODBUS_LINE_RTU
+           : json_is(framing, "rtu_over_tcp") ? MODBUS_LINE_RTU_OVER_TCP
+                                              : MODBUS_LINE_TCP;
+}

@@ -46,8 +46,10 @@ struct end {
 void read_time(const struct json *config, const char *name, uint64_t *time);
 void read_unsigned(const struct json *config, const char *name, int64_t most, unsigned *number);
 
+enum modbus_line read_modbus_line(const struct json *config);
+
 void begin_event(bool is_first, const char *name);
 
-extern const struct end ALTER_HOST, BALL, BALL_HOST, LASER_HOST, MMACELL_CENTRAL, MMACELL_DEVICE, VIEWER_HOST, VIEWER_WORKSTATION;
+extern const struct end ALTER_CONTROLLER, ALTER_HOST, BALL, BALL_HOST, LASER_CONTROLLER, LASER_HOST, MMACELL_CENTRAL, MMACELL_DEVICE, MODBUS_CLIENT_END, MODBUS_SERVER_END, VIEWER_HOST, VIEWER_WORKSTATION;
 
 #endif

@@ -32,10 +32,10 @@ static void print_registers(const char *name, const struct modbus_message *messa
     PRINT_LIST(message->registers, message->quantity);
 }
 
-static void print_message(const struct modbus_message *message)
+void print_modbus_message(const struct modbus_message *message, bool has_transaction)
 {
-    print("\"message\":{\"unit\":%d,\"function\":%d", message->unit, message->function);
-    if (decoder.framing == MODBUS_TCP)
+    print("{\"unit\":%d,\"function\":%d", message->unit, message->function);
+    if (has_transaction)
         print(",\"transaction\":%d", message->transaction);
     bool is_reply = message->shape >= MODBUS_BITS && message->shape != MODBUS_WRITTEN;
     if (!is_reply)
@@ -81,16 +81,16 @@ static void print_message(const struct modbus_message *message)
     print("}");
 }
 
-static void print_error(const struct modbus_item *item)
+void print_modbus_error(const struct modbus_fault *item)
 {
     static const char *const KINDS[] = {
         "",         "protocol",   "mbap_length",      "crc",       "cut", "too_long", "noise", "function", "pdu_length",
         "quantity", "byte_count", "reply_byte_count", "coil_value"};
-    enum modbus_error_kind kind = item->error;
+    enum modbus_error_kind kind = item->kind;
     bool has_expected =
         kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT;
     bool has_function = kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT;
-    print("\"error\":{\"kind\":\"%s\"", KINDS[kind]);
+    print("{\"kind\":\"%s\"", KINDS[kind]);
     if (has_function)
         print(",\"function\":%d", item->function);
     if (has_expected || kind == MODBUS_QUANTITY)
@@ -108,10 +108,14 @@ static bool next(bool ended)
     if (!modbus_next(&decoder, &item))
         return false;
     print_item(item.offset, item.length, ended);
-    if (item.error == MODBUS_NO_ERROR)
-        print_message(&item.message);
-    else
-        print_error(&item);
+    if (item.error == MODBUS_NO_ERROR) {
+        print("\"message\":");
+        print_modbus_message(&item.message, decoder.framing == MODBUS_TCP);
+        return true;
+    }
+    struct modbus_fault fault = modbus_fault_of(&item);
+    print("\"error\":");
+    print_modbus_error(&fault);
     return true;
 }
 
@@ -245,6 +249,13 @@ static bool read_fields(const struct json *object, struct modbus_message *messag
         return read_numbers(json_get(object, "data"), UINT8_MAX, MODBUS_MAX_DATA, message);
     }
     return false;
+}
+
+bool read_modbus_request(const struct json *object, struct modbus_message *message)
+{
+    decoder.side = MODBUS_CLIENT;
+    return read_u8(object, "unit", &message->unit) && read_u8(object, "function", &message->function) &&
+           json_get(object, "transaction") == NULL && read_fields(object, message);
 }
 
 static size_t encode(const struct json *object, uint8_t *out, size_t size)

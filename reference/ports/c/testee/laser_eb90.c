@@ -7,27 +7,57 @@
 static const char *const TYPES[] = {"f32", "i16", "u8", "char"};
 static struct laser_eb90_decoder decoder;
 
-static bool begin(const struct json *request)
+void read_laser_profile(const struct json *options, struct laser_eb90_profile *profile)
 {
-    const struct json *options = json_get(request, "options"), *tags = json_get(options, "tags");
+    const struct json *tags = json_get(options, "tags");
     const struct json *tail = json_get(options, "tail"), *checksum = json_get(options, "checksum");
-    struct laser_eb90_profile profile = LASER_EB90_DEFAULT;
-    profile.tail = json_is(tail, "etx")      ? LASER_EB90_ETX
+    profile->tail = json_is(tail, "etx")      ? LASER_EB90_ETX
                    : json_is(tail, "either") ? LASER_EB90_EITHER
                                              : LASER_EB90_PRINTED;
-    profile.first_tag = json_is(json_get(options, "flag"), "first_tag");
+    profile->first_tag = json_is(json_get(options, "flag"), "first_tag");
     for (int type = 0; type < LASER_EB90_TYPES; type++) {
-        int64_t tag = profile.tags[type];
+        int64_t tag = profile->tags[type];
         json_integer(json_get(tags, TYPES[type]), 0, UINT8_MAX, &tag);
-        profile.tags[type] = (uint8_t)tag;
+        profile->tags[type] = (uint8_t)tag;
     }
     if (json_is(checksum, "u16_le"))
-        profile.checksum = LASER_EB90_SUM_U16_LE;
+        profile->checksum = LASER_EB90_SUM_U16_LE;
     if (json_is(checksum, "u16_be"))
-        profile.checksum = LASER_EB90_SUM_U16_BE;
-    profile.checksum_negated = json_true(json_get(options, "checksum_negated"));
-    profile.checksum_with_flag = json_true(json_get(options, "checksum_with_flag"));
-    profile.big_endian = json_is(json_get(options, "byte_order"), "big");
+        profile->checksum = LASER_EB90_SUM_U16_BE;
+    profile->checksum_negated = json_true(json_get(options, "checksum_negated"));
+    profile->checksum_with_flag = json_true(json_get(options, "checksum_with_flag"));
+    profile->big_endian = json_is(json_get(options, "byte_order"), "big");
+}
+
+void read_laser_words(const struct json *object, struct laser_words *words)
+{
+    static const char *const CLASSES[] = {"", "interpreted", "immediate", "query"};
+    const struct json *commands = json_get(object, "commands"), *errors = json_get(object, "errors");
+    if (commands != NULL)
+        words->command_count = 0;
+    for (const struct json *at = commands == NULL ? NULL : commands->child;
+         at != NULL && words->command_count < LASER_WORDS_MAX_RANGES; at = at->next) {
+        int64_t first = 0, last = 0;
+        int class = LASER_WORDS_INTERPRETED;
+        json_integer(json_get(at, "first"), 0, UINT16_MAX, &first);
+        json_integer(json_get(at, "last"), 0, UINT16_MAX, &last);
+        while (class < LASER_WORDS_QUERY && !json_is(json_get(at, "class"), CLASSES[class]))
+            class++;
+        words->commands[words->command_count].first = (uint16_t)first;
+        words->commands[words->command_count].last = (uint16_t)last;
+        words->commands[words->command_count++].class = (enum laser_words_class)class;
+    }
+    for (int error = 0; error < LASER_WORDS_NO_ERROR; error++) {
+        int64_t word = words->errors[error];
+        json_integer(json_get(errors, laser_words_name((enum laser_words_error)error)), 0, UINT16_MAX, &word);
+        words->errors[error] = (uint16_t)word;
+    }
+}
+
+static bool begin(const struct json *request)
+{
+    struct laser_eb90_profile profile = LASER_EB90_DEFAULT;
+    read_laser_profile(json_get(request, "options"), &profile);
     laser_eb90_init(&decoder, profile);
     return true;
 }
@@ -55,10 +85,10 @@ static void print_value(const struct laser_eb90_profile *profile, const struct l
     }
 }
 
-void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at)
+void print_laser_list(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at)
 {
     struct laser_eb90_item item;
-    print("\"items\":[");
+    print("[");
     for (int number = 0; laser_eb90_item(profile, payload, length, &at, &item); number++) {
         bool is_char = item.type == LASER_EB90_CHAR;
         print("%s{\"%s\":%s", number > 0 ? "," : "", TYPES[item.type], is_char ? "\"" : "[");
@@ -70,6 +100,12 @@ void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *
         print("%s}", is_char ? "\"" : "]");
     }
     print("]");
+}
+
+void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at)
+{
+    print("\"items\":");
+    print_laser_list(profile, payload, length, at);
 }
 
 void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found)

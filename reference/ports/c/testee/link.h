@@ -8,7 +8,9 @@
 
 #include "cellwire/isra_ball.h"
 #include "cellwire/laser_eb90.h"
+#include "cellwire/laser_words.h"
 #include "cellwire/mmacell_proto.h"
+#include "cellwire/modbus_line.h"
 #include "cellwire/val2_alter.h"
 #include "cellwire/val2_viewer.h"
 #include "json.h"
@@ -55,10 +57,16 @@ void answer_written(const struct json *request);
 /* Shared by a link's codec and its sessions. */
 void print_alter_message(const struct val2_alter_message *message);
 void print_alter_error(const struct val2_alter_error *error);
+void read_laser_profile(const struct json *options, struct laser_eb90_profile *profile);
+void read_laser_words(const struct json *object, struct laser_words *words);
+void print_laser_list(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at);
 void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at);
 void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found);
 bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item);
 void print_isra_packet(const struct isra_ball_packet *packet);
+void print_modbus_message(const struct modbus_message *message, bool has_transaction);
+void print_modbus_error(const struct modbus_fault *fault);
+bool read_modbus_request(const struct json *object, struct modbus_message *message);
 void print_viewer_pose(const struct val2_viewer_pose *pose);
 void print_viewer_error(const struct val2_viewer_item *item);
 bool read_viewer_words(const struct json *list, int16_t words[VAL2_VIEWER_WORDS]);

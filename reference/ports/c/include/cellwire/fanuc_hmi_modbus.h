@@ -93,6 +93,9 @@ void modbus_end(struct modbus_decoder *decoder);
 /* The next message or error; false: more bytes are needed. */
 bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item);
 
+/* Whether what is held is corrupt, and where a frame begins behind it is not known yet; `item` has its error. */
+bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item *item);
+
 /* Writes a message, and returns its length; 0: refused (FM-36), nothing is written. */
 size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size);
 
@@ -101,6 +104,12 @@ uint16_t modbus_max_read(uint8_t function);
 
 /* The most that one request of function 15, 16 or 23 writes. */
 uint16_t modbus_max_write(uint8_t function);
+
+/* The length of the RTU frame that begins here (FM-10); false: more bytes are needed, `*size` at least; 0: it does not show. */
+bool modbus_rtu_length(const uint8_t *frame, size_t length, enum modbus_side side, size_t *size);
+
+/* Decodes an RTU frame of 4 to 256 bytes whose CRC is right. */
+void modbus_decode_rtu(const uint8_t *frame, size_t length, enum modbus_side side, struct modbus_item *item);
 
 /* FM-9 */
 uint16_t modbus_crc(const uint8_t *data, size_t length);

@@ -3,6 +3,7 @@
 #define CELLWIRE_LASER_HOST_H
 
 #include "cellwire/laser_eb90.h"
+#include "cellwire/laser_words.h"
 
 #define LASER_HOST_EVENTS 160 /* more than one push of bytes can cause */
 #define LASER_HOST_BATCH 255
@@ -10,6 +11,7 @@
 /* LE-107; times in nanoseconds. */
 struct laser_host_config {
     struct laser_eb90_profile profile;
+    struct laser_words words;
     uint32_t baud;
     unsigned batch, resends;
     bool resend_on_silence;

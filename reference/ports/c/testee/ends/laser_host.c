@@ -13,8 +13,8 @@ static bool begin(const struct json *object)
     unsigned baud = 9600;
     read_unsigned(object, "baud", UINT32_MAX, &baud);
     struct laser_host_config config = laser_host_default(baud);
-    if (json_get(object, "profile") != NULL || json_get(object, "words") != NULL)
-        return false;
+    read_laser_profile(json_get(object, "profile"), &config.profile);
+    read_laser_words(json_get(object, "words"), &config.words);
     read_unsigned(object, "batch", LASER_HOST_BATCH, &config.batch);
     read_unsigned(object, "resends", UINT8_MAX, &config.resends);
     read_unsigned(object, "longest_frame", LASER_EB90_MAX_LEN, &config.longest_frame);

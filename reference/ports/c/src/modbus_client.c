@@ -1,0 +1,420 @@
+#include "cellwire/modbus_client.h"
+
+#include "session.h"
+
+struct modbus_client_config modbus_client_default(enum modbus_line framing, uint32_t baud)
+{
+    uint64_t longest = modbus_line_longest(framing, baud);
+    return (struct modbus_client_config){
+        .framing = framing,
+        .places = MODBUS_CLIENT_PLACES,
+        .silence = modbus_line_silence(framing, baud),
+        .timeout = after(after(SECOND, longest), longest),
+        .in_flight = 1,
+        .broadcast = framing != MODBUS_LINE_TCP,
+        .turnaround = after(100 * MS, longest),
+        .settle = framing == MODBUS_LINE_RTU_OVER_TCP ? 10 * SECOND : SECOND,
+    };
+}
+
+static bool is_tcp(const struct modbus_client *client) { return client->config.framing == MODBUS_LINE_TCP; }
+
+static enum modbus_framing framing_of(const struct modbus_client *client) { return is_tcp(client) ? MODBUS_TCP : MODBUS_RTU; }
+
+bool modbus_client_init(struct modbus_client *client, const struct modbus_client_config *config)
+{
+    memset(client, 0, sizeof *client);
+    client->config = *config;
+    modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
+    unsigned most = is_tcp(client) ? config->places : 1;
+    return config->places >= 1 && config->places <= MODBUS_CLIENT_PLACES && config->timeout > 0 && config->in_flight >= 1 &&
+           config->in_flight <= most;
+}
+
+/* An outcome, for which there is always room. */
+static struct modbus_client_event *report(struct modbus_client *client, enum modbus_client_kind kind)
+{
+    struct modbus_client_event *event = ADD_EVENT(client);
+    event->kind = kind;
+    return event;
+}
+
+/* Anything else, in the place of the last one where only the outcomes still fit. */
+static struct modbus_client_event *remark(struct modbus_client *client, enum modbus_client_kind kind)
+{
+    static struct modbus_client_event dropped;
+    if (client->event_count >= MODBUS_CLIENT_EVENTS - MODBUS_CLIENT_PLACES)
+        return &dropped;
+    return report(client, kind);
+}
+
+/* The request has its outcome. */
+static struct modbus_client_event *end_request(struct modbus_client *client, struct modbus_client_place *place,
+                                               enum modbus_client_kind kind, const char *reason)
+{
+    struct modbus_client_event *event = report(client, kind);
+    event->ticket = place->ticket;
+    event->place = (size_t)(place - client->places);
+    event->reason = reason;
+    place->stage = MODBUS_CLIENT_ENDED;
+    return event;
+}
+
+/* No more reply is expected. */
+static void forget_late(struct modbus_client_place *place)
+{
+    if (place->stage == MODBUS_CLIENT_TIMED_OUT)
+        place->stage = MODBUS_CLIENT_ENDED;
+    else if (place->stage == MODBUS_CLIENT_EXPIRED)
+        place->stage = MODBUS_CLIENT_FREE;
+}
+
+/* FM-54 */
+static void end_connection(struct modbus_client *client)
+{
+    if (!client->is_up)
+        return;
+    for (size_t i = 0; i < client->config.places; i++) {
+        forget_late(&client->places[i]);
+        if (client->places[i].stage == MODBUS_CLIENT_IN_FLIGHT)
+            end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "disconnected");
+    }
+    for (size_t i = 0; i < client->config.places; i++)
+        if (client->places[i].stage == MODBUS_CLIENT_QUEUED)
+            end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "not_sent");
+    client->is_up = client->is_busy = client->is_quiet = client->is_doubtful = false;
+    memset(&client->step, 0, sizeof client->step);
+    modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
+}
+
+static void be_quiet(struct modbus_client *client, uint64_t until)
+{
+    client->is_quiet = true;
+    client->quiet_until = until;
+}
+
+/* FM-53 */
+void modbus_client_connected(struct modbus_client *client, uint64_t now)
+{
+    end_connection(client);
+    client->is_up = true;
+    if (client->config.framing == MODBUS_LINE_RTU)
+        be_quiet(client, after(after(now, client->config.timeout), client->config.settle));
+}
+
+void modbus_client_disconnected(struct modbus_client *client, uint64_t now)
+{
+    (void)now;
+    end_connection(client);
+}
+
+static struct modbus_client_place *find_in_flight(struct modbus_client *client, uint16_t transaction)
+{
+    for (size_t i = 0; i < client->config.places; i++)
+        if (client->places[i].stage == MODBUS_CLIENT_IN_FLIGHT && client->places[i].message.transaction == transaction)
+            return &client->places[i];
+    return NULL;
+}
+
+/* The newest request that has timed out with a transaction (FM-48). */
+static struct modbus_client_place *find_late(struct modbus_client *client, uint16_t transaction)
+{
+    struct modbus_client_place *newest = NULL;
+    for (size_t i = 0; i < client->config.places; i++) {
+        struct modbus_client_place *place = &client->places[i];
+        bool is_late = place->stage == MODBUS_CLIENT_TIMED_OUT || place->stage == MODBUS_CLIENT_EXPIRED;
+        if (is_late && place->message.transaction == transaction && (newest == NULL || place->ticket > newest->ticket))
+            newest = place;
+    }
+    return newest;
+}
+
+/* A misfit, with what was expected and found. */
+struct judgement {
+    enum modbus_client_misfit misfit;
+    size_t expected, found;
+};
+
+static struct judgement differ(enum modbus_client_misfit misfit, size_t expected, size_t found)
+{
+    return (struct judgement){expected == found ? MODBUS_CLIENT_FITS : misfit, expected, found};
+}
+
+static struct judgement echo(bool is_same) { return differ(MODBUS_CLIENT_ECHO, 0, is_same ? 0 : 1); }
+
+/* FM-44: the data of a reply. */
+static struct judgement judge_data(const struct modbus_message *request, const struct modbus_message *reply)
+{
+    bool is_address = request->address == reply->address;
+    switch (request->shape) {
+    case MODBUS_READ:
+        if (request->function <= 2)
+            return differ(MODBUS_CLIENT_QUANTITY, (request->quantity + 7u) / 8, reply->quantity / 8u);
+        return differ(MODBUS_CLIENT_QUANTITY, 2u * request->quantity, 2u * reply->quantity);
+    case MODBUS_READ_WRITE:
+        return differ(MODBUS_CLIENT_QUANTITY, 2u * request->read_quantity, 2u * reply->quantity);
+    case MODBUS_WRITE_COIL:
+        return echo(is_address && request->coil == reply->coil);
+    case MODBUS_WRITE_REGISTER:
+        return echo(is_address && request->value == reply->value);
+    case MODBUS_MASK:
+        return echo(is_address && request->and_mask == reply->and_mask && request->or_mask == reply->or_mask);
+    case MODBUS_WRITE_COILS:
+    case MODBUS_WRITE_WORDS:
+        return echo(is_address && request->quantity == reply->quantity);
+    default:
+        return echo(true);
+    }
+}
+
+/* FM-44, FM-84 */
+static struct judgement judge(const struct modbus_client *client, const struct modbus_message *request,
+                              const struct modbus_item *item)
+{
+    const struct modbus_message *reply = &item->message;
+    if (!client->config.any_unit && reply->unit != request->unit)
+        return differ(MODBUS_CLIENT_UNIT, request->unit, reply->unit);
+    if (item->error != MODBUS_NO_ERROR)
+        return (struct judgement){.misfit = MODBUS_CLIENT_MALFORMED};
+    if (reply->function != request->function)
+        return differ(MODBUS_CLIENT_FUNCTION, request->function, reply->function);
+    if (reply->shape != MODBUS_EXCEPTION)
+        return judge_data(request, reply);
+    bool is_doubtful = !is_tcp(client) && client->is_doubtful;
+    return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
+}
+
+static void say_misfit(struct modbus_client_event *event, const struct judgement *judgement, const struct modbus_item *item)
+{
+    event->misfit = judgement->misfit;
+    event->expected = (uint16_t)judgement->expected;
+    event->found = (uint16_t)judgement->found;
+    event->error = modbus_fault_of(item);
+}
+
+static struct modbus_client_event *stray(struct modbus_client *client, const struct modbus_message *message)
+{
+    struct modbus_client_event *event = remark(client, MODBUS_CLIENT_STRAY);
+    event->transaction = message->transaction;
+    event->unit = message->unit;
+    event->function = message->function;
+    return event;
+}
+
+/* Section 7.3 */
+static void take_frame(struct modbus_client *client, const struct modbus_item *item)
+{
+    struct modbus_client_place *place = find_in_flight(client, item->message.transaction);
+    if (place == NULL) {
+        struct modbus_client_place *late = find_late(client, item->message.transaction);
+        struct modbus_client_event *event = stray(client, &item->message);
+        if (late != NULL) {
+            event->late = late->ticket;
+            forget_late(late);
+        }
+        return;
+    }
+    struct judgement judgement = judge(client, &place->message, item);
+    if (judgement.misfit == MODBUS_CLIENT_FITS) {
+        uint16_t quantity = place->message.quantity;
+        bool is_bits = item->message.shape == MODBUS_BITS;
+        place->message = item->message;
+        if (is_bits)
+            place->message.quantity = quantity;
+        end_request(client, place, MODBUS_CLIENT_REPLIED, NULL);
+    } else if (is_tcp(client)) {
+        say_misfit(end_request(client, place, MODBUS_CLIENT_FAILED, NULL), &judgement, item);
+    } else {
+        say_misfit(stray(client, &item->message), &judgement, item);
+    }
+}
+
+static void read_items(struct modbus_client *client)
+{
+    struct modbus_item item;
+    while (modbus_next(&client->decoder, &item)) {
+        if (item.error == MODBUS_NO_ERROR || item.error > MODBUS_NOISE) {
+            take_frame(client, &item);
+            continue;
+        }
+        client->is_doubtful = true;
+        if (item.error == MODBUS_NOISE)
+            continue;
+        client->step.last = modbus_fault_of(&item);
+        remark(client, MODBUS_CLIENT_CORRUPT)->error = client->step.last;
+    }
+}
+
+static void end_bytes(struct modbus_client *client)
+{
+    client->is_busy = false;
+    modbus_end(&client->decoder);
+    read_items(client);
+}
+
+/* FM-49, FM-81 */
+size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uint8_t *data, size_t size)
+{
+    struct modbus_fault error;
+    if (!client->is_up) {
+        remark(client, MODBUS_CLIENT_UNEXPECTED);
+        return size;
+    }
+    if (client->is_busy && now >= client->silent_at)
+        end_bytes(client);
+    if (!is_tcp(client)) {
+        client->is_busy = true;
+        client->silent_at = after(now, client->config.silence);
+    }
+    for (size_t taken = 0; taken < size;) {
+        taken += modbus_push(&client->decoder, data + taken, size - taken);
+        read_items(client);
+    }
+    if (is_tcp(client) && modbus_step_is_lost(&client->step, &client->decoder, &error))
+        remark(client, MODBUS_CLIENT_OUT_OF_STEP)->error = error;
+    return size;
+}
+
+/* FM-50 */
+void modbus_client_timeout(struct modbus_client *client, uint64_t now)
+{
+    bool has_timed_out = false;
+    if (client->is_busy && now >= client->silent_at)
+        end_bytes(client);
+    if (client->is_quiet && now >= client->quiet_until)
+        client->is_quiet = false;
+    for (size_t i = 0; i < client->config.places; i++) {
+        struct modbus_client_place *place = &client->places[i];
+        if (place->stage != MODBUS_CLIENT_IN_FLIGHT || now < place->deadline)
+            continue;
+        end_request(client, place, MODBUS_CLIENT_FAILED, "timed_out");
+        place->stage = MODBUS_CLIENT_TIMED_OUT;
+        has_timed_out = true;
+    }
+    if (has_timed_out && !is_tcp(client) && client->config.settle > 0)
+        be_quiet(client, after(now, client->config.settle));
+}
+
+static bool is_broadcast(const struct modbus_client *client, const struct modbus_message *request)
+{
+    return client->config.broadcast && request->unit == 0;
+}
+
+/* FM-39 */
+static struct modbus_client_place *find_place(struct modbus_client *client)
+{
+    struct modbus_client_place *oldest = NULL;
+    for (size_t i = 0; i < client->config.places; i++) {
+        struct modbus_client_place *place = &client->places[i];
+        if (place->stage == MODBUS_CLIENT_FREE)
+            return place;
+        if (place->stage == MODBUS_CLIENT_EXPIRED && (oldest == NULL || place->expired < oldest->expired))
+            oldest = place;
+    }
+    return oldest;
+}
+
+uint64_t modbus_client_request(struct modbus_client *client, const struct modbus_message *request)
+{
+    uint8_t frame[MODBUS_MAX_LEN];
+    struct modbus_client_place *place = find_place(client);
+    bool reads = modbus_max_read(request->function) > 0;
+    if (place == NULL || request->shape == MODBUS_EXCEPTION || (is_broadcast(client, request) && reads) ||
+        modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
+        return 0;
+    place->stage = MODBUS_CLIENT_QUEUED;
+    place->ticket = ++client->tickets;
+    place->message = *request;
+    place->message.transaction = 0;
+    return place->ticket;
+}
+
+const struct modbus_message *modbus_client_reply(const struct modbus_client *client, const struct modbus_client_event *event)
+{
+    return &client->places[event->place].message;
+}
+
+bool modbus_client_event(struct modbus_client *client, struct modbus_client_event *event)
+{
+    if (!TAKE_EVENT(client, event))
+        return false;
+    if (event->kind > MODBUS_CLIENT_FAILED)
+        return true;
+    struct modbus_client_place *place = &client->places[event->place];
+    if (place->stage == MODBUS_CLIENT_TIMED_OUT) {
+        place->stage = MODBUS_CLIENT_EXPIRED;
+        place->expired = client->expiries++;
+    } else {
+        place->stage = MODBUS_CLIENT_FREE;
+    }
+    return true;
+}
+
+/* FM-41 */
+static bool is_taken(const struct modbus_client *client, uint16_t transaction)
+{
+    for (size_t i = 0; i < client->config.places; i++) {
+        enum modbus_client_stage stage = client->places[i].stage;
+        bool expects = stage == MODBUS_CLIENT_IN_FLIGHT || stage == MODBUS_CLIENT_TIMED_OUT || stage == MODBUS_CLIENT_EXPIRED;
+        if (expects && client->places[i].message.transaction == transaction)
+            return true;
+    }
+    return false;
+}
+
+/* FM-40 */
+static struct modbus_client_place *find_next(struct modbus_client *client)
+{
+    struct modbus_client_place *oldest = NULL;
+    unsigned in_flight = 0;
+    for (size_t i = 0; i < client->config.places; i++) {
+        struct modbus_client_place *place = &client->places[i];
+        in_flight += place->stage == MODBUS_CLIENT_IN_FLIGHT;
+        if (place->stage == MODBUS_CLIENT_QUEUED && (oldest == NULL || place->ticket < oldest->ticket))
+            oldest = place;
+    }
+    bool is_line_busy = client->config.framing == MODBUS_LINE_RTU && client->is_busy;
+    bool may_send = client->is_up && !client->is_quiet && !is_line_busy && in_flight < client->config.in_flight;
+    return may_send ? oldest : NULL;
+}
+
+/* FM-42, FM-43 */
+size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_t *out, size_t size)
+{
+    struct modbus_client_place *place = find_next(client);
+    if (place == NULL || size < MODBUS_MAX_LEN)
+        return 0;
+    bool announces = is_broadcast(client, &place->message);
+    if (is_tcp(client) && !announces) {
+        do
+            client->transaction++;
+        while (is_taken(client, client->transaction));
+        place->message.transaction = client->transaction;
+    }
+    size_t length = modbus_encode(&place->message, framing_of(client), out, size);
+    client->is_doubtful = false;
+    if (announces) {
+        end_request(client, place, MODBUS_CLIENT_ANNOUNCED, NULL);
+        be_quiet(client, after(now, client->config.turnaround));
+    } else {
+        place->stage = MODBUS_CLIENT_IN_FLIGHT;
+        place->deadline = after(now, client->config.timeout);
+    }
+    return length;
+}
+
+/* FM-55 */
+bool modbus_client_deadline(const struct modbus_client *client, uint64_t *deadline)
+{
+    bool is_busy = client->is_up && client->is_busy, is_quiet = client->is_up && client->is_quiet, is_waiting = false;
+    *deadline = is_busy ? client->silent_at : NEVER;
+    if (is_quiet)
+        *deadline = sooner(*deadline, client->quiet_until);
+    for (size_t i = 0; i < client->config.places; i++) {
+        if (client->places[i].stage != MODBUS_CLIENT_IN_FLIGHT)
+            continue;
+        is_waiting = true;
+        *deadline = sooner(*deadline, client->places[i].deadline);
+    }
+    return is_busy || is_quiet || is_waiting;
+}

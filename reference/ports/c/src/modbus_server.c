@@ -1,0 +1,385 @@
+#include "cellwire/modbus_server.h"
+
+#include "bytes.h"
+#include "session.h"
+
+#define KEPT 504 /* FM-62 */
+#define MAX_RTU 256
+#define ADDRESSES 65536u
+#define EXCEPTION 0x80
+
+enum { ILLEGAL_FUNCTION = 1, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE };
+
+static bool is_tcp(const struct modbus_server *server) { return server->config.framing == MODBUS_LINE_TCP; }
+
+static bool is_serial(const struct modbus_server *server) { return server->config.framing == MODBUS_LINE_RTU; }
+
+static bool is_full(const struct modbus_server *server) { return server->reply_count >= server->config.places; }
+
+struct modbus_server_config modbus_server_default(enum modbus_line framing, uint32_t baud)
+{
+    return (struct modbus_server_config){
+        .framing = framing,
+        .places = MODBUS_SERVER_PLACES,
+        .has_unit = framing != MODBUS_LINE_TCP,
+        .unit = 1,
+        .broadcast = framing != MODBUS_LINE_TCP,
+        .silence = modbus_line_silence(framing, baud),
+    };
+}
+
+static struct modbus_server_event *report(struct modbus_server *server, enum modbus_server_kind kind)
+{
+    struct modbus_server_event *event = ADD_EVENT(server);
+    event->kind = kind;
+    return event;
+}
+
+/* FM-65 */
+static void restart(struct modbus_server *server)
+{
+    server->is_busy = server->is_spoiled = false;
+    server->length = server->reply_count = 0;
+    memset(&server->step, 0, sizeof server->step);
+    modbus_init(&server->decoder, MODBUS_CLIENT, is_tcp(server) ? MODBUS_TCP : MODBUS_RTU);
+}
+
+bool modbus_server_init(struct modbus_server *server, const struct modbus_server_config *config)
+{
+    memset(server, 0, sizeof *server);
+    server->config = *config;
+    restart(server);
+    bool is_unit = config->unit >= 1 && config->unit <= 247;
+    if (config->framing == MODBUS_LINE_TCP)
+        is_unit = is_unit || config->unit == 255 || (config->unit == 0 && !config->broadcast);
+    return config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && (is_unit || !config->has_unit);
+}
+
+void modbus_server_connected(struct modbus_server *server, uint64_t now)
+{
+    (void)now;
+    restart(server);
+    server->is_up = true;
+}
+
+void modbus_server_disconnected(struct modbus_server *server, uint64_t now)
+{
+    (void)now;
+    restart(server);
+    server->is_up = false;
+}
+
+static bool is_broadcast(const struct modbus_server *server, uint8_t unit) { return server->config.broadcast && unit == 0; }
+
+static bool is_own(const struct modbus_server *server, uint8_t unit)
+{
+    return !server->config.has_unit || unit == server->config.unit;
+}
+
+/* Whether a request reaches beyond the last address. */
+static bool is_beyond(const struct modbus_message *request)
+{
+    uint32_t quantity = request->quantity, read = request->address + (uint32_t)request->read_quantity;
+    switch (request->shape) {
+    case MODBUS_READ:
+    case MODBUS_WRITE_COILS:
+    case MODBUS_WRITE_WORDS:
+        return request->address + quantity > ADDRESSES;
+    case MODBUS_READ_WRITE:
+        return read > ADDRESSES || request->write_address + quantity > ADDRESSES;
+    default:
+        return false;
+    }
+}
+
+/* An exception, also to a function that no encoder writes one to. */
+static size_t put_exception(const struct modbus_server *server, const struct modbus_message *request, uint8_t exception, uint8_t *out)
+{
+    size_t at = 0;
+    if (is_tcp(server)) {
+        put_u16_be(out, request->transaction);
+        put_u16_be(out + 2, 0);
+        put_u16_be(out + 4, 3);
+        at = 6;
+    }
+    out[at++] = request->unit;
+    out[at++] = (uint8_t)(request->function | EXCEPTION);
+    out[at++] = exception;
+    if (!is_tcp(server)) {
+        put_u16_le(out + at, modbus_crc(out, at));
+        at += 2;
+    }
+    return at;
+}
+
+/* FM-64 */
+static void serve(struct modbus_server *server, const struct modbus_item *item)
+{
+    const struct modbus_message *request = &item->message;
+    const struct modbus_server_owner *owner = &server->config.owner;
+    enum modbus_framing framing = is_tcp(server) ? MODBUS_TCP : MODBUS_RTU;
+    struct modbus_message reply = {.transaction = request->transaction, .unit = request->unit, .function = request->function};
+    struct modbus_server_reply bytes;
+    uint8_t exception = item->error == MODBUS_FUNCTION      ? ILLEGAL_FUNCTION
+                        : item->error != MODBUS_NO_ERROR    ? ILLEGAL_VALUE
+                        : is_beyond(request)                ? ILLEGAL_ADDRESS
+                                                            : owner->serve(owner->context, request, &reply);
+    if (exception == 0) {
+        bytes.length = modbus_encode(&reply, framing, bytes.bytes, sizeof bytes.bytes);
+        exception = bytes.length == 0 ? DEVICE_FAILURE : 0;
+    }
+    struct modbus_server_event *event = report(server, MODBUS_SERVER_SERVED);
+    event->transaction = request->transaction;
+    event->unit = request->unit;
+    event->function = request->function;
+    event->exception = exception;
+    if (exception != 0)
+        bytes.length = put_exception(server, request, exception, bytes.bytes);
+    if (!is_broadcast(server, request->unit))
+        server->replies[server->reply_count++] = bytes;
+}
+
+/* FM-61 */
+static void take_request(struct modbus_server *server, const struct modbus_item *item)
+{
+    if (is_own(server, item->message.unit) || is_broadcast(server, item->message.unit))
+        serve(server, item);
+}
+
+static void read_tcp(struct modbus_server *server)
+{
+    struct modbus_item item;
+    while (!is_full(server) && server->event_count < MODBUS_SERVER_EVENTS - 2 && modbus_next(&server->decoder, &item)) {
+        if (item.error == MODBUS_NO_ERROR || item.error > MODBUS_NOISE) {
+            take_request(server, &item);
+        } else if (item.error != MODBUS_NOISE) {
+            server->step.last = modbus_fault_of(&item);
+            report(server, MODBUS_SERVER_CORRUPT)->error = server->step.last;
+        }
+    }
+}
+
+enum found { REQUEST, OTHER, NO_FRAME, WAIT };
+
+static bool is_right(const uint8_t *frame, size_t size)
+{
+    return size >= 4 && get_u16_le(frame + size - 2) == modbus_crc(frame, size - 2);
+}
+
+/* FM-82: what is at the beginning of `d`; `*needs` says whether one of its lengths needs more bytes. */
+static enum found find_frame(const struct modbus_server *server, const uint8_t *d, size_t length, bool ended, size_t *size, bool *needs)
+{
+    size_t longest = 0;
+    enum found found = NO_FRAME;
+    bool is_asked = length > 0 && (is_own(server, d[0]) || d[0] == 0);
+    *needs = false;
+    for (int side = MODBUS_CLIENT; side <= (is_asked ? MODBUS_CLIENT : MODBUS_SERVER); side++) {
+        size_t n = 0;
+        bool is_known = modbus_rtu_length(d, length, (enum modbus_side)side, &n);
+        if (n > MAX_RTU || n == 0)
+            continue;
+        if (!is_known || n > length)
+            *needs = true;
+        else if (n > longest && is_right(d, n)) {
+            longest = n;
+            found = side == MODBUS_CLIENT ? REQUEST : OTHER;
+        }
+    }
+    bool may_be_all = ended && length <= MAX_RTU && (is_serial(server) || !*needs);
+    if (may_be_all && is_right(d, length)) {
+        *size = length;
+        return REQUEST;
+    }
+    *size = longest;
+    if (!ended && *needs)
+        return WAIT;
+    if (longest > 0)
+        return found;
+    return !ended && length <= MAX_RTU ? WAIT : NO_FRAME;
+}
+
+/* One error for all bytes up to the next silence: that of a request. On a serial line it is reported then. */
+static void spoil(struct modbus_server *server, const uint8_t *d, size_t length)
+{
+    struct modbus_item item;
+    modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_RTU);
+    modbus_push(&server->decoder, d, length);
+    modbus_end(&server->decoder);
+    if (!modbus_is_corrupt(&server->decoder, &item))
+        item.error = MODBUS_CRC;
+    server->fault = modbus_fault_of(&item);
+    if (!server->is_busy || !is_serial(server))
+        report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
+    server->length = 0;
+    server->is_spoiled = true;
+}
+
+static void drop(struct modbus_server *server, size_t count) { bytes_remove(server->held, &server->length, count); }
+
+/* A request of a serial line that another frame has followed, or that has no place (FM-62). */
+static void take_followed(struct modbus_server *server, const struct modbus_item *item)
+{
+    uint8_t unit = item->message.unit;
+    if (is_broadcast(server, unit)) {
+        serve(server, item);
+    } else if (is_own(server, unit)) {
+        struct modbus_server_event *event = report(server, MODBUS_SERVER_REFUSED);
+        event->unit = unit;
+        event->function = item->message.function;
+    }
+}
+
+/* A serial line was silent: what is held is frames to its end, or nothing is carried out. */
+static void judge_serial(struct modbus_server *server)
+{
+    struct modbus_item item;
+    size_t size;
+    bool needs;
+    for (size_t at = 0; at < server->length; at += size) {
+        enum found found = find_frame(server, server->held + at, server->length - at, true, &size, &needs);
+        if (found == NO_FRAME) {
+            spoil(server, server->held + at, server->length - at);
+            return;
+        }
+    }
+    while (server->length > 0) {
+        enum found found = find_frame(server, server->held, server->length, true, &size, &needs);
+        bool is_last = size == server->length;
+        if (found == REQUEST) {
+            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+            if (is_last && !is_full(server))
+                take_request(server, &item);
+            else
+                take_followed(server, &item);
+        }
+        drop(server, size);
+    }
+}
+
+/* FM-63 */
+static void shorten(struct modbus_server *server)
+{
+    struct modbus_item item;
+    size_t size;
+    bool needs;
+    while (server->length > MAX_RTU && !server->is_spoiled) {
+        enum found found = find_frame(server, server->held, server->length, false, &size, &needs);
+        if (found == NO_FRAME || found == WAIT) {
+            spoil(server, server->held, server->length);
+            return;
+        }
+        if (found == REQUEST) {
+            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+            if (is_own(server, item.message.unit) || item.message.unit == 0) {
+                struct modbus_server_event *event = report(server, MODBUS_SERVER_REFUSED);
+                event->unit = item.message.unit;
+                event->function = item.message.function;
+            }
+        }
+        drop(server, size);
+    }
+}
+
+/* RTU over TCP: frames from the beginning of what is held, as they come. */
+static void read_rtu(struct modbus_server *server, bool ended)
+{
+    struct modbus_item item;
+    size_t size;
+    bool needs;
+    while (server->length > 0 && !is_full(server) && !server->is_spoiled) {
+        enum found found = find_frame(server, server->held, server->length, ended, &size, &needs);
+        if (found == WAIT || (found == NO_FRAME && needs))
+            return;
+        if (found == NO_FRAME) {
+            spoil(server, server->held, server->length);
+            return;
+        }
+        if (found == REQUEST) {
+            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+            take_request(server, &item);
+        }
+        drop(server, size);
+    }
+}
+
+static size_t input_tcp(struct modbus_server *server, const uint8_t *data, size_t size)
+{
+    struct modbus_fault error;
+    size_t taken = 0, more = 1;
+    while (taken < size && more > 0) {
+        more = is_full(server) && server->decoder.length >= KEPT ? 0 : modbus_push(&server->decoder, data + taken, size - taken);
+        taken += more;
+        read_tcp(server);
+    }
+    if (modbus_step_is_lost(&server->step, &server->decoder, &error))
+        report(server, MODBUS_SERVER_OUT_OF_STEP)->error = error;
+    return taken;
+}
+
+size_t modbus_server_input(struct modbus_server *server, uint64_t now, const uint8_t *data, size_t size)
+{
+    if (!server->is_up) {
+        report(server, MODBUS_SERVER_UNEXPECTED);
+        return size;
+    }
+    if (is_tcp(server))
+        return input_tcp(server, data, size);
+    server->is_busy = true;
+    server->silent_at = after(now, server->config.silence);
+    size_t taken = 0;
+    for (; taken < size; taken++) {
+        if (!is_serial(server) && is_full(server) && server->length >= KEPT)
+            break;
+        if (server->length == MODBUS_SERVER_HELD)
+            shorten(server);
+        if (server->is_spoiled)
+            continue;
+        server->held[server->length++] = data[taken];
+        if (!is_serial(server))
+            read_rtu(server, false);
+    }
+    return taken;
+}
+
+/* FM-83 */
+void modbus_server_timeout(struct modbus_server *server, uint64_t now)
+{
+    if (!server->is_busy || now < server->silent_at || (!is_serial(server) && is_full(server)))
+        return;
+    server->is_busy = false;
+    if (is_serial(server) && server->is_spoiled)
+        report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
+    else if (is_serial(server))
+        judge_serial(server);
+    else
+        read_rtu(server, true);
+    server->is_spoiled = false;
+}
+
+bool modbus_server_event(struct modbus_server *server, struct modbus_server_event *event) { return TAKE_EVENT(server, event); }
+
+/* FM-60 */
+size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_t *out, size_t size)
+{
+    bool was_full = is_full(server);
+    if (server->reply_count == 0 || size < MODBUS_MAX_LEN || (is_serial(server) && server->is_busy))
+        return 0;
+    size_t length = server->replies[0].length;
+    memcpy(out, server->replies[0].bytes, length);
+    memmove(server->replies, server->replies + 1, --server->reply_count * sizeof *server->replies);
+    if (is_tcp(server)) {
+        read_tcp(server);
+    } else if (!is_serial(server)) {
+        if (was_full && server->is_busy)
+            server->silent_at = after(now, server->config.silence);
+        read_rtu(server, false);
+    }
+    return length;
+}
+
+/* FM-66 */
+bool modbus_server_deadline(const struct modbus_server *server, uint64_t *deadline)
+{
+    *deadline = server->silent_at;
+    return server->is_busy && (is_serial(server) || !is_full(server));
+}

@@ -1,0 +1,161 @@
+#include "cellwire/modbus_server.h"
+
+#include <string.h>
+
+#include "../end.h"
+
+#define TABLE 100
+#define BUSY 6
+
+ADAPT(modbus_server)
+
+/* The server of the stories: coils, discrete inputs, which are the coils turned round, and holding registers. */
+static bool coils[TABLE];
+static uint16_t registers[TABLE];
+
+static bool is_there(unsigned address, unsigned quantity) { return address + quantity <= TABLE; }
+
+static void read_coils(const struct modbus_message *request, struct modbus_message *reply)
+{
+    reply->shape = MODBUS_BITS;
+    reply->quantity = request->quantity;
+    for (unsigned i = 0; i < request->quantity; i++)
+        if (coils[request->address + i] == (request->function == 1))
+            reply->bytes[i / 8] = (uint8_t)(reply->bytes[i / 8] | 1u << i % 8);
+}
+
+static void read_registers(unsigned address, uint16_t quantity, struct modbus_message *reply)
+{
+    reply->shape = MODBUS_REGISTERS;
+    reply->quantity = quantity;
+    memcpy(reply->registers, registers + address, quantity * sizeof *registers);
+}
+
+static uint8_t write(const struct modbus_message *request, struct modbus_message *reply)
+{
+    unsigned address = request->address, quantity = request->quantity;
+    *reply = *request;
+    switch (request->shape) {
+    case MODBUS_WRITE_COIL:
+        if (!is_there(address, 1))
+            return 2;
+        coils[address] = request->coil;
+        return 0;
+    case MODBUS_WRITE_REGISTER:
+        if (!is_there(address, 1))
+            return 2;
+        registers[address] = request->value;
+        return 0;
+    case MODBUS_MASK:
+        if (!is_there(address, 1))
+            return 2;
+        registers[address] = (uint16_t)((registers[address] & request->and_mask) | (request->or_mask & ~request->and_mask));
+        return 0;
+    case MODBUS_WRITE_COILS:
+        if (!is_there(address, quantity))
+            return 2;
+        for (unsigned i = 0; i < quantity; i++)
+            coils[address + i] = request->bytes[i / 8] >> i % 8 & 1;
+        break;
+    default:
+        if (!is_there(address, quantity))
+            return 2;
+        memcpy(registers + address, request->registers, quantity * sizeof *registers);
+    }
+    reply->shape = MODBUS_WRITTEN;
+    return 0;
+}
+
+static uint8_t serve(void *context, const struct modbus_message *request, struct modbus_message *reply)
+{
+    unsigned address = request->address;
+    (void)context;
+    switch (request->function) {
+    case 1:
+    case 2:
+        if (!is_there(address, request->quantity))
+            return 2;
+        read_coils(request, reply);
+        return 0;
+    case 3:
+        if (!is_there(address, request->quantity))
+            return 2;
+        read_registers(address, request->quantity, reply);
+        return 0;
+    case 23:
+        if (!is_there(address, request->read_quantity) || !is_there(request->write_address, request->quantity))
+            return 2;
+        memcpy(registers + request->write_address, request->registers, request->quantity * sizeof *registers);
+        read_registers(address, request->read_quantity, reply);
+        return 0;
+    case 5:
+    case 6:
+    case 15:
+    case 16:
+    case 22:
+        return write(request, reply);
+    case 65:
+        *reply = *request;
+        return 0;
+    case 66:
+        reply->shape = MODBUS_RAW;
+        reply->quantity = MODBUS_MAX_DATA + 1;
+        return 0;
+    case 67:
+        return BUSY;
+    default:
+        return 1;
+    }
+}
+
+static bool begin(const struct json *object)
+{
+    const struct json *unit = json_get(object, "unit");
+    unsigned baud = 19200, number = 1;
+    read_unsigned(object, "baud", UINT32_MAX, &baud);
+    struct modbus_server_config config = modbus_server_default(read_modbus_line(object), baud);
+    if (unit != NULL)
+        config.has_unit = unit->type == '0';
+    read_unsigned(object, "unit", UINT8_MAX, &number);
+    config.unit = (uint8_t)number;
+    if (json_get(object, "broadcast") != NULL)
+        config.broadcast = json_true(json_get(object, "broadcast"));
+    read_unsigned(object, "places", MODBUS_SERVER_PLACES, &config.places);
+    read_time(object, "silence", &config.silence);
+    read_time(object, "stall", &config.silence);
+    config.owner.serve = serve;
+    for (unsigned i = 0; i < TABLE; i++) {
+        coils[i] = i % 3 == 0;
+        registers[i] = (uint16_t)(7 * i);
+    }
+    return modbus_server_init(&session, &config);
+}
+
+static bool call(uint64_t now, const char *name, const struct json *argument)
+{
+    (void)now, (void)name, (void)argument;
+    return false;
+}
+
+static bool event(bool is_first)
+{
+    static const char *const NAMES[] = {"served", "refused", "corrupt", "out_of_step", "unexpected"};
+    struct modbus_server_event event;
+    if (!modbus_server_event(&session, &event))
+        return false;
+    begin_event(is_first, NAMES[event.kind]);
+    if (event.kind <= MODBUS_SERVER_REFUSED)
+        print(",\"unit\":%u,\"function\":%u", event.unit, event.function);
+    if (event.kind == MODBUS_SERVER_SERVED && session.config.framing == MODBUS_LINE_TCP)
+        print(",\"transaction\":%u", event.transaction);
+    if (event.exception != 0)
+        print(",\"exception\":%u", event.exception);
+    if (event.kind == MODBUS_SERVER_CORRUPT || event.kind == MODBUS_SERVER_OUT_OF_STEP) {
+        print(",\"error\":");
+        print_modbus_error(&event.error);
+    }
+    print("}");
+    return true;
+}
+
+const struct end MODBUS_SERVER_END = {END("fanuc-hmi-modbus", "server")};

@@ -101,8 +101,10 @@ static void take_line(struct mmacell_device *device, const struct mmacell_proto_
 {
     struct mmacell_proto_message order = item->message;
     bool is_move = order.kind == MMACELL_PROTO_MOV;
-    if (order.kind >= MMACELL_PROTO_TOO_LONG || (is_move && order.axes_len != device->config.axes_len)) {
+    if (order.kind >= MMACELL_PROTO_TOO_LONG) {
         reject(device, MMACELL_DEVICE_MALFORMED)->item = *item;
+    } else if (is_move && order.axes_len != device->config.axes_len) {
+        reject(device, MMACELL_DEVICE_OTHER_AXES);
     } else if (order.kind == MMACELL_PROTO_STA) {
         answer_status(device);
     } else if (is_move && order.flag && !make_absolute(device, &order)) {

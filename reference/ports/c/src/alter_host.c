@@ -257,8 +257,10 @@ static void read_items(struct alter_host *host, uint64_t now)
 
 size_t alter_host_input(struct alter_host *host, uint64_t now, const uint8_t *data, size_t size)
 {
-    if (host->phase == ALTER_HOST_DISCONNECTED)
+    if (host->phase == ALTER_HOST_DISCONNECTED) {
+        report(host, ALTER_HOST_UNEXPECTED);
         return size;
+    }
     alter_host_timeout(host, now); /* AL-91 */
     size_t taken = val2_alter_push(&host->decoder, data, size);
     read_items(host, now);

@@ -47,6 +47,7 @@ enum alter_controller_kind {
     ALTER_CONTROLLER_EXCEPTION, /* code */
     ALTER_CONTROLLER_ABORTED,   /* code */
     ALTER_CONTROLLER_STRAY,     /* message */
+    ALTER_CONTROLLER_UNEXPECTED,
 };
 
 struct alter_controller_event {

@@ -55,6 +55,7 @@ enum alter_host_kind {
     ALTER_HOST_STALE,
     ALTER_HOST_REJECTED, /* code: the error */
     ALTER_HOST_DELAYED,
+    ALTER_HOST_UNEXPECTED,
 };
 
 struct alter_host_event {

@@ -75,7 +75,7 @@ bool mmacell_device_init(struct mmacell_device *device, const struct mmacell_dev
 void mmacell_device_connected(struct mmacell_device *device);
 void mmacell_device_disconnected(struct mmacell_device *device);
 
-/* Takes bytes, all of them; returns how many. */
+/* Takes bytes, all of them: those of a read of up to MMACELL_DEVICE_KEPT; returns how many. */
 size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, size_t size);
 
 /* The owner accepts the order that was asked, or refuses it; false: it is not pending, or not possible any more (MM-54). */

@@ -77,7 +77,7 @@ static bool event(bool is_first)
 {
     static const char *const NAMES[] = {"",        "corrupt", "lost",         "exception",
                                         "stopped", "missed",  "target_stale", "rejected",
-                                        "delayed"};
+                                        "delayed", "unexpected"};
     struct alter_host_event event;
     if (!alter_host_event(&session, &event))
         return false;

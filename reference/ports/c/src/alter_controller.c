@@ -228,8 +228,10 @@ static void read_items(struct alter_controller *controller, uint64_t now)
 size_t alter_controller_input(struct alter_controller *controller, uint64_t now, const uint8_t *data, size_t size)
 {
     size_t taken = 0;
-    if (controller->phase == ALTER_CONTROLLER_DISCONNECTED)
+    if (controller->phase == ALTER_CONTROLLER_DISCONNECTED) {
+        report(controller, ALTER_CONTROLLER_UNEXPECTED);
         return size;
+    }
     alter_controller_timeout(controller, now);
     while (taken < size && controller->event_count < ALTER_CONTROLLER_EVENTS / 2) {
         taken += val2_alter_push(&controller->decoder, data + taken, 1);

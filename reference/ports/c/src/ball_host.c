@@ -60,7 +60,6 @@ void ball_host_disconnected(struct ball_host *host, uint64_t now)
 {
     ball_host_timeout(host, now);
     close(host);
-    isra_ball_init(&host->decoder);
 }
 
 /* IB-26, IB-31 */

@@ -221,7 +221,7 @@ static void take_frame(struct laser_controller *controller, uint64_t now)
         queue(controller, now, word, count);
     } else {
         struct laser_controller_event *event = report(controller, LASER_CONTROLLER_EXECUTE);
-        event->class = class;
+        event->word_class = class;
         event->word = controller->word = word;
         controller->work = LASER_CONTROLLER_EXECUTING;
         controller->has_peer = true;

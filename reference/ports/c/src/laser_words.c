@@ -29,7 +29,7 @@ enum laser_words_class laser_words_class(const struct laser_words *words, uint16
 {
     for (size_t i = 0; i < words->command_count; i++)
         if (word >= words->commands[i].first && word <= words->commands[i].last)
-            return words->commands[i].class;
+            return words->commands[i].word_class;
     return LASER_WORDS_NO_CLASS;
 }
 

@@ -101,8 +101,10 @@ static void take_line(struct mmacell_device *device, const struct mmacell_proto_
 {
     struct mmacell_proto_message order = item->message;
     bool is_move = order.kind == MMACELL_PROTO_MOV;
-    if (order.kind >= MMACELL_PROTO_TOO_LONG || (is_move && order.axes_len != device->config.axes_len)) {
+    if (order.kind >= MMACELL_PROTO_TOO_LONG) {
         reject(device, MMACELL_DEVICE_MALFORMED)->item = *item;
+    } else if (is_move && order.axes_len != device->config.axes_len) {
+        reject(device, MMACELL_DEVICE_OTHER_AXES);
     } else if (order.kind == MMACELL_PROTO_STA) {
         answer_status(device);
     } else if (is_move && order.flag && !make_absolute(device, &order)) {
@@ -135,15 +137,16 @@ static void read_lines(struct mmacell_device *device)
 
 size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, size_t size)
 {
-    for (size_t i = 0; i < size && device->link != MMACELL_DEVICE_DOWN && device->link != MMACELL_DEVICE_ENDED; i++) {
-        if (device->kept_len == MMACELL_DEVICE_KEPT) {
-            restart(device, MMACELL_DEVICE_ENDED);
-            report(device, MMACELL_DEVICE_OVERRUN);
-            break;
-        }
-        device->kept[device->kept_len++] = data[i];
-        read_lines(device);
+    if (device->link == MMACELL_DEVICE_DOWN || device->link == MMACELL_DEVICE_ENDED)
+        return size;
+    if (size > MMACELL_DEVICE_KEPT - device->kept_len) {
+        restart(device, MMACELL_DEVICE_ENDED);
+        report(device, MMACELL_DEVICE_OVERRUN);
+        return size;
     }
+    memcpy(device->kept + device->kept_len, data, size);
+    device->kept_len += size;
+    read_lines(device);
     return size;
 }
 

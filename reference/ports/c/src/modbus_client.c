@@ -39,12 +39,11 @@ static struct modbus_client_event *report(struct modbus_client *client, enum mod
     return event;
 }
 
-/* Anything else, in the place of the last one where only the outcomes still fit. */
+/* Anything else; where only the outcomes still fit it is dropped, in a slot behind them. */
 static struct modbus_client_event *remark(struct modbus_client *client, enum modbus_client_kind kind)
 {
-    static struct modbus_client_event dropped;
     if (client->event_count >= MODBUS_CLIENT_EVENTS - MODBUS_CLIENT_PLACES)
-        return &dropped;
+        return &client->events[MODBUS_CLIENT_EVENTS - 1];
     return report(client, kind);
 }
 

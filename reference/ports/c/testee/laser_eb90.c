@@ -45,7 +45,7 @@ void read_laser_words(const struct json *object, struct laser_words *words)
             class++;
         words->commands[words->command_count].first = (uint16_t)first;
         words->commands[words->command_count].last = (uint16_t)last;
-        words->commands[words->command_count++].class = (enum laser_words_class)class;
+        words->commands[words->command_count++].word_class = (enum laser_words_class)class;
     }
     for (int error = 0; error < LASER_WORDS_NO_ERROR; error++) {
         int64_t word = words->errors[error];

@@ -4,6 +4,10 @@
 
 #include "cellwire/val2_alter.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define ALTER_CONTROLLER_EVENTS 32
 
 /* AL-70: what a word means that a reply leaves out. */
@@ -43,6 +47,7 @@ enum alter_controller_kind {
     ALTER_CONTROLLER_EXCEPTION, /* code */
     ALTER_CONTROLLER_ABORTED,   /* code */
     ALTER_CONTROLLER_STRAY,     /* message */
+    ALTER_CONTROLLER_UNEXPECTED,
 };
 
 struct alter_controller_event {
@@ -103,5 +108,9 @@ size_t alter_controller_transmit(struct alter_controller *controller, uint64_t n
 
 /* When `timeout` is to be called, or a message may be sent, at the latest; false: never. */
 bool alter_controller_deadline(const struct alter_controller *controller, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

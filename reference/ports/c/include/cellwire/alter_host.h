@@ -5,6 +5,10 @@
 #include "cellwire/alter_limiter.h"
 #include "cellwire/val2_alter.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define ALTER_HOST_EVENTS 128 /* more than one push of bytes can cause */
 
 enum alter_host_policy { ALTER_HOST_ACCEPT, ALTER_HOST_REFUSE, ALTER_HOST_IGNORE };
@@ -116,5 +120,9 @@ size_t alter_host_transmit(struct alter_host *host, uint64_t now, uint8_t *out, 
 
 /* When `timeout` is to be called at the latest; false: never. */
 bool alter_host_deadline(const struct alter_host *host, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

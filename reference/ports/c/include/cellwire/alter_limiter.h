@@ -5,6 +5,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define ALTER_AXES 6
 
 /* In units of a word and a cycle, 0..=32767. */
@@ -34,5 +38,9 @@ void alter_limiter_missed(struct alter_limiter *limiter);
 void alter_limiter_hold(struct alter_limiter *limiter, int axis);
 
 bool alter_limiter_is_at_rest(const struct alter_limiter *limiter);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -4,6 +4,10 @@
 
 #include "cellwire/isra_ball.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define BALL_EVENTS 16
 
 enum ball_kind {
@@ -44,5 +48,9 @@ bool ball_event(struct ball *ball, struct ball_event *event);
 
 /* The bytes that are to be sent now, at most ISRA_BALL_PACKET_LEN; 0: nothing. */
 size_t ball_transmit(struct ball *ball, uint8_t *out, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -4,6 +4,10 @@
 
 #include "cellwire/isra_ball.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define BALL_HOST_EVENTS 64
 
 /* Section 7.1; times in nanoseconds, UINT64_MAX is never. */
@@ -66,5 +70,9 @@ size_t ball_host_transmit(struct ball_host *host, uint64_t now, uint8_t *out, si
 
 /* When `timeout` is to be called, or a poll may be sent, at the latest; false: never. */
 bool ball_host_deadline(const struct ball_host *host, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MODBUS_MAX_LEN 260  /* FM-6 */
 #define MODBUS_MAX_DATA 252 /* bytes of a PDU after its function code */
 #define MODBUS_MAX_REGISTERS 125
@@ -113,5 +117,9 @@ void modbus_decode_rtu(const uint8_t *frame, size_t length, enum modbus_side sid
 
 /* FM-9 */
 uint16_t modbus_crc(const uint8_t *data, size_t length);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -8,6 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define FANUC_LS_NAME_LIMIT 36   /* LS-51 */
 #define FANUC_LS_COMMENT_LENGTH 16 /* LS-11 */
 
@@ -197,5 +201,9 @@ struct fanuc_ls_text fanuc_ls_comment(const struct fanuc_ls_attribute *attribute
 
 /* How many characters a text has: columns are counted in them. */
 size_t fanuc_ls_characters(struct fanuc_ls_text text);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,6 +5,10 @@
 
 #include "cellwire/fanuc_ls.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 struct fanuc_ls_writer {
     char *out;
     size_t size, length;
@@ -32,5 +36,9 @@ bool fanuc_ls_write_instruction(struct fanuc_ls_writer *writer, const struct fan
 bool fanuc_ls_write_position(struct fanuc_ls_writer *writer, uint32_t number, struct fanuc_ls_text name);
 bool fanuc_ls_write_group(struct fanuc_ls_writer *writer, const struct fanuc_ls_group *group, const struct fanuc_ls_axis *axes, size_t count);
 bool fanuc_ls_write_position_end(struct fanuc_ls_writer *writer);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define ISRA_BALL_POLL 0x05
 #define ISRA_BALL_PACKET_LEN 12 /* what an encoder writes */
 #define ISRA_BALL_MAX_LEN 259   /* IB-8 */
@@ -59,5 +63,9 @@ bool isra_ball_next(struct isra_ball_decoder *decoder, struct isra_ball_item *it
 
 /* Writes a packet, and returns its length; 0: refused (IB-19), nothing is written. */
 size_t isra_ball_encode(const struct isra_ball_packet *packet, uint8_t *out, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,6 +7,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define KAWASAKI_MSG_MAX_LEN 4096 /* KM-14 */
 
 /* Characters of a message; not terminated. */
@@ -71,5 +75,9 @@ bool kawasaki_msg_value(const struct kawasaki_msg_text *values, size_t *at, stru
 size_t kawasaki_msg_encode(struct kawasaki_msg_text name, const struct kawasaki_msg_text *header, size_t header_count,
                            const struct kawasaki_msg_text *fields, size_t field_count, bool is_latin1, uint8_t *out,
                            size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

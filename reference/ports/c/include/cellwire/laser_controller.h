@@ -5,6 +5,10 @@
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LASER_CONTROLLER_EVENTS 64
 
 /* The owner of a controller, asked while a frame is judged (LE-92 to LE-94). Parameters are items, read by laser_eb90_item. */
@@ -39,7 +43,7 @@ enum laser_controller_kind {
 
 struct laser_controller_event {
     enum laser_controller_kind kind;
-    enum laser_words_class class;
+    enum laser_words_class word_class;
     uint16_t word;
     size_t count;
     enum laser_words_error refusal;
@@ -98,5 +102,9 @@ size_t laser_controller_transmit(struct laser_controller *controller, uint64_t n
 
 /* When `timeout` is to be called, or an answer may be sent, at the latest; false: never. */
 bool laser_controller_deadline(const struct laser_controller *controller, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LASER_EB90_MAX_LEN 1032    /* LE-14 */
 #define LASER_EB90_MAX_PAYLOAD 512 /* LE-12 */
 #define LASER_EB90_TYPES 4
@@ -97,5 +101,9 @@ void laser_eb90_put_byte(struct laser_eb90_payload *payload, uint8_t value);
 
 /* Writes a frame, and returns its length; 0: refused (LE-36) or `size` is too short, nothing is written. */
 size_t laser_eb90_encode(const struct laser_eb90_payload *payload, uint8_t *out, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

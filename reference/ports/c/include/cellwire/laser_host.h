@@ -5,6 +5,10 @@
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LASER_HOST_EVENTS 160 /* more than one push of bytes can cause */
 #define LASER_HOST_BATCH 255
 
@@ -107,5 +111,9 @@ size_t laser_host_transmit(struct laser_host *host, uint64_t now, uint8_t *out, 
 
 /* When `timeout` or `transmit` is to be called at the latest; false: never. */
 bool laser_host_deadline(const struct laser_host *host, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

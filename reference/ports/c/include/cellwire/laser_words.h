@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LASER_WORDS_MAX_RANGES 32
 
 enum laser_words_class { LASER_WORDS_NO_CLASS, LASER_WORDS_INTERPRETED, LASER_WORDS_IMMEDIATE, LASER_WORDS_QUERY };
@@ -23,7 +27,7 @@ enum laser_words_error {
 struct laser_words {
     struct {
         uint16_t first, last;
-        enum laser_words_class class;
+        enum laser_words_class word_class;
     } commands[LASER_WORDS_MAX_RANGES];
     size_t command_count;
     uint16_t errors[LASER_WORDS_NO_ERROR];
@@ -42,5 +46,9 @@ enum laser_words_error laser_words_error(const struct laser_words *words, uint16
 
 /* The name of an error code in the reference; NULL: it is none. */
 const char *laser_words_name(enum laser_words_error error);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -4,6 +4,10 @@
 
 #include "cellwire/mmacell_proto.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MMACELL_CENTRAL_EVENTS 8
 
 /* MM-71; times in nanoseconds. */
@@ -94,5 +98,9 @@ size_t mmacell_central_transmit(struct mmacell_central *central, uint64_t now, u
 
 /* When `timeout` is to be called at the latest; false: never. */
 bool mmacell_central_deadline(const struct mmacell_central *central, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

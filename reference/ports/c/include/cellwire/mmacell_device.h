@@ -4,6 +4,10 @@
 
 #include "cellwire/mmacell_proto.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MMACELL_DEVICE_EVENTS 8
 #define MMACELL_DEVICE_KEPT 512 /* MM-50 */
 
@@ -36,7 +40,8 @@ enum mmacell_device_kind {
     MMACELL_DEVICE_NOT_NOW,      /* rejected: axes do not allow it */
     MMACELL_DEVICE_NO_POSE,      /* rejected */
     MMACELL_DEVICE_OUT_OF_RANGE, /* rejected: the sum of a MOVR */
-    MMACELL_DEVICE_MALFORMED,    /* rejected: item, whose kind is MMACELL_PROTO_MOV if it has the axes of another device */
+    MMACELL_DEVICE_OTHER_AXES,   /* rejected: a MOV with the axes of another device */
+    MMACELL_DEVICE_MALFORMED,    /* rejected: item */
     MMACELL_DEVICE_AGREED,       /* closed, after CLO */
     MMACELL_DEVICE_OVERRUN,      /* closed */
 };
@@ -70,7 +75,7 @@ bool mmacell_device_init(struct mmacell_device *device, const struct mmacell_dev
 void mmacell_device_connected(struct mmacell_device *device);
 void mmacell_device_disconnected(struct mmacell_device *device);
 
-/* Takes bytes, all of them; returns how many. */
+/* Takes bytes, all of them: those of a read of up to MMACELL_DEVICE_KEPT; returns how many. */
 size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, size_t size);
 
 /* The owner accepts the order that was asked, or refuses it; false: it is not pending, or not possible any more (MM-54). */
@@ -87,5 +92,9 @@ bool mmacell_device_event(struct mmacell_device *device, struct mmacell_device_e
 
 /* The bytes that are to be sent now, at most MMACELL_PROTO_MAX_LINE; 0: nothing. */
 size_t mmacell_device_transmit(struct mmacell_device *device, uint8_t *out, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MMACELL_PROTO_MAX_LINE 64 /* MM-7 */
 #define MMACELL_PROTO_MAX_AXES 4
 
@@ -95,5 +99,9 @@ unsigned mmacell_proto_decimals(size_t axes_len, size_t axis);
 
 /* A value in mm or rad as a count of its last digit, halves away from zero (MM-11); false: it does not fit. */
 bool mmacell_proto_round(double value, unsigned decimals, int32_t *count);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,6 +5,10 @@
 #include "cellwire/fanuc_hmi_modbus.h"
 #include "cellwire/modbus_line.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MODBUS_CLIENT_PLACES 8
 #define MODBUS_CLIENT_EVENTS 32 /* the outcomes of all places always fit */
 
@@ -109,5 +113,9 @@ size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_
 
 /* When `timeout` is to be called at the latest; false: never. */
 bool modbus_client_deadline(const struct modbus_client *client, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

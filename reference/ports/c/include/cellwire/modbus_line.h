@@ -4,6 +4,10 @@
 
 #include "cellwire/fanuc_hmi_modbus.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum modbus_line { MODBUS_LINE_TCP, MODBUS_LINE_RTU, MODBUS_LINE_RTU_OVER_TCP };
 
 /* An error of a decoder, without the message of its item. */
@@ -29,5 +33,9 @@ uint64_t modbus_line_silence(enum modbus_line line, uint32_t baud);
 
 /* The time of 256 characters on a serial line, else 0 (FM-77). */
 uint64_t modbus_line_longest(enum modbus_line line, uint32_t baud);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

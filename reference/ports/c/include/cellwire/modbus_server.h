@@ -5,6 +5,10 @@
 #include "cellwire/fanuc_hmi_modbus.h"
 #include "cellwire/modbus_line.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MODBUS_SERVER_PLACES 8
 #define MODBUS_SERVER_EVENTS 32
 #define MODBUS_SERVER_HELD 1024 /* FM-63 */
@@ -85,5 +89,9 @@ size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_
 
 /* When `timeout` is to be called at the latest; false: never. */
 bool modbus_server_deadline(const struct modbus_server *server, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

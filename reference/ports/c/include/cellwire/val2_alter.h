@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define VAL2_ALTER_MAX_LEN 67 /* AL-11 */
 #define VAL2_ALTER_AXES 6
 #define VAL2_ALTER_TRANSFORM 12
@@ -103,5 +107,9 @@ void val2_alter_clear(struct val2_alter_decoder *decoder);
 /* Writes a message, and returns its length; 0: refused (AL-40), nothing is written. */
 size_t val2_alter_encode(const struct val2_alter_message *message, struct val2_alter_framing framing, uint8_t *out,
                          size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

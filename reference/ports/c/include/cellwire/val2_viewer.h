@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define VAL2_VIEWER_REQUEST 0x05
 #define VAL2_VIEWER_XON 0x11
 #define VAL2_VIEWER_XOFF 0x13
@@ -56,5 +60,9 @@ bool val2_viewer_next(struct val2_viewer_decoder *decoder, struct val2_viewer_it
 
 /* Writes a line, and returns its length; 0: `size` is too short, nothing is written. */
 size_t val2_viewer_encode(const struct val2_viewer_pose *pose, uint8_t *out, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -4,6 +4,10 @@
 
 #include "cellwire/val2_viewer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define VIEWER_HOST_EVENTS 16
 
 /* Times in nanoseconds above 0, UINT64_MAX is never. */
@@ -63,5 +67,9 @@ size_t viewer_host_transmit(struct viewer_host *host, uint64_t now, uint8_t *out
 
 /* When `timeout` is to be called, or a packet may be sent, at the latest; false: never. */
 bool viewer_host_deadline(const struct viewer_host *host, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -4,6 +4,10 @@
 
 #include "cellwire/val2_viewer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define VIEWER_WORKSTATION_EVENTS 16
 
 /* Times in nanoseconds, UINT64_MAX is never. */
@@ -70,5 +74,9 @@ size_t viewer_workstation_transmit(struct viewer_workstation *station, uint64_t 
 
 /* When `timeout` is to be called at the latest; false: never. */
 bool viewer_workstation_deadline(const struct viewer_workstation *station, uint64_t *deadline);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

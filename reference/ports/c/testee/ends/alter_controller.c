@@ -61,7 +61,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
 static bool event(bool is_first)
 {
     static const char *const NAMES[] = {"started", "refused",   "gave_up", "reply", "bad_reply",
-                                        "ended",   "exception", "aborted", "stray"};
+                                        "ended",   "exception", "aborted", "stray", "unexpected"};
     struct alter_controller_event event;
     if (!alter_controller_event(&session, &event))
         return false;

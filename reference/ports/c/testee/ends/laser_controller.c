@@ -110,7 +110,7 @@ static bool event(bool is_first)
         return false;
     begin_event(is_first, NAMES[event.kind]);
     if (event.kind == LASER_CONTROLLER_EXECUTE) {
-        print(",\"class\":\"%s\",\"word\":%u", CLASSES[event.class], event.word);
+        print(",\"class\":\"%s\",\"word\":%u", CLASSES[event.word_class], event.word);
         const uint8_t *parameters = laser_controller_parameters(&session, &length);
         print_parameters(parameters, length);
     } else if (event.kind == LASER_CONTROLLER_QUEUED) {

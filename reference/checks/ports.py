@@ -2,8 +2,8 @@
 
 Usage: python3 reference/checks/ports.py [python | c]…
 
-Python is checked by `mypy --strict`, C is built with every warning an error, and with the address and undefined behaviour
-sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
+Python is checked by `mypy --strict`, and its drivers are tested over sockets; C is built with every warning an error, and with the address
+and undefined behaviour sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
 """
 
 import json
@@ -37,8 +37,9 @@ def python():
     venv = TARGET / "venv/bin/python"
     interpreter = venv if venv.exists() else sys.executable
     cache = TARGET / "mypy"
-    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "cellwire", cwd=folder)
-    return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed
+    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "cellwire", "tests", cwd=folder)
+    tested = passes(sys.executable, "-B", "-W", "error", "-m", "unittest", "-q", "tests.test_line", cwd=folder)
+    return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed and tested
 
 
 def c():

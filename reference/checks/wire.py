@@ -6,6 +6,7 @@ CELLWIRE names the tool [default: target/debug/cellwire]. A wheel is built and i
 run, over TCP and pseudo-terminals. Prints `link: passed of all`, and what a program has printed that failed; exit status 1 then.
 """
 
+import ast
 import json
 import os
 import re
@@ -29,7 +30,7 @@ CELLWIRE = Path(os.environ.get("CELLWIRE", REFERENCE.parent / "target/debug/cell
 CLEAN = TARGET / "clean"
 LIMIT = 30  # seconds for a program
 # Lines that a program prints which does not end by itself.
-ENOUGH = 40
+ENOUGH, FEW = 40, 10
 
 
 def install():
@@ -281,7 +282,7 @@ def alter_controller(scene):
     program = scene.program(1, (USB, robot.names[0]))
     answer(teleoperation(scene, [robot, line]), program)
     program.prints("'started'")
-    program.prints("'event': 'reply'.*'kind': 'reply'", ENOUGH)
+    program.prints("'event': 'reply'.*'kind': 'reply'", FEW)
 
 
 def viewer_workstation(scene):
@@ -297,7 +298,7 @@ def alter_host(scene):
     scene.simulate("puma", "--pty", scene.link()).ready()
     program = scene.program(0, (USB, scene.link()))
     program.prints("'start'")
-    motions = [eval(line) for line in program.prints("'event': 'motion'", ENOUGH)]  # noqa: S307: what our own program prints
+    motions = [ast.literal_eval(line) for line in program.prints("'event': 'motion'", ENOUGH)]
     along = [motion["message"]["transform"][9] for motion in motions if motion["message"]["transform"]]
     check(len(set(along)) > 5, f"the arm does not move: {along}")
 
@@ -388,26 +389,45 @@ SCENES = {
     "val2-viewer": [viewer_host, viewer_workstation],
 }
 
+REAL_TIME = {alter_host, alter_controller, viewer_workstation}
+
+
+def tried(scene, source):
+    """What keeps real time is tried three times: a machine may have stood still."""
+    for _ in range(3 if scene in REAL_TIME else 1):
+        wrong = run(scene, source)
+        if wrong is None:
+            break
+    return wrong
+
 
 def run(scene, source):
-    """Whether a scene holds, and what was printed if not."""
+    """What is wrong with a scene, and what was printed; None: nothing is."""
     with Scene(source) as stage:
         try:
             scene(stage)
-        except Exception as wrong:  # noqa: BLE001: whatever it is, the scene does not hold
+        except Exception as wrong:  # whatever it is, the scene does not hold
             said = [f"  {line[:300]}" for running in stage.running for line in running.lines[-12:]]
             return "\n".join([f"{scene.__name__}: {type(wrong).__name__}: {wrong}", *said])
     return None
 
 
+def hurry():
+    """Cycles of 28 ms do not wait for what else this machine does; only root may say so."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, -10)
+    except PermissionError:
+        pass
+
+
 def main():
     install()
+    hurry()
     found = programs()
     check(run(example, found["cellwire" if "cellwire" in found else "# cellwire"]) is None, "the first program of the page")
     links = sys.argv[1:] or list(SCENES)
-    # One after the other where an arm keeps real time; two at once, as a processor has them.
     with ThreadPoolExecutor(4) as pool:
-        results = {link: [pool.submit(run, scene, found[link]) for scene in SCENES[link]] for link in links}
+        results = {link: [pool.submit(tried, scene, found[link]) for scene in SCENES[link]] for link in links}
     failed = False
     for link, scenes in results.items():
         wrong = [scene.result() for scene in scenes if scene.result() is not None]

@@ -28,24 +28,31 @@ PORT = REFERENCE / "ports/python"
 TARGET = REFERENCE.parent / "target/reference"
 CELLWIRE = Path(os.environ.get("CELLWIRE", REFERENCE.parent / "target/debug/cellwire")).resolve()
 CLEAN = TARGET / "clean"
+QUIET = ["-q", "--disable-pip-version-check"]
 LIMIT = 30  # seconds for a program
 # Lines that a program prints which does not end by itself.
 ENOUGH, FEW = 40, 10
 
 
+def environment(name, *packages):
+    """An environment with these packages and nothing else; it is made once."""
+    folder = TARGET / name
+    if not (folder / "bin/cellwire-made").exists():
+        subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True)
+        subprocess.run([folder / "bin/pip", "install", *QUIET, *packages], check=True)
+        (folder / "bin/cellwire-made").touch()
+    return folder / "bin/python"
+
+
 def install():
-    """The wheel, in an environment with pyserial and nothing else."""
+    """The wheel, in an environment with pyserial."""
     wheels = TARGET / "wheel"
-    quiet = ["-q", "--disable-pip-version-check"]
-    interpreter = TARGET / "venv/bin/python"
-    if not (CLEAN / "bin/python").exists():
-        subprocess.run([interpreter, "-m", "venv", CLEAN], check=True)
-        subprocess.run([CLEAN / "bin/pip", "install", *quiet, "pyserial>=3.5"], check=True)
-    build = [interpreter, "-m", "pip", "wheel", *quiet, "--no-build-isolation", "--no-deps", "-w", wheels, PORT]
+    builder = environment("builder", "hatchling==1.*")
+    build = [builder, "-m", "pip", "wheel", *QUIET, "--no-build-isolation", "--no-deps", "-w", wheels, PORT]
     subprocess.run(build, check=True)
     (wheel,) = wheels.glob("cellwire-*.whl")
     options = ["--no-index", "--no-deps", "--force-reinstall"]
-    subprocess.run([CLEAN / "bin/pip", "install", *quiet, *options, wheel], check=True)
+    subprocess.run([environment("clean", "pyserial==3.5"), "-m", "pip", "install", *QUIET, *options, wheel], check=True)
 
 
 def programs():

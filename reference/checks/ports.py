@@ -2,8 +2,8 @@
 
 Usage: python3 reference/checks/ports.py [python | c]…
 
-Python is checked by `mypy --strict`, C is built with every warning an error, and with the address and undefined behaviour
-sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
+Python is checked by `mypy --strict`, and its drivers are tested over sockets; C is built with every warning an error, and with the address
+and undefined behaviour sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
 """
 
 import json
@@ -14,6 +14,8 @@ from pathlib import Path
 
 REFERENCE = Path(__file__).resolve().parent.parent
 TARGET = REFERENCE.parent / "target/reference"
+# Of links that have them.
+VALUES = {"python": ["fanuc-hmi-modbus/values", "val2-alter/values"]}
 CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
 ENDS = [f"{path.stem}/{end}" for path in (REFERENCE / "sessions").glob("*.json") for end in json.loads(path.read_text())["ends"]]
 SESSIONS = {"python": ENDS, "c": [end for end in ENDS if not end.startswith("kawasaki-msg")]}
@@ -21,7 +23,7 @@ SESSIONS = {"python": ENDS, "c": [end for end in ENDS if not end.startswith("kaw
 
 def testee(port):
     """The command that runs a port's testee; nothing of what the port claims may be skipped."""
-    claims = [argument for claim in CODECS + SESSIONS[port] for argument in ("--claim", claim)]
+    claims = [argument for claim in CODECS + SESSIONS[port] + VALUES.get(port, []) for argument in ("--claim", claim)]
     return [sys.executable, REFERENCE / "checks/testee.py", *claims]
 
 
@@ -35,8 +37,9 @@ def python():
     venv = TARGET / "venv/bin/python"
     interpreter = venv if venv.exists() else sys.executable
     cache = TARGET / "mypy"
-    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "cellwire", cwd=folder)
-    return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed
+    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "testee_values.py", "cellwire", "tests", cwd=folder)
+    tested = passes(sys.executable, "-B", "-W", "error", "-m", "unittest", "-q", "tests.test_line", cwd=folder)
+    return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed and tested
 
 
 def c():

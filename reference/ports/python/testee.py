@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol
 
+import testee_values
 from cellwire import (
     fanuc_hmi_modbus,
     fanuc_ls,
@@ -226,6 +227,7 @@ def programs(request: Json) -> Json:
 
 
 TASKS: dict[str, Callable[[Link, Json], Json]] = {
+    "value": lambda link, request: testee_values.answer(request["given"]),
     "decode": decode,
     "stream": decode,
     "encode": encode,

@@ -99,9 +99,10 @@ class Listen:
         self.clients.put_nowait(Socket(reader, writer))
 
     def close(self) -> None:
-        self.listener.close()
         if self.server is not None:
-            self.server.close()
+            self.server.close()  # and its socket
+        else:
+            self.listener.close()
 
 
 class Port:

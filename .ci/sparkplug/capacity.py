@@ -1,4 +1,4 @@
-"""How many cells a bridge carries: devices of five links in one light process, a broker, a consumer that counts, and nothing else."""
+"""How many cells a bridge carries: devices of all links in one light process, a broker, a consumer that counts, and nothing else."""
 import argparse
 import collections
 import json
@@ -7,10 +7,9 @@ import re
 import subprocess
 import threading
 import time
-import urllib.request
 from pathlib import Path
 
-from ground import GROUP, Ground
+from ground import GROUP, Ground, metrics
 from pysparkplug import _protobuf as pb
 
 parser = argparse.ArgumentParser()
@@ -18,11 +17,13 @@ parser.add_argument("cellwire")
 parser.add_argument("place", type=Path)
 parser.add_argument("--cells", type=int, default=1000)
 parser.add_argument("--minutes", type=float, default=1)
+parser.add_argument("--longest", type=float, default=90, help="every cell is alive after so many seconds at the most")
 args = parser.parse_args()
 LOAD = Path(args.cellwire).with_name("examples") / "load"
 SETTINGS = {
     "fanuc-hmi-modbus": 'poll = "100ms"', "kawasaki-msg": "", "laser-eb90": 'poll = "500ms"',
     "mmacell-proto": 'poll = "200ms", device = "platform"', "isra-ball": 'report = "200ms"',
+    "val2-alter": 'report = "200ms"', "val2-viewer": "",
 }
 ground = Ground(args.cellwire, args.place / "capacity")
 (ground.folder / "mosquitto.conf").write_text(
@@ -43,35 +44,37 @@ consumer = subprocess.Popen(
     ["stdbuf", "-oL", "mosquitto_sub", "-V", "5", "-q", "1", "-D", "connect", "receive-maximum", "65535", "-h", "127.0.0.1",
      "-p", str(ground.broker_port), "-t", f"spBv1.0/{GROUP}/DDATA/#", "-F", "%t %x"], stdout=subprocess.PIPE, text=True)
 ground.processes.append(consumer)
-came, delays = collections.Counter(), []
+came, first, last, delays = collections.Counter(), {}, {}, []
 
 
 def receive():
     for line in consumer.stdout:
         topic, _, payload = line.rstrip("\n").partition(" ")
         came[topic] += 1
+        first.setdefault(topic, payload)
+        last[topic] = payload
         if came[topic] % 50 == 0:
             found = pb.Payload.FromString(bytes.fromhex(payload))
             delays.append((time.time() * 1000 - found.metrics[0].timestamp, found.metrics[0].is_historical))
 
 
-threading.Thread(target=receive, daemon=True).start()
+receiver = threading.Thread(target=receive, daemon=True)
+receiver.start()
 time.sleep(0.5)
 ground.start_bridge()
 
 
-def figures():
-    try:
-        text = urllib.request.urlopen(f"http://127.0.0.1:{ground.health_port}/metrics", timeout=5).read().decode()
-    except OSError:
-        return {}
-    return {line.rsplit(" ", 1)[0].removeprefix("cellwire_bridge_"): float(line.rsplit(" ", 1)[1])
-            for line in text.splitlines() if not line.startswith("#")}
-
-
+figures = lambda: metrics(ground.health_port)
 alive = lambda found: sum(value for name, value in found.items() if name.startswith("link_connected"))
-ground.wait("every cell alive", lambda: alive(figures()) == args.cells, 90)
-cpu = lambda process: sum(map(int, Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+links_up = lambda: collections.Counter(re.search(r'cell="(.*)-', name).group(1) for name, up in figures().items() if name.startswith("link_connected") and up)
+begun, cpu = time.time(), lambda process: sum(map(int, Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+while alive(figures()) < args.cells:
+    if time.time() > begun + args.longest:
+        busy = {name: f"{100 * cpu(it) / (time.time() - begun):.0f} %" for name, it in
+                (("bridge", ground.bridge), ("devices", load), ("broker", ground.broker), ("consumer", consumer))}
+        ground.fail(f"not every cell is alive after {args.longest:.0f} s: {dict(links_up())}; of one core: {busy}")
+    time.sleep(1)
+print(f"every cell is alive after {time.time() - begun:.0f} s", flush=True)
 of = lambda file, name: int(re.search(rf"^{name}:\s+(\d+)", Path(f"/proc/{ground.bridge.pid}/{file}").read_text(), re.M).group(1))
 
 
@@ -108,4 +111,22 @@ print(f"  memory {of('status', 'VmHWM') / 1024:.0f} MiB, {of('status', 'Threads'
       f"disk {(of('io', 'write_bytes') - written) / 1e6 / (seconds / 60):.1f} MB a minute")
 if alive(after) < args.cells or switches:
     ground.fail("not all of it was carried")
+# The bridge ends, and has nothing left; then each cell has sent as many records as its numbers have gone on.
+ground.bridge.terminate()
+ground.bridge.wait()
+time.sleep(2)
+consumer.terminate()
+receiver.join(10)
+
+
+def number(text):
+    payload = pb.Payload.FromString(bytes.fromhex(text))
+    return next(metric.long_value for metric in payload.metrics if metric.name == "Record/Number")
+
+
+lost = {topic: number(last[topic]) - number(first[topic]) + 1 - count for topic, count in came.items()}
+print(f"  by Record/Number, of {sum(came.values())} records: {sum(max(0, count) for count in lost.values())} lost, "
+      f"{sum(max(0, -count) for count in lost.values())} twice; {len(came)} cells")
+if any(lost.values()) or len(came) != args.cells:
+    ground.fail({topic: count for topic, count in lost.items() if count})
 ground.stop()

@@ -1,6 +1,5 @@
 """Faults, one after the other: how long the bridge takes to come back, and what is lost and repeated by the numbers of the records."""
 import argparse
-import atexit
 import json
 import os
 import random
@@ -10,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.request
 from pathlib import Path
 
 import paho.mqtt.client as mqtt
@@ -18,7 +16,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from pysparkplug._protobuf import sparkplug_b_pb2 as pb
 
-from ground import free_port
+from ground import Place, free_port, metrics
 from links import LINKS
 
 parser = argparse.ArgumentParser()
@@ -34,48 +32,26 @@ args = parser.parse_intermixed_args()
 BRIDGE = str(Path(args.cellwire).with_name("cellwire-bridge"))
 GROUP, NODE, HOST = "hall", "bridge-1", "scada"
 folder = args.place / "faults"
-subprocess.run(["rm", "-rf", folder], check=True)
-folder.mkdir(parents=True)
 os.environ["PATH"] += ":/usr/sbin"
-processes, failures = [], []
-metric = lambda name: f"cellwire_bridge_{name}"
+failures = []
 
 
-def stop_all():
-    for process in processes:
-        if process.poll() is None:
-            process.send_signal(signal.SIGCONT)
-            process.kill()
-            process.wait()
+class Faults(Place):
+    def fail(self, why):
+        failures.append(why)
+        if not args.go_on:
+            super().fail(why)
+        print(f"FAILED: {why}", flush=True)
 
 
-atexit.register(stop_all)
-
-
-def fail(why):
-    print(f"FAILED: {why}", flush=True)
-    failures.append(why)
-    if not args.go_on:
-        print("\n".join((folder / "bridge.log").read_text().splitlines()[-15:]))
-        stop_all()
-        sys.exit(1)
-
-
-def spawn(command, log, **options):
-    process = subprocess.Popen(command, stdout=open(folder / log, "a"), **options)
-    processes.append(process)
-    return process
+place = Faults(folder)
+fail, spawn = place.fail, place.spawn
 
 
 def wait(what, condition, seconds):
     """How long it took."""
     start = time.time()
-    while not condition():
-        if time.time() > start + seconds:
-            fail(f"{what}: not within {seconds:.0f} s")
-            return float("inf")
-        time.sleep(0.05)
-    return time.time() - start
+    return time.time() - start if place.wait(what, condition, seconds) else float("inf")
 
 
 class Proxy:
@@ -217,15 +193,7 @@ def start_broker():
     return broker
 
 
-def metrics():
-    try:
-        text = urllib.request.urlopen(f"http://127.0.0.1:{health_port}/metrics", timeout=5).read().decode()
-    except OSError:
-        return {}
-    return {line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if not line.startswith("#")}
-
-
-figure = lambda name: metrics().get(metric(name), -1)
+figure = lambda name: metrics(health_port).get(name, -1)
 broker = start_broker()
 proxy = Proxy(broker_port)
 names = [(LINKS[index % len(LINKS)], index // len(LINKS) + 1) for index in range(args.cells)]
@@ -391,13 +359,14 @@ for name in schedule():
 minutes, disk = (time.time() - began) / 60, written[0] + of_process("io", "write_bytes")
 rows = [(what, len(times), max(times)) for what, times in took.items()]
 host.say(True)
+links_up = lambda: [value for name, value in metrics(health_port).items() if name.startswith("link_connected")]
 if wait("online at the end", is_online, 60) < 60:
     for cell in cells:
         cell.stop()
-    wait("every link down", lambda: all(value == 0 for name, value in metrics().items() if "link_connected" in name), 30)
+    wait("every link down", lambda: (found := links_up()) and not any(found), 30)
     wait("an empty store", lambda: figure("store_records") == 0, 30)
-last = metrics()
-made = {cell.name: int(last.get(metric(f'record_number{{cell="{cell.name}"}}'), 0)) for cell in cells}
+last = metrics(health_port)
+made = {cell.name: int(last.get(f'record_number{{cell="{cell.name}"}}', 0)) for cell in cells}
 time.sleep(2)
 lost = host.lost + sum(max(0, made[cell.name] - host.last.get(cell.name, 0)) for cell in cells)
 print(f"\n{'fault':<38} {'times':>5} {'back after at most, s':>22}")
@@ -411,5 +380,5 @@ if bridge.wait() != 0:
     fail(f"the bridge ended with {bridge.returncode}")
 if lost:
     fail(f"{lost} records are lost")
-stop_all()
+place.stop()
 sys.exit(1 if failures else 0)

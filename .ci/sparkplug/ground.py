@@ -1,10 +1,14 @@
-"""What the smaller runs have in common: a folder, processes, a broker without a password, simulated cells, a bridge."""
+"""What the runs have in common: a folder, processes, a bridge's figures; of the smaller ones a broker without a password, simulated cells, a
+bridge."""
+import atexit
 import json
 import random
+import signal
 import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import paho.mqtt.client as mqtt
@@ -26,26 +30,70 @@ def free_port():
                 pass
 
 
-class Ground:
-    def __init__(self, cellwire, folder):
-        self.cellwire, self.folder, self.processes = str(cellwire), folder, []
+def metrics(port):
+    """What a bridge says of itself, by the names without what they all begin with; nothing when it does not answer."""
+    try:
+        text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5).read().decode()
+    except OSError:
+        return {}
+    return {line.rsplit(" ", 1)[0].removeprefix("cellwire_bridge_"): float(line.rsplit(" ", 1)[1])
+            for line in text.splitlines() if not line.startswith("#")}
+
+
+class Place:
+    """A folder, and the processes that have their output in it."""
+
+    def __init__(self, folder):
+        self.folder, self.processes = folder, []
         subprocess.run(["rm", "-rf", folder], check=True)
         folder.mkdir(parents=True)
-        self.broker_port, self.health_port = free_port(), free_port()
-        (folder / "mosquitto.conf").write_text(f"listener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
-        self.start_broker()
+        atexit.register(self.stop)
 
     def spawn(self, command, log, **options):
         process = subprocess.Popen(command, stdout=open(self.folder / log, "a"), **options)
         self.processes.append(process)
         return process
 
+    def wait(self, what, condition, seconds=60):
+        end = time.time() + seconds
+        while time.time() < end:
+            found = condition()
+            if found:
+                return found
+            time.sleep(0.05)
+        self.fail(f"{what}: not within {seconds:.0f} s")
+
+    def fail(self, why):
+        print(f"FAILED: {why}", flush=True)
+        for name in ("bridge.log", "bridge.err", "broker.log"):
+            path = self.folder / name
+            if path.exists():
+                print(f"-- {name}\n" + "\n".join(path.read_text().splitlines()[-15:]))
+        self.stop()
+        sys.exit(1)
+
+    def stop(self):
+        for process in self.processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGCONT)
+                process.kill()
+            process.wait()
+
+
+class Ground(Place):
+    def __init__(self, cellwire, folder, broker="listener {port} 127.0.0.1\nallow_anonymous true\n"):
+        super().__init__(folder)
+        self.cellwire = str(cellwire)
+        self.broker_port, self.health_port = free_port(), free_port()
+        (folder / "mosquitto.conf").write_text(broker.format(port=self.broker_port, folder=folder))
+        self.start_broker()
+
     def start_broker(self):
         self.broker = self.spawn(["mosquitto", "-c", str(self.folder / "mosquitto.conf")], "broker.log", stderr=subprocess.STDOUT)
 
-    def simulate(self, count):
-        kinds = [LINKS[index % len(LINKS)] for index in range(count)]
-        self.cells = [kind(f"{kind.NAME}-{index // len(LINKS) + 1}", self.cellwire, self.folder, self.spawn)
+    def simulate(self, count, links=LINKS, **options):
+        kinds = [links[index % len(links)] for index in range(count)]
+        self.cells = [kind(f"{kind.NAME}-{index // len(links) + 1}", self.cellwire, self.folder, self.spawn, **options)
                       for index, kind in enumerate(kinds)]
         for cell in self.cells:
             self.wait(f"the simulator of {cell.name}", cell.ready)
@@ -78,22 +126,3 @@ listen = "127.0.0.1:{self.health_port}"
         client.publish(f"spBv1.0/{GROUP}/DCMD/{NODE}/{name}", payload.SerializeToString(), qos=1).wait_for_publish()
         client.disconnect()
         client.loop_stop()
-
-    def wait(self, what, condition, seconds=60):
-        end = time.time() + seconds
-        while time.time() < end:
-            found = condition()
-            if found:
-                return found
-            time.sleep(0.1)
-        self.fail(f"{what}: not within {seconds} s")
-
-    def fail(self, why):
-        print(f"FAILED: {why}")
-        self.stop()
-        sys.exit(1)
-
-    def stop(self):
-        for process in self.processes:
-            process.kill()
-            process.wait()

@@ -8,11 +8,10 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.request
 from pathlib import Path
 
 from consumer import STATEMENTS, Consumer
-from ground import free_port
+from ground import Place, free_port, metrics
 from links import LINKS
 
 parser = argparse.ArgumentParser()
@@ -37,43 +36,8 @@ LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "hall", "bridge-1", "sca
 COMMANDER, DASHBOARD = (HOST, "battery"), ("dashboard", "staple")
 PAGE = Path(__file__).parents[2] / "docs/bridge.md"
 folder = args.place / "run"
-subprocess.run(["rm", "-rf", folder], check=True)
-folder.mkdir(parents=True)
-processes = []
-
-
-def wait(what, condition, seconds=60):
-    end = time.time() + seconds
-    while time.time() < end:
-        found = condition()
-        if found:
-            return found
-        time.sleep(0.1)
-    fail(f"{what}: not within {seconds} s")
-
-
-def fail(why):
-    print(f"FAILED: {why}", flush=True)
-    for name in ("bridge.log", "bridge.err", "broker.log"):
-        path = folder / name
-        if path.exists():
-            print(f"-- {name}\n" + "\n".join(path.read_text().splitlines()[-15:]))
-    stop_all()
-    sys.exit(1)
-
-
-def spawn(command, log, **options):
-    process = subprocess.Popen(command, stdout=open(folder / log, "a"), **options)
-    processes.append(process)
-    return process
-
-
-def stop_all():
-    for process in processes:
-        if process.poll() is None:
-            process.kill()
-    for process in processes:
-        process.wait()
+place = Place(folder)
+wait, fail, spawn = place.wait, place.fail, place.spawn
 
 
 def certificates():
@@ -171,23 +135,14 @@ class Bridge:
         self.process.wait()
 
 
-def metrics():
-    try:
-        text = urllib.request.urlopen(f"http://127.0.0.1:{health_port}/metrics", timeout=5).read().decode()
-    except OSError:
-        return None
-    return {line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if not line.startswith("#")}
-
-
 def figure(name):
-    return (metrics() or {}).get(f"cellwire_bridge_{name}", -1)
+    return metrics(health_port).get(name, -1)
 
 
 def books():
     """Records made since the bridge began, less those that the broker or the store has: always the same, or the bridge has lost some."""
-    found = metrics()
-    of = lambda name: found[f"cellwire_bridge_{name}"]
-    return of("records_total") - of("acknowledged_total") - of("store_records") - sum(
+    found = metrics(health_port)
+    return found["records_total"] - found["acknowledged_total"] - found["store_records"] - sum(
         value for name, value in found.items() if "dropped_total" in name and "busy" not in name)
 
 
@@ -240,7 +195,7 @@ wait("records in the store", lambda: figure("store_records") > args.cells)
 if figure("published_total") != 0:
     fail("records were published without the host application")
 consumer.start()
-processes.append(consumer.receiver)
+place.processes.append(consumer.receiver)
 wait("online", lambda: figure("online") == 1)
 wait("a record of every cell", lambda: len(consumer.accepted) == args.cells - len(forbidden))
 
@@ -335,10 +290,11 @@ time.sleep(max(0.0, end - time.time()))
 # No new records, then everything that waits.
 for cell in cells:
     cell.stop()
-wait("every link down", lambda: all(value == 0 for name, value in (metrics() or {"x": 1}).items() if "link_connected" in name))
+links_up = lambda: [value for name, value in metrics(health_port).items() if name.startswith("link_connected")]
+wait("every link down", lambda: (found := links_up()) and not any(found))
 wait("an empty store", lambda: figure("store_records") == 0)
 seconds = time.time() - started
-last = metrics()
+last = metrics(health_port)
 if not args.calm and books() != balance:
     fail(f"the bridge's books: {balance} and then {books()}: {last}")
 cpu = bridge.cpu + bridge.look()
@@ -350,7 +306,7 @@ wait("the death of the node", lambda: consumer.bd is None)
 consumer.stop()
 for cell in cells:
     cell.verify(1 if args.calm else 2, fail)
-stop_all()
+place.stop()
 
 print(f"{args.cells} cells, {seconds:.0f} s, QoS {args.qos}, TLS; the broker was ended {outages - len(killed)} times and killed "
       f"{len(killed)} times, the bridge killed {0 if args.calm else 1} times; {ordered} commands, each sent twice\n")
@@ -361,7 +317,7 @@ kinds = {}
 for cell in cells:
     # A link that is tried again makes records up to the end: what the bridge had, or what came after that.
     highest = max((number for (name, _), number in consumer.last.items() if name == cell.name), default=0)
-    out = max(int(last[f'cellwire_bridge_record_number{{cell="{cell.name}"}}']), highest)
+    out = max(int(last[f'record_number{{cell="{cell.name}"}}']), highest)
     got = consumer.accepted[cell.name]
     total = kinds.setdefault(cell.NAME, [0, 0, 0])
     total[0] += out

@@ -8,10 +8,10 @@ class Cell:
 
     SIMULATE, SETTINGS, COMMANDS, OPTIONS = None, "", True, ()
 
-    def __init__(self, name, cellwire, folder, spawn):
+    def __init__(self, name, cellwire, folder, spawn, listen="127.0.0.1"):
         self.name, self.folder, self.log = name, folder, f"{name}.log"
         options = [text.format(folder=folder, name=name) for text in self.OPTIONS]
-        command = [cellwire, "simulate", self.SIMULATE, "--listen", "127.0.0.1:0", *options]
+        command = [cellwire, "simulate", self.SIMULATE, "--listen", f"{listen}:0", *options]
         self.process = spawn(command, self.log, stderr=open(folder / f"{name}.err", "a"))
         self.address = None
 

@@ -1,6 +1,7 @@
 """The page of a bridge in Chromium: 50 cells, a hostile name, a cell that dies, a broker that goes, a bridge that ends."""
 import argparse
 import json
+import signal
 import subprocess
 import time
 from pathlib import Path
@@ -13,12 +14,18 @@ parser.add_argument("place", type=Path)
 parser.add_argument("--cells", type=int, default=50)
 args = parser.parse_args()
 HOSTILE = "<img src=x onerror=alert(1)>"
+PLACES = {
+    "kawasaki-msg": "painter", "val2-alter": "arm", "val2-viewer": "screen", "isra-ball": "ball", "fanuc-hmi-modbus": "handling",
+    "laser-eb90": "cutter", "mmacell-proto": "assembly",
+}
 folder = args.place / "page"
 ground = Ground(args.cellwire, folder)
 ground.simulate(args.cells)
 cells = ground.cells
-cells[-1].name = HOSTILE
-ground.write_hall("\n".join(cell.table().replace(f"[cell.{HOSTILE}]", f"[cell.'{HOSTILE}']") for cell in cells))
+for cell in cells:
+    cell.name = cell.name.replace(cell.NAME, PLACES[cell.NAME])
+write = lambda: ground.write_hall("\n".join(cell.table().replace(f"[cell.{HOSTILE}]", f"[cell.'{HOSTILE}']") for cell in cells))
+write()
 ground.start_bridge()
 time.sleep(2)
 script = Path(__file__).parents[1] / "page/page.mjs"
@@ -40,7 +47,6 @@ step("shows", selector="#name", pattern="^hall-3 / bridge-1$")
 step("shows", selector="#cells-alive", pattern=f"^{args.cells} of {args.cells} alive$")
 step("shows", selector="#broker-state", pattern="^online$")
 step("shows", selector="#rate", pattern="[1-9]")
-step("harmless", text=HOSTILE)
 kawasaki = cells[0]
 for cell in cells[:7]:
     for id, what, _ in cell.orders(1):
@@ -55,6 +61,11 @@ dying.stop()
 step("shows", selector="#rows tr.bad:first-child", pattern=f"^{dying.name}dead .*cannot connect|^{dying.name}dead .*closed")
 step("shows", selector="#cells-alive", pattern=f"^{args.cells - 1} of {args.cells} alive$")
 step("picture", name="hall")
+cells[-1].name = HOSTILE
+write()
+ground.bridge.send_signal(signal.SIGHUP)
+step("harmless", text=HOSTILE)
+step("shows", selector="#cells-alive", pattern=f"^{args.cells - 1} of {args.cells} alive$")
 step("wrong")
 ground.broker.kill()
 ground.broker.wait()

@@ -1,4 +1,4 @@
-//! Devices of five links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves whoever
+//! Devices of all links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves whoever
 //! connects with the session of the device's end.
 //!
 //! `cargo run --release -p cellwire-bridge --example load` prints where, as one line of JSON, and serves until it is killed.
@@ -22,12 +22,16 @@ use slab::Slab;
 /// The link, the device's end, and what it does by itself so often.
 type Kind = (&'static str, &'static str, Option<(&'static str, Duration)>);
 
-const KINDS: [Kind; 5] = [
+const KINDS: [Kind; 7] = [
     ("fanuc-hmi-modbus", "", None),
     ("kawasaki-msg", "robot", None),
     ("laser-eb90", "controller", None),
     ("mmacell-proto", "device", None),
     ("isra-ball", "ball", Some(("measure", Duration::from_millis(100)))),
+    // What was begun goes on by itself, in its cycles of 28 ms.
+    ("val2-alter", "controller", Some(("start", Duration::from_secs(5)))),
+    // Nobody answers, and it asks again after a pause of 2 s.
+    ("val2-viewer", "workstation", Some(("draw", Duration::from_secs(3)))),
 ];
 /// What is due is looked for so often.
 const TICK: Duration = Duration::from_millis(5);

@@ -42,6 +42,8 @@ pub struct Cell {
     pub last_at: u64,
     /// Whether the hall's file allows commands to it.
     pub takes_commands: bool,
+    /// Whether it may be another bridge's.
+    pub is_shared: bool,
     /// By how much a metric has to change to be reported, if it reports by exception.
     pub bands: Option<Bands>,
     /// Where its thread takes commands.
@@ -62,6 +64,8 @@ pub enum Next {
     Same,
     /// It is in the hall's file no more.
     Gone,
+    /// It is not this bridge's now.
+    Away,
     /// It is another one.
     Another(Box<(hall::Cell, Client)>),
 }
@@ -81,6 +85,11 @@ impl Cell {
         matches!(self.next, Next::Gone)
     }
 
+    /// Whether it is this bridge's, and to stay so.
+    pub fn is_here(&self) -> bool {
+        !self.is_shared || matches!(self.next, Next::Same) && self.thread.is_some()
+    }
+
     /// Whether its thread has ended.
     pub fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
@@ -89,8 +98,9 @@ impl Cell {
     /// Whether something is to be done about a thread that was to end, and has; or about a place that is free.
     pub fn is_over(&self) -> bool {
         match self.next {
-            Next::Same => false,
-            Next::Gone => self.thread.is_some() && self.has_ended(),
+            // Without a lease a thread ends by itself.
+            Next::Same => self.is_shared && self.has_ended(),
+            Next::Gone | Next::Away => self.thread.is_some() && self.has_ended(),
             Next::Another(_) => self.has_ended(),
         }
     }

@@ -29,6 +29,8 @@ pub struct Commands {
     /// In milliseconds.
     max_age: u64,
     rate: Rate,
+    /// The time of the latest command that was not refused.
+    latest: u64,
     known: HashMap<String, Remembered>,
     buckets: HashMap<String, Bucket>,
 }
@@ -81,7 +83,7 @@ impl Commands {
     ) -> Result<(Self, Vec<Interrupted>)> {
         let (mut known, mut unknown) = (Remembered::open(store)?, Vec::new());
         for (cell, remembered) in &mut known {
-            for (id, entry) in remembered.unfinished() {
+            for (id, entry) in remembered.unfinished(true) {
                 entry.outcome = Outcome::Unknown;
                 entry.detail = "the bridge has ended before the outcome".into();
                 remembered::put(batch, cell, id, Some(entry));
@@ -89,7 +91,8 @@ impl Commands {
             }
         }
         let max_age = u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX);
-        Ok((Self { max_age, rate, known, buckets: HashMap::new() }, unknown))
+        let latest = known.values().map(Remembered::latest).max().unwrap_or_default();
+        Ok((Self { max_age, rate, latest, known, buckets: HashMap::new() }, unknown))
     }
 
     /// Decides about a message for a cell.
@@ -109,13 +112,16 @@ impl Commands {
             Ok(()) => (Outcome::Accepted, String::new()),
             Err((_, why)) => (Outcome::Refused, why.clone()),
         };
-        let entry = Entry { at: now, sent, outcome, detail };
+        let entry = Entry { at: now, sent, outcome, detail, by: String::new() };
         let report = entry.named(&command.id);
         let known = self.known.entry(cell.to_owned()).or_default();
         known.keep(cell, &command.id, entry, now, max_age, batch);
         command.until = sent.saturating_add(max_age);
         match acceptable {
-            Ok(()) => Decision::Give(command, report),
+            Ok(()) => {
+                self.latest = self.latest.max(sent);
+                Decision::Give(command, report)
+            }
             Err((reason, _)) => Decision::Refuse(reason, report),
         }
     }
@@ -183,7 +189,7 @@ impl Commands {
     ) -> Vec<Named> {
         let known = self.known.entry(cell.to_owned()).or_default();
         let (at, sent) = known.get(id).map_or((0, 0), |entry| (entry.at, entry.sent));
-        let entry = Entry { at, sent, outcome, detail };
+        let entry = Entry { at, sent, outcome, detail, by: String::new() };
         let report = entry.named(id);
         known.keep(cell, id, entry, at, self.max_age, batch);
         report
@@ -191,13 +197,57 @@ impl Commands {
 
     /// The commands of a cell whose thread has ended: those without an outcome have none. What is to be reported of each.
     pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
-        let unfinished = self.known.get_mut(cell).into_iter().flat_map(Remembered::unfinished);
+        let unfinished = self.known.get_mut(cell).into_iter().flat_map(|known| known.unfinished(true));
         let over = |(id, entry): (&String, &mut Entry)| {
             (entry.outcome, entry.detail) = (Outcome::Unknown, why.into());
             remembered::put(batch, cell, id, Some(entry));
             entry.named(id)
         };
         unfinished.map(over).collect()
+    }
+
+    /// What became of a command.
+    pub fn entry(&self, cell: &str, id: &str) -> Option<&Entry> {
+        self.known.get(cell)?.get(id)
+    }
+
+    /// The time of the latest command that was given, here or by another bridge, as far as is known.
+    pub fn latest(&self) -> u64 {
+        self.latest
+    }
+
+    /// What another bridge says of a command. Who has given it knows best; what was given is more than what was refused, since only one
+    /// bridge gives it.
+    pub fn hear(&mut self, cell: &str, id: &str, entry: Entry, now: u64, batch: &mut Batch) {
+        let known = self.known.entry(cell.to_owned()).or_default();
+        let is_news = known.get(id).is_none_or(|before| match (before.outcome, entry.outcome) {
+            (Outcome::Refused, outcome) => outcome != Outcome::Refused,
+            _ if before.by.is_empty() => false,
+            (Outcome::Accepted, _) => true,
+            (Outcome::Unknown, outcome) => !matches!(outcome, Outcome::Accepted | Outcome::Unknown),
+            (Outcome::Done | Outcome::Partial, _) => false,
+        });
+        if is_news {
+            if entry.outcome != Outcome::Refused {
+                self.latest = self.latest.max(entry.sent);
+            }
+            known.keep(cell, id, entry, now, self.max_age, batch);
+        }
+    }
+
+    /// The cell is this bridge's now, and what others were given until this time may not have been heard of. What is to be reported of
+    /// their commands that have no outcome.
+    pub fn take(&mut self, cell: &str, until: u64, batch: &mut Batch) -> Vec<Vec<Named>> {
+        let known = self.known.entry(cell.to_owned()).or_default();
+        known.bar(cell, until, batch);
+        let over = |(id, entry): (&String, &mut Entry)| {
+            let by = &entry.by;
+            (entry.outcome, entry.detail) =
+                (Outcome::Unknown, format!("{by} had the cell, and has it no more, before the outcome"));
+            remembered::put(batch, cell, id, Some(entry));
+            entry.named(id)
+        };
+        known.unfinished(false).map(over).collect()
     }
 
     /// Forgets what is older than a day.
@@ -241,191 +291,4 @@ fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::payload::{Kind, Metric};
-    use super::*;
-
-    fn write(text: &str, at: u64) -> Payload {
-        let metric = Metric::new(REQUEST, Kind::String, at, Some(Value::String(text.into())));
-        Payload { timestamp: Some(1), metrics: vec![metric], seq: None }
-    }
-
-    const RATE: Rate = Rate { per_second: 10.0, burst: 100 };
-
-    fn to<'a>(cell: &'a str, payload: &'a Payload) -> Write<'a> {
-        Write { cell, is_allowed: true, payload, unfit: None }
-    }
-
-    fn outcome(decision: &Decision) -> (&'static str, String) {
-        let (kind, named) = match decision {
-            Decision::Give(_, named) => ("give", named),
-            Decision::Report(named) => ("report", named),
-            Decision::Refuse(reason, named) => (*reason, named),
-            Decision::Strange(why) => return ("strange", why.clone()),
-        };
-        let of = |name| {
-            named.iter().find_map(|(found, value)| match value {
-                Value::String(text) if *found == name => Some(text.clone()),
-                _ => None,
-            })
-        };
-        (kind, format!("{} {}: {}", of(COMMAND).unwrap(), of(OUTCOME).unwrap(), of(DETAIL).unwrap()))
-    }
-
-    #[test]
-    fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("store");
-        let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        assert!(unknown.is_empty());
-        let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
-        let decision = commands.decide(to("cell", &request), 1_000_900, &mut batch);
-        let Decision::Give(command, _) = &decision else { panic!("{decision:?}") };
-        assert_eq!((command.id.as_str(), command.order.len(), command.until), ("a", 1, 1_030_000));
-        assert_eq!(outcome(&decision), ("give", "a accepted: ".into()));
-        let again = commands.decide(to("cell", &request), 1_000_901, &mut batch);
-        assert_eq!(outcome(&again), ("report", "a accepted: ".into()));
-        // Another cell's id is another's.
-        assert_eq!(outcome(&commands.decide(to("other", &request), 1_000_902, &mut batch)).0, "give");
-        commands.finish("other", "a", Outcome::Done, String::new(), &mut batch);
-        store.write(&batch, &|_| Vec::new()).unwrap();
-        drop((store, commands));
-
-        // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
-        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        let why = "a unknown: the bridge has ended before the outcome";
-        let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
-        assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
-        for (cell, outcome_then) in [("cell", why), ("other", "a done: ")] {
-            let decision = commands.decide(to(cell, &request), 9_000_000, &mut batch);
-            assert_eq!(outcome(&decision), ("report", outcome_then.into()));
-        }
-        store.write(&batch, &|_| Vec::new()).unwrap();
-        // A day later it is forgotten, and too old to be obeyed.
-        let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
-        commands.forget(later, &mut batch);
-        assert_eq!(batch.names.len(), 4);
-        let decision = commands.decide(to("cell", &request), later, &mut batch);
-        let (kind, text) = outcome(&decision);
-        assert!(
-            kind == "late" && text.starts_with("a refused: its time 1000000 is more than 30 s before now"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
-        const DAY: u64 = 86_400_000;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("store");
-        let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        let request = write(r#"{"id":"a"}"#, 1_000_000);
-        assert_eq!(outcome(&commands.decide(to("c", &request), 1_000_000, &mut batch)).0, "give");
-        commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
-        // Two days too late, and right again.
-        commands.forget(1_000_000 + 2 * DAY, &mut batch);
-        store.write(&batch, &|_| Vec::new()).unwrap();
-        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, or a clock was wrong";
-        let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
-        assert_eq!(outcome(&again), ("forgotten", why.into()));
-        drop(commands);
-        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
-        assert_eq!(outcome(&again), ("forgotten", why.into()));
-        let next = write(r#"{"id":"b"}"#, 1_000_001);
-        assert_eq!(outcome(&commands.decide(to("c", &next), 1_000_500, &mut batch)).0, "give");
-    }
-
-    #[test]
-    fn what_is_no_command_is_refused_with_advice() {
-        let folder = tempfile::tempdir().unwrap();
-        let (store, mut batch) =
-            (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
-        let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), RATE, &mut batch).unwrap();
-        let mut decide = |payload: &Payload, is_allowed| {
-            let write = Write { is_allowed, ..to("c", payload) };
-            let (kind, text) = outcome(&commands.decide(write, 100_000, &mut batch));
-            format!("{kind} {text}")
-        };
-        let id = "strange Command/Request has no \"id\": give a text of 1 to 64 bytes, each once";
-        assert_eq!(decide(&write("{}", 100_000), true), id);
-        assert_eq!(decide(&write(r#"{"id":""}"#, 100_000), true), id);
-        assert!(
-            decide(&write("[]", 100_000), true).starts_with("strange Command/Request is no object of JSON: ")
-        );
-        assert_eq!(
-            decide(&Payload::default(), true),
-            "strange write the metric Command/Request, and no other"
-        );
-        let mut none = write(r#"{"id":"none"}"#, 0);
-        (none.metrics[0].timestamp, none.timestamp) = (None, None);
-        assert_eq!(decide(&none, true), "no_time none refused: it has no time");
-        let allowed = "not_allowed no refused: the hall's file does not allow commands to this cell";
-        assert_eq!(decide(&write(r#"{"id":"no"}"#, 100_000), false), allowed);
-        let late = "late late refused: its time 69999 is more than 30 s before now, 100000: too late, or a clock is wrong";
-        assert_eq!(decide(&write(r#"{"id":"late"}"#, 69_999), true), late);
-        let early = decide(&write(r#"{"id":"early"}"#, 130_001), true);
-        assert!(
-            early.starts_with("early early refused: its time 130001 is more than 30 s ahead of now, 100000"),
-            "{early}"
-        );
-        assert_eq!(decide(&write(r#"{"id":"b"}"#, 70_000), true), "give b accepted: ");
-        assert_eq!(decide(&write(r#"{"id":"c"}"#, 130_000), true), "give c accepted: ");
-    }
-
-    #[test]
-    fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("store");
-        let age = Duration::from_secs(30);
-        let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-        let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        let early = write(r#"{"id":"early"}"#, 200_000);
-        let (kind, why) = outcome(&commands.decide(to("c", &early), 100_000, &mut batch));
-        assert_eq!(kind, "early");
-        let (long, retained) = (write(r#"{"id":"long"}"#, 100_000), write(r#"{"id":"kept"}"#, 100_000));
-        for (payload, unfit) in [(&long, "too long"), (&retained, "retained")] {
-            let write = Write { unfit: Some(unfit), ..to("c", payload) };
-            assert_eq!(outcome(&commands.decide(write, 100_000, &mut batch)).0, "unfit");
-        }
-        let nothing = Payload::default();
-        let unreadable = Write { unfit: Some("too long"), ..to("c", &nothing) };
-        let decision = commands.decide(unreadable, 100_000, &mut batch);
-        assert_eq!(decision, Decision::Strange("too long".into()));
-        // The same bytes when their time has come.
-        let again = commands.decide(to("c", &early), 200_000, &mut batch);
-        assert_eq!(outcome(&again), ("report", why.clone()));
-        store.write(&batch, &|_| Vec::new()).unwrap();
-        let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-        assert!(unknown.is_empty());
-        assert_eq!(outcome(&commands.decide(to("c", &early), 200_000, &mut batch)), ("report", why));
-        assert_eq!(outcome(&commands.decide(to("c", &long), 100_000, &mut batch)).0, "report");
-    }
-
-    #[test]
-    fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
-        let folder = tempfile::tempdir().unwrap();
-        let (store, mut batch) =
-            (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
-        let rate = Rate { per_second: 2.0, burst: 5 };
-        let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), rate, &mut batch).unwrap();
-        let mut kinds = |cell: &str, ids: core::ops::Range<u32>, now| {
-            let given = ids.filter(|id| {
-                let payload = write(&format!(r#"{{"id":"{id}"}}"#), now);
-                let (kind, text) = outcome(&commands.decide(to(cell, &payload), now, &mut batch));
-                let why = "refused: this cell takes 2 commands a second, 5 at once: see commands.rate";
-                assert!(kind == "give" || kind == "rate" && text.ends_with(why), "{text}");
-                kind == "give"
-            });
-            given.count()
-        };
-        assert_eq!(kinds("flooded", 0..1000, 100_000), 5);
-        assert_eq!(kinds("other", 0..5, 100_000), 5);
-        assert_eq!(kinds("flooded", 1000..2000, 101_000), 2);
-    }
-}
+mod tests;

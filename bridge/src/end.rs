@@ -9,6 +9,7 @@ use std::time::Duration;
 use serde::Serialize;
 use serde_json::Value as Json;
 
+use super::lease::Lease;
 use super::metric::{self, CONNECTED, EVENT, Named};
 use super::payload::Value;
 use super::report::{Command, Input, Outcome, Report, What};
@@ -16,13 +17,28 @@ use super::report::{Command, Input, Outcome, Report, What};
 /// So many reasons of a device that does not answer are reported.
 const REASONS: usize = 20;
 
+/// When a cell's thread is to end.
+#[derive(Debug, Clone, Default)]
+pub struct Stop {
+    /// It is told to.
+    pub flag: Arc<AtomicBool>,
+    /// What a cell that bridges share has to have.
+    pub lease: Option<Arc<Lease>>,
+}
+
+impl Stop {
+    fn is_due(&self) -> bool {
+        self.flag.load(Ordering::Relaxed) || self.lease.as_ref().is_some_and(|lease| !lease.holds())
+    }
+}
+
 /// The end of a cell's thread.
 #[derive(Debug)]
 pub struct End {
     cell: usize,
     hub: SyncSender<Input>,
     commands: Receiver<Command>,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     dropped: Arc<AtomicU64>,
     /// The command that has no outcome yet.
     current: Option<String>,
@@ -36,15 +52,15 @@ impl End {
         cell: usize,
         hub: SyncSender<Input>,
         commands: Receiver<Command>,
-        stop: Arc<AtomicBool>,
+        stop: Stop,
         dropped: Arc<AtomicU64>,
     ) -> Self {
         Self { cell, hub, commands, stop, dropped, current: None, reported: HashSet::new() }
     }
 
-    /// Whether the bridge ends.
+    /// Whether the bridge ends, or the cell is not its own any more.
     pub fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.is_due()
     }
 
     /// Reports values. The link waits for nobody: what there is no room for is dropped and counted.
@@ -88,7 +104,7 @@ impl End {
 
     /// The next command, one at a time. One that has waited too long behind others is refused.
     pub fn command(&mut self) -> Option<Command> {
-        while self.current.is_none() {
+        while self.current.is_none() && !self.is_stopped() {
             let command = self.commands.try_recv().ok()?;
             self.current = Some(command.id.clone());
             if metric::now() <= command.until {
@@ -143,7 +159,7 @@ mod tests {
     #[test]
     fn a_command_that_has_waited_too_long_is_not_begun() {
         let ((hub, reports), (commands, inbox)) = (sync_channel(9), channel());
-        let mut end = End::new(3, hub, inbox, Arc::default(), Arc::default());
+        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default());
         let now = metric::now();
         for (id, until) in [("first", now + 60_000), ("late", now - 1), ("next", now + 60_000)] {
             commands.send(Command { id: id.into(), order: serde_json::Map::new(), until }).unwrap();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
-use crate::remembered;
+use crate::{remembered, share};
 use cellwire::io::input;
 use cellwire_links::settings;
 
@@ -29,6 +29,8 @@ pub struct Hall {
     /// What the broker may order.
     #[serde(default)]
     pub commands: Commands,
+    /// Who has cells in common.
+    pub share: Option<share::Settings>,
     /// The cells, by their names.
     #[serde(default)]
     pub cell: BTreeMap<String, Cell>,
@@ -146,6 +148,9 @@ pub struct Cell {
     /// Whether commands are taken.
     #[serde(default)]
     pub commands: bool,
+    /// Whether one of several bridges has it.
+    #[serde(default)]
+    pub shared: bool,
     /// As `--set` takes them.
     #[serde(default)]
     pub settings: Map<String, Value>,
@@ -232,6 +237,7 @@ impl Hall {
             ("store", self.store == other.store),
             ("health", self.health == other.health),
             ("commands", self.commands == other.commands),
+            ("share", self.share == other.share),
         ]
         .into_iter()
         .find_map(|(name, is_same)| (!is_same).then_some(name))
@@ -295,7 +301,7 @@ impl Hall {
         }
         match self.cell.is_empty() {
             true => wrong("cell", &"there is no cell: give a table [cell.NAME] for each"),
-            false => Ok(()),
+            false => share::check(self.share.as_ref(), broker, &self.cell),
         }
     }
 }
@@ -427,7 +433,7 @@ fn is_readable(file: &Path) -> bool {
 }
 
 /// A name that is a level of a topic.
-fn check_name(name: &str) -> Result<()> {
+pub(crate) fn check_name(name: &str) -> Result<()> {
     ensure!(!name.is_empty() && name.len() <= 64, "give a name of 1 to 64 bytes");
     if let Some(bad) = name.chars().find(|c| matches!(c, '+' | '#' | '/') || c.is_control()) {
         bail!("a topic's level has no {bad:?}");

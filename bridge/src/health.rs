@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::{Mutex, PoisonError};
 
+use serde::Serialize;
 use serde_json::json;
 
 use super::latest::Latest;
@@ -48,6 +49,19 @@ pub struct Figures {
     pub latest: Vec<Latest>,
     /// The cells.
     pub cells: Vec<CellHealth>,
+    /// Those that bridges share, if this one does.
+    pub shared: Option<Shared>,
+}
+
+/// How many of the cells that bridges share are where, as far as this bridge knows.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Shared {
+    /// This bridge has them.
+    pub here: u64,
+    /// Another one has.
+    pub elsewhere: u64,
+    /// None has.
+    pub nobody: u64,
 }
 
 /// The broker.
@@ -137,6 +151,7 @@ impl Figures {
                 "records": self.stored, "bytes": used, "limit": limit, "stuck": self.is_stuck, "dropped": dropped,
             },
             "records": self.records,
+            "shared": self.shared,
             "counts": self.commands,
             "commands": self.latest,
             "cells": self.cells.iter().map(cell).collect::<Vec<_>>(),
@@ -245,6 +260,11 @@ impl Figures {
             "The number of the cell's last record.",
             &numbers.collect::<Vec<_>>(),
         );
+        let shared = self.shared.iter().flat_map(|Shared { here, elsewhere, nobody }| {
+            let of = |(place, count): (_, &u64)| (format!("{{where=\"{place}\"}}"), number(*count));
+            [("here", here), ("elsewhere", elsewhere), ("nobody", nobody)].map(of)
+        });
+        family("shared_cells", "gauge", "Shared cells by who has them.", &shared.collect::<Vec<_>>());
         let held = self.cells.iter().map(|cell| (label(cell), number(cell.held as u64)));
         family(
             "held_records",
@@ -281,7 +301,8 @@ mod tests {
             refusals: vec![("rate", 4)],
             held: 2,
         }];
-        health.set(Figures { is_online: true, stored: 3, cells, ..Figures::default() });
+        let shared = Some(Shared { here: 5, elsewhere: 6, nobody: 7 });
+        health.set(Figures { is_online: true, stored: 3, cells, shared, ..Figures::default() });
         assert_eq!(health.reply("/health").status, 200);
         let event = health.reply("/events").body;
         assert!(
@@ -299,6 +320,7 @@ mod tests {
             "cellwire_bridge_record_number{cell=\"a \\\"b\\\\\"} 7",
             "cellwire_bridge_commands_left{cell=\"a \\\"b\\\\\"} 2.5",
             "cellwire_bridge_commands_refused_total{cell=\"a \\\"b\\\\\",why=\"rate\"} 4",
+            "cellwire_bridge_shared_cells{where=\"nobody\"} 7",
             "cellwire_bridge_held_records{cell=\"a \\\"b\\\\\"} 2",
         ] {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");

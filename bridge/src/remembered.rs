@@ -41,6 +41,9 @@ pub struct Entry {
     pub outcome: Outcome,
     /// And why.
     pub detail: String,
+    /// The bridge that it was given to, if that is another one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub by: String,
 }
 
 /// What is not remembered one by one.
@@ -97,9 +100,25 @@ impl Remembered {
         self.entries.get(id)
     }
 
-    /// Those that have no outcome.
-    pub fn unfinished(&mut self) -> impl Iterator<Item = (&String, &mut Entry)> {
-        self.entries.iter_mut().filter(|(_, entry)| entry.outcome == Outcome::Accepted)
+    /// Those that have no outcome: this bridge's, or those of others.
+    pub fn unfinished(&mut self, is_own: bool) -> impl Iterator<Item = (&String, &mut Entry)> {
+        let is_wanted =
+            move |entry: &Entry| entry.outcome == Outcome::Accepted && entry.by.is_empty() == is_own;
+        self.entries.iter_mut().filter(move |(_, entry)| is_wanted(entry))
+    }
+
+    /// The time of the latest that was not refused.
+    pub fn latest(&self) -> u64 {
+        let given = self.entries.values().filter(|entry| entry.outcome != Outcome::Refused);
+        given.map(|entry| entry.sent).max().unwrap_or_default()
+    }
+
+    /// Commands until this time may have been given without being known here: what is not known and not later is refused.
+    pub fn bar(&mut self, cell: &str, until: u64, batch: &mut Batch) {
+        if until > self.forgotten.until {
+            self.forgotten.until = until;
+            self.mark(cell, batch);
+        }
     }
 
     /// Why a command of this time is refused, because of others that were forgotten.
@@ -107,7 +126,7 @@ impl Remembered {
         let Forgotten { until, early } = self.forgotten;
         match early {
             _ if sent <= until => Some(format!(
-                "commands up to {until} are forgotten, its time is {sent}: a flood, or a clock was wrong"
+                "commands up to {until} are forgotten, its time is {sent}: a flood, a clock was wrong, or another bridge had the cell"
             )),
             Some((from, to)) if (from..=to).contains(&sent) => Some(format!(
                 "too many commands dated {from} to {to} were refused as too early, its time is {sent}"
@@ -203,7 +222,7 @@ mod tests {
     }
 
     fn refused(sent: u64) -> Entry {
-        Entry { at: 1_000_000, sent, outcome: Outcome::Refused, detail: String::new() }
+        Entry { at: 1_000_000, sent, outcome: Outcome::Refused, detail: String::new(), by: String::new() }
     }
 
     #[test]
@@ -217,7 +236,7 @@ mod tests {
         assert!(cell.entries.len() <= MOST);
         assert_eq!(cell.get("begun"), Some(&begun));
         assert_eq!((cell.get("2499"), cell.get("2500")), (None, Some(&refused(1_002_500))));
-        let why = "commands up to 1002499 are forgotten, its time is 1002499: a flood, or a clock was wrong";
+        let why = "commands up to 1002499 are forgotten, its time is 1002499: a flood, a clock was wrong, or another bridge had the cell";
         assert_eq!((cell.bars(1_002_499), cell.bars(1_002_500)), (Some(why.into()), None));
         assert!(
             batch.names.contains(&("forgotten/c".into(), Some(r#"{"until":1002499,"early":null}"#.into())))

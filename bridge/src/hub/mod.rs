@@ -13,6 +13,7 @@ pub mod earlier;
 mod power;
 mod records;
 mod reload;
+mod sharing;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
@@ -21,10 +22,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use robot_session::now;
 use serde_json::{Value as Json, json};
 
 use super::bucket::Rate;
-use super::cell::{Cell, Next};
+use super::cell::Cell;
 use super::commands::{Commands, Decision, Interrupted, Write};
 use super::compact::Words;
 use super::hall::{Broker, Hall};
@@ -38,9 +40,11 @@ use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
+use super::share::{self, Share};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire::io::interrupt;
+use sharing::Told;
 
 /// So many reports wait for the hub.
 const ROOM: usize = 10_000;
@@ -76,6 +80,7 @@ pub struct Hub<'a> {
     uplink: Uplink,
     commands: Commands,
     latest: latest::Commands,
+    share: Option<Share>,
     inbox: Receiver<Input>,
     busy: Arc<AtomicU64>,
     health: Arc<Health>,
@@ -98,6 +103,8 @@ pub struct Hub<'a> {
 struct Turn {
     batch: Batch,
     give: Vec<(usize, Command)>,
+    /// Commands of shared cells, of which others are to know.
+    tell: Vec<Told>,
 }
 
 impl<'a> Hub<'a> {
@@ -150,7 +157,10 @@ impl<'a> Hub<'a> {
         let (commands, unknown) = Commands::open(&store, hall.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let uplink = Uplink::new(&hall.broker, bd_seq, sender.clone())?;
+        let uplink = Uplink::new(&hall.broker, hall.share.is_some(), bd_seq, sender.clone())?;
+        let share =
+            |with: &share::Settings| Share::new(&hall.broker.node, &with.bridges, hall.commands.max_age);
+        let share = hall.share.as_ref().map(share);
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
             cells: Vec::new(),
@@ -165,6 +175,7 @@ impl<'a> Hub<'a> {
             uplink,
             commands,
             latest: latest::Commands::default(),
+            share,
             inbox,
             busy: Arc::default(),
             health,
@@ -183,10 +194,10 @@ impl<'a> Hub<'a> {
         }
         for Interrupted { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
-            hub.count("unknown");
-            hub.record(place, metric::now(), report, &mut turn.batch);
+            hub.is_unknown(place, report, &mut turn);
         }
         hub.write(&mut turn.batch)?;
+        hub.say(turn.tell);
         Ok(hub)
     }
 
@@ -203,6 +214,9 @@ impl<'a> Hub<'a> {
         self.cells.iter().for_each(|cell| cell.stop.store(true, Ordering::Relaxed));
         // What the links report last is kept, and published if there is a broker.
         self.until(|hub| hub.cells.iter().all(Cell::has_ended))?;
+        if let Some(share) = self.share.as_mut().filter(|_| self.cells.iter().all(Cell::has_ended)) {
+            share.end();
+        }
         self.turn(true)?;
         self.uplink.disconnect();
         self.until(|hub| hub.uplink.is_offline())?;
@@ -253,6 +267,7 @@ impl<'a> Hub<'a> {
         }
         if !ends {
             self.renew(if is_drained { over } else { Vec::new() }, &mut turn)?;
+            self.share_out(&mut turn)?;
         }
         if now >= self.forget_at {
             self.forget_at = now + FORGET;
@@ -266,6 +281,7 @@ impl<'a> Hub<'a> {
         }
         self.figures.dropped_orphans += orphans;
         self.write(&mut turn.batch)?;
+        self.say(turn.tell);
         for (place, command) in turn.give {
             if let Some(cell) = self.cells.get(place) {
                 // A thread that is gone has reported nothing: the command is unknown at the next start.
@@ -327,6 +343,7 @@ impl<'a> Hub<'a> {
                 self.latest.note(&cell.name, &id, at, outcome, &detail);
                 let named = self.commands.finish(&cell.name, &id, outcome, detail, &mut turn.batch);
                 self.count(outcome.name());
+                turn.tell.push((place, id, None));
                 self.record(place, at, named, &mut turn.batch);
             }
             Input::Broker(generation, happened) => {
@@ -340,6 +357,8 @@ impl<'a> Hub<'a> {
         match event {
             Event::None => {}
             Event::Connected => {
+                let ungiven = self.share.as_mut().map(|share| share.connected(now(), metric::now()));
+                self.not_given(ungiven.unwrap_or_default(), turn);
                 self.figures.broker.why.clear();
                 if self.outages.over(Instant::now()) {
                     (self.log)(json!({"broker": "connected", "address": self.uplink.address()}));
@@ -353,6 +372,7 @@ impl<'a> Hub<'a> {
             }
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
+            Event::Share { from, payload } => self.heard(&from, &payload, turn),
             Event::Strange(why) => self.strange(why),
             Event::Write { device, payload, unfit } => self.command(&device, payload, unfit, turn),
         }
@@ -402,8 +422,7 @@ impl<'a> Hub<'a> {
         if cell.is_gone() {
             return self.strange(format!("a command for {device}, which is a cell no more"));
         }
-        let is_changing = matches!(cell.next, Next::Another(_));
-        let unfit = unfit.or_else(|| is_changing.then(|| "the cell is being changed: order anew".into()));
+        let unfit = unfit.or_else(|| self.is_elsewhere(cell));
         let mut payload = payload;
         for metric in &mut payload.metrics {
             let named = metric.alias.filter(|_| metric.name.is_none());
@@ -411,7 +430,7 @@ impl<'a> Hub<'a> {
                 named.and_then(|alias| cell.by_alias(place, alias)).map(str::to_owned).or(metric.name.take());
         }
         let now = metric::now();
-        let is_allowed = cell.takes_commands;
+        let (is_allowed, cell_is_shared) = (cell.takes_commands, cell.is_shared);
         let write = Write { cell: device, is_allowed, payload: &payload, unfit: unfit.as_deref() };
         match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
@@ -419,7 +438,10 @@ impl<'a> Hub<'a> {
                 self.latest.note(device, &command.id, now, Outcome::Accepted, "");
                 self.record(place, now, named, &mut turn.batch);
                 self.count("accepted");
-                turn.give.push((place, command));
+                match cell_is_shared {
+                    true => turn.tell.push((place, command.id.clone(), Some(command))),
+                    false => turn.give.push((place, command)),
+                }
             }
             Decision::Report(named) => {
                 self.count("not_given");
@@ -429,6 +451,7 @@ impl<'a> Hub<'a> {
                 self.count("not_given");
                 *self.refusals.entry((place, why)).or_default() += 1;
                 if let (Some(id), Some(detail)) = (text_of(&named, COMMAND), text_of(&named, DETAIL)) {
+                    turn.tell.push((place, id.to_owned(), None));
                     self.latest.note(device, id, now, Outcome::Refused, detail);
                 }
                 self.record(place, now, named, &mut turn.batch);

@@ -114,7 +114,7 @@ impl Hub<'_> {
     pub(super) fn show(&mut self) {
         self.notify.lives(Instant::now());
         let now = metric::now();
-        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone());
+        let known = self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_gone() && cell.is_here());
         let cells = known.map(|(place, cell)| CellHealth {
             commands_left: self.commands.left(&cell.name, now),
             refusals: self
@@ -138,6 +138,7 @@ impl Hub<'_> {
             cells: cells.collect(),
             broker: BrokerHealth { why, address: self.uplink.address(), ..self.figures.broker.clone() },
             latest: self.latest.list(),
+            shared: self.shared(),
             is_online: self.uplink.is_online(),
             stored: self.store.len(),
             stored_bytes: self.store.bytes(),

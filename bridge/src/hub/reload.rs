@@ -10,16 +10,28 @@ use serde_json::json;
 
 use super::{Hub, Turn};
 use crate::cell::{Cell, Next};
-use crate::end::End;
+use crate::end::{End, Stop};
 use crate::hall::{self, Hall};
 use crate::links::{self, Client};
 use crate::metric::{self, CONNECTED, NUMBER, STORE};
 use crate::payload::Value;
+use crate::share::Share;
 use crate::uplink;
 
 impl Hub<'_> {
-    /// Begins a cell: in its place, if it had one before.
+    /// Begins a cell: in its place, if it had one before. One that bridges share is not begun before it is this one's.
     pub(super) fn begin(&mut self, name: &str, settings: &hall::Cell, client: Client) -> Result<()> {
+        self.begin_with(name, settings, client, !settings.shared)
+    }
+
+    /// Begins a cell, or gives it a place.
+    pub(super) fn begin_with(
+        &mut self,
+        name: &str,
+        settings: &hall::Cell,
+        client: Client,
+        is_here: bool,
+    ) -> Result<()> {
         let place = self.places.get(name).copied().unwrap_or(self.cells.len());
         let before = self.cells.get(place);
         let kept = self.numbers.get(name).copied().unwrap_or_default();
@@ -32,7 +44,9 @@ impl Hub<'_> {
         ];
         let (commands, inbox) = channel();
         let stop = Arc::new(AtomicBool::new(false));
-        let end = End::new(place, self.sender.clone(), inbox, Arc::clone(&stop), Arc::clone(&self.busy));
+        let lease = self.share.as_ref().filter(|_| settings.shared).map(Share::lease);
+        let until = Stop { flag: Arc::clone(&stop), lease };
+        let end = End::new(place, self.sender.clone(), inbox, until, Arc::clone(&self.busy));
         let mut cell = Cell {
             name: name.to_owned(),
             link: settings.link.clone(),
@@ -47,14 +61,17 @@ impl Hub<'_> {
             kept: before.map_or(0, |cell| cell.kept),
             last_at: before.map_or(0, |cell| cell.last_at),
             takes_commands: settings.commands,
+            is_shared: settings.shared,
             bands: client.bands.clone(),
             commands,
             stop,
             thread: None,
-            next: Next::Same,
+            next: if is_here { Next::Same } else { Next::Away },
         };
-        let thread = thread::Builder::new().name(name.to_owned()).spawn(move || client.run(end));
-        cell.thread = Some(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
+        if is_here {
+            let thread = thread::Builder::new().name(name.to_owned()).spawn(move || client.run(end));
+            cell.thread = Some(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
+        }
         match self.cells.get_mut(place) {
             Some(before) => *before = cell,
             None => self.cells.push(cell),
@@ -82,12 +99,13 @@ impl Hub<'_> {
         for place in over {
             let Some(cell) = self.cells.get_mut(place) else { continue };
             cell.thread = None;
-            let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, Next::Gone));
+            let rest =
+                if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
+            let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, rest));
             for report in
                 self.commands.interrupt(&name, "the cell was changed before the outcome", &mut turn.batch)
             {
-                self.count("unknown");
-                self.record(place, metric::now(), report, &mut turn.batch);
+                self.is_unknown(place, report, turn);
             }
             if let Next::Another(next) = next {
                 let (settings, client) = *next;
@@ -128,6 +146,10 @@ impl Hub<'_> {
                 cell.next = Next::Gone;
                 removed.push(name.clone());
             }
+        }
+        // The node's birth says how many there are.
+        if hall.cell.len() != self.hall.cell.len() {
+            self.uplink.bear_again();
         }
         (self.log)(json!({"hall": "read", "added": added, "changed": changed, "removed": removed}));
         self.hall = hall;

@@ -76,7 +76,7 @@ pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
 ///
 /// # Errors
 /// When the cell has no such link, address or setting.
-fn client(cell: &Cell) -> Result<Client> {
+pub fn client(cell: &Cell) -> Result<Client> {
     ensure!(
         cell.address.is_some() != cell.listen.is_some(),
         "give address (HOST:PORT, or the path of a serial port), or listen where the device connects to the PC"

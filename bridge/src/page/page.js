@@ -69,14 +69,16 @@ function cell(now, it) {
 }
 
 function show(view) {
-  const { now, broker, store, commands } = view;
+  const { now, broker, store, commands, shared } = view;
+  const where = shared ? `; shared cells: ${shared.here} here, ${shared.elsewhere} elsewhere, ${shared.nobody} nobody's` : "";
   document.title = `${broker.group} / ${broker.node}`;
   say(at("name"), document.title);
   say(at("broker-state"), broker.online ? "online" : "offline");
-  say(at("broker-why"), broker.online ? broker.address : broker.why || broker.address);
+  say(at("broker-why"), (broker.online ? broker.address : broker.why || broker.address) + where);
   mark(at("broker"), `tile ${broker.online ? "good" : "bad"}`);
   say(at("store-records"), store.stuck ? "stuck" : `${whole.format(store.records)} wait`);
-  const level = 100 * store.bytes / store.limit;
+  // There is no limit before the bridge has said one.
+  const level = store.limit ? 100 * store.bytes / store.limit : 0;
   at("store-level").value = level;
   const lost = store.dropped ? `; ${whole.format(store.dropped)} dropped` : "";
   say(at("store-why"), store.stuck ? "the disk takes nothing" : `${size(store.bytes)} of ${size(store.limit)}${lost}`);

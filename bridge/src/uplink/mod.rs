@@ -1,5 +1,6 @@
 //! The connection to the broker: births, deaths, and the records of the store in their order.
 
+mod event;
 mod publish;
 
 use std::collections::HashMap;
@@ -14,12 +15,13 @@ use super::hall::{Broker, Place};
 use super::holds::{Holds, Refused};
 use super::metric::{self, whole};
 use super::node::{Node, Publication, Received};
-use super::payload::{Payload, Value};
+use super::payload::Value;
 use super::reconnect::Reconnect;
 use super::refusals::{Apart, Refusals};
 use super::report::Input;
 use crate::broker::{Happened, Options, Refusal, Session};
 use crate::store::{Batch, Store};
+pub use event::Event;
 
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
@@ -42,6 +44,8 @@ pub struct Uplink {
     broker: usize,
     /// Where records are published as JSON, too.
     json: Option<String>,
+    /// Where bridges that share cells speak to one another, before the name of each.
+    share: Option<String>,
     aliases: bool,
     group: String,
     name: String,
@@ -121,7 +125,7 @@ impl Uplink {
     ///
     /// # Errors
     /// When a file of the broker's settings cannot be read.
-    pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
+    pub fn new(broker: &Broker, shares: bool, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
         let brokers = broker.places()?;
         let Place { host, port, url } = brokers.first().cloned().unwrap_or_default();
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
@@ -133,6 +137,7 @@ impl Uplink {
             brokers,
             broker: 0,
             json: broker.json.clone(),
+            share: shares.then(|| format!("cellwire/{}/", broker.group)),
             aliases: broker.aliases,
             group: broker.group.clone(),
             name: broker.node.clone(),
@@ -215,9 +220,11 @@ impl Uplink {
                 self.counts.connections += 1;
                 self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
                 self.reconnect.accepted(Instant::now());
-                let state: Vec<String> = self.host.iter().map(|host| Node::state_of(host)).collect();
+                let state = self.host.iter().map(|host| Node::state_of(host));
+                let more: Vec<String> =
+                    state.chain(self.share.iter().map(|share| format!("{share}+"))).collect();
                 if let Phase::Opening { session, .. } = &self.phase {
-                    session.subscribe(&self.node.subscriptions(), &state);
+                    session.subscribe(&self.node.subscriptions(), &more);
                 }
                 Event::None
             }
@@ -230,6 +237,11 @@ impl Uplink {
                 Event::Connected
             }
             Happened::Message { topic, payload, is_retained } => {
+                if let Some(from) = self.share.as_ref().and_then(|share| topic.strip_prefix(share)) {
+                    // Nobody says this to be kept: what was says nothing of now.
+                    let from = from.to_owned();
+                    return if is_retained { Event::None } else { Event::Share { from, payload } };
+                }
                 self.received(self.node.receive(&topic, &payload, is_retained))
             }
             Happened::Published(key) => self.published(key, batch),
@@ -311,7 +323,7 @@ impl Uplink {
     fn received(&mut self, received: Received) -> Event {
         match received {
             Received::Rebirth => {
-                self.is_born = false;
+                self.bear_again();
                 Event::Rebirth
             }
             Received::Write { device, payload, unfit } => Event::Write { device, payload, unfit },
@@ -361,6 +373,21 @@ impl Uplink {
             }
             other => other,
         };
+    }
+
+    /// Says something to the bridges that share cells. False where it cannot, now.
+    pub fn say(&self, message: Vec<u8>) -> bool {
+        let (Phase::Waiting { session, .. } | Phase::Online { session }, Some(share)) =
+            (&self.phase, &self.share)
+        else {
+            return false;
+        };
+        session.publish(&format!("{share}{}", self.name), message, true, None)
+    }
+
+    /// All births follow anew.
+    pub fn bear_again(&mut self) {
+        self.is_born = false;
     }
 
     /// Says the node's death, and ends the connection.
@@ -454,39 +481,6 @@ impl Uplink {
         self.phase = Phase::Opening { session, until: Instant::now() + PATIENCE };
         Ok(())
     }
-}
-
-/// What something that has happened means for the hub.
-#[derive(Debug)]
-pub enum Event {
-    /// Nothing.
-    None,
-    /// The broker has accepted connection and subscriptions.
-    Connected,
-    /// The connection is over, and why.
-    Lost(String),
-    /// The records of the cell of this place are held: the broker refuses its topic, and why.
-    Held {
-        /// The cell.
-        place: usize,
-        /// Why.
-        why: String,
-    },
-    /// They are published now.
-    Released(usize),
-    /// All births follow once more.
-    Rebirth,
-    /// Metrics of a cell are to be written.
-    Write {
-        /// The cell.
-        device: String,
-        /// The metrics.
-        payload: Payload,
-        /// Why it is no command that may be obeyed, if it is none.
-        unfit: Option<String>,
-    },
-    /// Nothing that is understood, and why.
-    Strange(String),
 }
 
 /// The number of a record, as a value.

@@ -44,7 +44,7 @@ impl Uplink {
             if self.live == u64::MAX {
                 self.live = store.next();
             }
-            if !say(session, self.node.birth(cells.len())) {
+            if !say(session, self.node.birth(cells.iter().filter(|cell| !cell.is_gone()).count())) {
                 return false;
             }
             self.node.published();

@@ -33,6 +33,47 @@ fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
     )
 }
 
+#[test]
+fn shared_cells_need_one_broker_and_a_device_that_another_bridge_reaches() {
+    let folder = tempfile::tempdir().unwrap();
+    let hall = HALL
+        .replace("[cell.robot]", "[share]\nbridges = [\"bridge\", \"other\"]\n\n[cell.robot]\nshared = true");
+    assert_eq!(check(folder.path(), &hall).0, Some(0));
+    for (from, to, error) in [
+        (
+            "[share]\nbridges = [\"bridge\", \"other\"]",
+            "",
+            "cell.robot.shared: there is no [share] that says with whom",
+        ),
+        ("shared = true", "", "share: no cell is shared: give shared = true to those that are"),
+        (
+            "\"bridge\", \"other\"",
+            "\"a\", \"b\"",
+            "share.bridges: give the nodes of all bridges that share cells",
+        ),
+        (
+            "[\"bridge\", \"other\"]",
+            "[\"bridge\"]",
+            "share.bridges: give the nodes of all bridges that share cells",
+        ),
+        ("\"other\"", "\"a+\"", "share.bridges: a topic's level has no '+'"),
+        (
+            "\"broker:8883\"",
+            "[\"a:1\", \"b:1\"]",
+            "broker.address: bridges that share cells have to be at one broker",
+        ),
+        (
+            "\"10.0.0.1:502\"",
+            "\"/dev/ttyS0\"",
+            "cell.robot.shared: another bridge reaches its device at the same HOST:PORT only",
+        ),
+    ] {
+        assert!(hall.contains(from));
+        let (status, said) = check(folder.path(), &hall.replace(from, to));
+        assert!(status == Some(2) && said.contains(&format!(": {error}")), "{said}");
+    }
+}
+
 fn secret(path: &Path, mode: u32) {
     std::fs::write(path, "correct horse\n").unwrap();
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();

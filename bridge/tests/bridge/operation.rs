@@ -5,11 +5,12 @@ use std::process::Command;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use cellwire_bridge::payload::{Kind, Metric, Payload, Value};
+use cellwire_bridge::store::{Batch, Store};
 use prost::Message as _;
 
 use crate::broker::{Broker, Message, Peer};
 use crate::tool::Running;
-use crate::{ball, bridge_command, edit, figure, get, hall_command, place, until};
+use crate::{ball, bridge_command, edit, figure, figure_in, get, hall_command, place, until};
 
 fn hang_up(bridge: &Running) {
     let status = Command::new("kill").args(["-HUP", &bridge.id().to_string()]).status();
@@ -110,6 +111,55 @@ fn cells_come_and_go_without_touching_the_others() {
         all.iter().filter(|it| it.topic == "spBv1.0/g/DDATA/n/stays").map(Message::record).collect();
     assert!(numbers.iter().copied().eq(1..=numbers.len() as u64), "{numbers:?}");
     assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
+#[test]
+fn the_birth_of_the_node_says_how_many_cells_there_are_now() {
+    let (folder, ball, broker) = (tempfile::tempdir().unwrap(), ball(), Broker::new());
+    let mut bridge = crate::bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    let mut cells = || {
+        let birth = up_to(&mut peer, "spBv1.0/g/NBIRTH/n").pop().unwrap().read();
+        let found = birth.metrics.iter().find(|metric| metric.name.as_deref() == Some("Bridge/Cells"));
+        found.unwrap().value.clone()
+    };
+    assert_eq!(cells(), Some(Value::Long(1)));
+    let text = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    write(folder.path(), &format!("{text}{}", table("another", &ball, "")));
+    hang_up(&bridge);
+    assert_eq!(cells(), Some(Value::Long(2)));
+    bridge.line("\"hall\":\"read\"");
+}
+
+#[test]
+fn after_a_loss_of_power_the_numbers_leave_out_a_thousand() {
+    let (folder, ball) = (tempfile::tempdir().unwrap(), ball());
+    let nobody = "127.0.0.1:1";
+    let mut bridge = crate::bridge(folder.path(), nobody, &ball);
+    let ahead = |bridge: &Running| {
+        until("figures", || get(bridge, "/metrics").contains("record_number{"));
+        let text = get(bridge, "/metrics");
+        figure_in(&text, "record_number{cell=\"ball\"}") - figure_in(&text, "store_records")
+    };
+    until("records", || figure(&bridge, "store_records") > 3);
+    assert_eq!((ahead(&bridge), bridge.signal("-KILL")), (0, None));
+    drop(bridge);
+    // Killed in this start of the machine: nothing is left out.
+    let mut bridge = crate::bridge(folder.path(), nobody, &ball);
+    assert_eq!((ahead(&bridge), bridge.signal("-KILL")), (0, None));
+    drop(bridge);
+    // And in an earlier one.
+    let mut store = Store::open(&folder.path().join("s.redb"), 256 << 20).unwrap();
+    let names = vec![("boot".into(), Some("an earlier one".into()))];
+    store.write(&Batch { names, ..Batch::default() }, &|_| Vec::new()).unwrap();
+    drop(store);
+    let mut bridge = crate::bridge(folder.path(), nobody, &ball);
+    bridge.line("\"store\":\"power\"");
+    assert_eq!((ahead(&bridge), bridge.signal("-TERM")), (1000, Some(0)));
+    drop(bridge);
+    // Once.
+    let bridge = crate::bridge(folder.path(), nobody, &ball);
+    assert_eq!(ahead(&bridge), 1000);
 }
 
 #[test]

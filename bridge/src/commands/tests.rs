@@ -1,0 +1,235 @@
+use super::*;
+use crate::payload::{Kind, Metric};
+
+fn write(text: &str, at: u64) -> Payload {
+    let metric = Metric::new(REQUEST, Kind::String, at, Some(Value::String(text.into())));
+    Payload { timestamp: Some(1), metrics: vec![metric], seq: None }
+}
+
+const RATE: Rate = Rate { per_second: 10.0, burst: 100 };
+
+fn to<'a>(cell: &'a str, payload: &'a Payload) -> Write<'a> {
+    Write { cell, is_allowed: true, payload, unfit: None }
+}
+
+fn outcome(decision: &Decision) -> (&'static str, String) {
+    let (kind, named) = match decision {
+        Decision::Give(_, named) => ("give", named),
+        Decision::Report(named) => ("report", named),
+        Decision::Refuse(reason, named) => (*reason, named),
+        Decision::Strange(why) => return ("strange", why.clone()),
+    };
+    let of = |name| {
+        named.iter().find_map(|(found, value)| match value {
+            Value::String(text) if *found == name => Some(text.clone()),
+            _ => None,
+        })
+    };
+    (kind, format!("{} {}: {}", of(COMMAND).unwrap(), of(OUTCOME).unwrap(), of(DETAIL).unwrap()))
+}
+
+#[test]
+fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let age = Duration::from_secs(30);
+    let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
+    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    assert!(unknown.is_empty());
+    let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
+    let decision = commands.decide(to("cell", &request), 1_000_900, &mut batch);
+    let Decision::Give(command, _) = &decision else { panic!("{decision:?}") };
+    assert_eq!((command.id.as_str(), command.order.len(), command.until), ("a", 1, 1_030_000));
+    assert_eq!(outcome(&decision), ("give", "a accepted: ".into()));
+    let again = commands.decide(to("cell", &request), 1_000_901, &mut batch);
+    assert_eq!(outcome(&again), ("report", "a accepted: ".into()));
+    // Another cell's id is another's.
+    assert_eq!(outcome(&commands.decide(to("other", &request), 1_000_902, &mut batch)).0, "give");
+    commands.finish("other", "a", Outcome::Done, String::new(), &mut batch);
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    drop((store, commands));
+
+    // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
+    let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
+    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let why = "a unknown: the bridge has ended before the outcome";
+    let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
+    assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
+    for (cell, outcome_then) in [("cell", why), ("other", "a done: ")] {
+        let decision = commands.decide(to(cell, &request), 9_000_000, &mut batch);
+        assert_eq!(outcome(&decision), ("report", outcome_then.into()));
+    }
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    // A day later it is forgotten, and too old to be obeyed.
+    let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
+    commands.forget(later, &mut batch);
+    assert_eq!(batch.names.len(), 4);
+    let decision = commands.decide(to("cell", &request), later, &mut batch);
+    let (kind, text) = outcome(&decision);
+    assert!(
+        kind == "late" && text.starts_with("a refused: its time 1000000 is more than 30 s before now"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
+    const DAY: u64 = 86_400_000;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let age = Duration::from_secs(30);
+    let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
+    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let request = write(r#"{"id":"a"}"#, 1_000_000);
+    assert_eq!(outcome(&commands.decide(to("c", &request), 1_000_000, &mut batch)).0, "give");
+    commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
+    // Two days too late, and right again.
+    commands.forget(1_000_000 + 2 * DAY, &mut batch);
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, a clock was wrong, or another bridge had the cell";
+    let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
+    assert_eq!(outcome(&again), ("forgotten", why.into()));
+    drop(commands);
+    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
+    assert_eq!(outcome(&again), ("forgotten", why.into()));
+    let next = write(r#"{"id":"b"}"#, 1_000_001);
+    assert_eq!(outcome(&commands.decide(to("c", &next), 1_000_500, &mut batch)).0, "give");
+}
+
+#[test]
+fn what_is_no_command_is_refused_with_advice() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, mut batch) = (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
+    let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), RATE, &mut batch).unwrap();
+    let mut decide = |payload: &Payload, is_allowed| {
+        let write = Write { is_allowed, ..to("c", payload) };
+        let (kind, text) = outcome(&commands.decide(write, 100_000, &mut batch));
+        format!("{kind} {text}")
+    };
+    let id = "strange Command/Request has no \"id\": give a text of 1 to 64 bytes, each once";
+    assert_eq!(decide(&write("{}", 100_000), true), id);
+    assert_eq!(decide(&write(r#"{"id":""}"#, 100_000), true), id);
+    assert!(
+        decide(&write("[]", 100_000), true).starts_with("strange Command/Request is no object of JSON: ")
+    );
+    assert_eq!(decide(&Payload::default(), true), "strange write the metric Command/Request, and no other");
+    let mut none = write(r#"{"id":"none"}"#, 0);
+    (none.metrics[0].timestamp, none.timestamp) = (None, None);
+    assert_eq!(decide(&none, true), "no_time none refused: it has no time");
+    let allowed = "not_allowed no refused: the hall's file does not allow commands to this cell";
+    assert_eq!(decide(&write(r#"{"id":"no"}"#, 100_000), false), allowed);
+    let late = "late late refused: its time 69999 is more than 30 s before now, 100000: too late, or a clock is wrong";
+    assert_eq!(decide(&write(r#"{"id":"late"}"#, 69_999), true), late);
+    let early = decide(&write(r#"{"id":"early"}"#, 130_001), true);
+    assert!(
+        early.starts_with("early early refused: its time 130001 is more than 30 s ahead of now, 100000"),
+        "{early}"
+    );
+    assert_eq!(decide(&write(r#"{"id":"b"}"#, 70_000), true), "give b accepted: ");
+    assert_eq!(decide(&write(r#"{"id":"c"}"#, 130_000), true), "give c accepted: ");
+}
+
+#[test]
+fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let age = Duration::from_secs(30);
+    let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
+    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let early = write(r#"{"id":"early"}"#, 200_000);
+    let (kind, why) = outcome(&commands.decide(to("c", &early), 100_000, &mut batch));
+    assert_eq!(kind, "early");
+    let (long, retained) = (write(r#"{"id":"long"}"#, 100_000), write(r#"{"id":"kept"}"#, 100_000));
+    for (payload, unfit) in [(&long, "too long"), (&retained, "retained")] {
+        let write = Write { unfit: Some(unfit), ..to("c", payload) };
+        assert_eq!(outcome(&commands.decide(write, 100_000, &mut batch)).0, "unfit");
+    }
+    let nothing = Payload::default();
+    let unreadable = Write { unfit: Some("too long"), ..to("c", &nothing) };
+    let decision = commands.decide(unreadable, 100_000, &mut batch);
+    assert_eq!(decision, Decision::Strange("too long".into()));
+    // The same bytes when their time has come.
+    let again = commands.decide(to("c", &early), 200_000, &mut batch);
+    assert_eq!(outcome(&again), ("report", why.clone()));
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    assert!(unknown.is_empty());
+    assert_eq!(outcome(&commands.decide(to("c", &early), 200_000, &mut batch)), ("report", why));
+    assert_eq!(outcome(&commands.decide(to("c", &long), 100_000, &mut batch)).0, "report");
+}
+
+#[test]
+fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, mut batch) = (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
+    let rate = Rate { per_second: 2.0, burst: 5 };
+    let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), rate, &mut batch).unwrap();
+    let mut kinds = |cell: &str, ids: core::ops::Range<u32>, now| {
+        let given = ids.filter(|id| {
+            let payload = write(&format!(r#"{{"id":"{id}"}}"#), now);
+            let (kind, text) = outcome(&commands.decide(to(cell, &payload), now, &mut batch));
+            let why = "refused: this cell takes 2 commands a second, 5 at once: see commands.rate";
+            assert!(kind == "give" || kind == "rate" && text.ends_with(why), "{text}");
+            kind == "give"
+        });
+        given.count()
+    };
+    assert_eq!(kinds("flooded", 0..1000, 100_000), 5);
+    assert_eq!(kinds("other", 0..5, 100_000), 5);
+    assert_eq!(kinds("flooded", 1000..2000, 101_000), 2);
+}
+
+#[test]
+fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, age) = (folder.path().join("store"), Duration::from_secs(30));
+    let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
+    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let order = |id: &str, at| write(&format!(r#"{{"id":"{id}"}}"#), at);
+    let by =
+        |outcome, sent| Entry { at: 1_000_000, sent, outcome, detail: String::new(), by: "other".into() };
+    let (now, mut hear) = (1_000_000, |commands: &mut Commands, id: &str, entry| {
+        commands.hear("c", id, entry, 1_000_000, &mut batch);
+    });
+    hear(&mut commands, "begun", by(Outcome::Accepted, now));
+    hear(&mut commands, "over", by(Outcome::Accepted, now + 1));
+    hear(&mut commands, "over", by(Outcome::Done, now + 1));
+    // A third one thinks that it is unknown.
+    hear(&mut commands, "over", by(Outcome::Unknown, now + 1));
+    assert_eq!(commands.latest(), now + 1);
+    // One that was refused here, because the cell is there, and was given there; and one that was given here, and refused there.
+    let mut batch = Batch::default();
+    let elsewhere =
+        Write { cell: "c", is_allowed: true, payload: &order("both", now), unfit: Some("not here") };
+    assert_eq!(outcome(&commands.decide(elsewhere, now, &mut batch)).0, "unfit");
+    commands.hear("c", "both", by(Outcome::Accepted, now), now, &mut batch);
+    assert_eq!(outcome(&commands.decide(to("c", &order("own", now)), now, &mut batch)).0, "give");
+    commands.hear("c", "own", by(Outcome::Refused, now), now, &mut batch);
+    for (id, said) in [("both", "accepted"), ("own", "accepted"), ("over", "done")] {
+        let report = outcome(&commands.decide(to("c", &order(id, now)), now, &mut batch));
+        assert_eq!(report, ("report", format!("{id} {said}: ")));
+    }
+    // The other one is gone. What it may have been given without being heard is not given.
+    let mut taken: Vec<_> = commands
+        .take("c", now + 500, &mut batch)
+        .into_iter()
+        .map(|it| outcome(&Decision::Report(it)).1)
+        .collect();
+    taken.sort_unstable();
+    let why = "unknown: other had the cell, and has it no more, before the outcome";
+    assert_eq!(taken, [format!("begun {why}"), format!("both {why}")]);
+    assert_eq!(outcome(&commands.decide(to("c", &order("new", now + 500)), now, &mut batch)).0, "forgotten");
+    assert_eq!(outcome(&commands.decide(to("c", &order("newer", now + 501)), now, &mut batch)).0, "give");
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    drop(commands);
+    // This bridge's own are unknown when it has ended, and not what another one has.
+    let mut batch = Batch::default();
+    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    commands.hear("c", "theirs", by(Outcome::Accepted, now), now, &mut batch);
+    store.write(&batch, &|_| Vec::new()).unwrap();
+    drop(commands);
+    let (commands, unknown) = Commands::open(&store, age, RATE, &mut Batch::default()).unwrap();
+    assert_eq!(unknown, []);
+    assert_eq!(commands.entry("c", "theirs").unwrap().outcome, Outcome::Accepted);
+}

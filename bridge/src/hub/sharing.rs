@@ -1,0 +1,139 @@
+//! Cells that bridges share: the hub takes them, lets them go, and says what becomes of their commands.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering;
+
+use anyhow::Result;
+use robot_session::now;
+use serde_json::json;
+
+use super::{Hub, Turn, text_of};
+use crate::cell::{Cell, Next};
+use crate::health::Shared;
+use crate::links;
+use crate::metric::{self, COMMAND, Named};
+use crate::report::{Command, Outcome};
+use crate::share::Heard;
+
+/// A command of the cell of this place of which the others are to know, before it is given if it is to be.
+pub(super) type Told = (usize, String, Option<Command>);
+
+impl Hub<'_> {
+    /// Lets go what is another bridge's, and takes what is this one's.
+    pub(super) fn share_out(&mut self, turn: &mut Turn) -> Result<()> {
+        let Some(share) = &mut self.share else { return Ok(()) };
+        let now = now();
+        let lapsed = share.lapsed(now);
+        let is_lapsed = lapsed.is_some();
+        let is_idle = |cell: &Cell| matches!(cell.next, Next::Away) && cell.thread.is_none();
+        let shared = self.cells.iter_mut().enumerate().filter(|(_, cell)| cell.is_shared);
+        let mut takes = Vec::new();
+        for (place, cell) in shared {
+            if is_idle(cell) {
+                takes.extend(share.may_take(&cell.name, now).map(|until| (place, until)));
+            } else if cell.is_here() && (is_lapsed || share.must_give(&cell.name, now)) {
+                cell.stop.store(true, Ordering::Relaxed);
+                cell.next = Next::Away;
+                let why = if is_lapsed { "the broker was not heard" } else { "another bridge takes it" };
+                (self.log)(json!({"cell": cell.name, "share": "let go", "why": why}));
+            }
+        }
+        self.not_given(lapsed.unwrap_or_default(), turn);
+        for (place, until) in takes {
+            let Some(name) = self.cells.get(place).map(|cell| cell.name.clone()) else { continue };
+            let Some(settings) = self.hall.cell.get(&name).cloned() else { continue };
+            for report in self.commands.take(&name, until, &mut turn.batch) {
+                self.is_unknown(place, report, turn);
+            }
+            let client = links::client(&settings)?;
+            self.begin_with(&name, &settings, client, true)?;
+            (self.log)(json!({"cell": name, "share": "taken"}));
+        }
+        Ok(())
+    }
+
+    /// Says what there is to say to the bridges that share cells. What it says of commands is on the disk.
+    pub(super) fn say(&mut self, told: Vec<Told>) {
+        let Some(share) = &mut self.share else { return };
+        for (place, id, command) in told {
+            let Some(cell) = self.cells.get(place).filter(|cell| cell.is_shared) else { continue };
+            if let Some(entry) = self.commands.entry(&cell.name, &id) {
+                share.tell(&cell.name, &id, entry.clone(), command.map(|command| (place, command)));
+            }
+        }
+        let shared = self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone());
+        let cells: BTreeMap<_, _> =
+            shared.map(|cell| (cell.name.clone(), cell.thread.is_some() && !share.has_ended())).collect();
+        share.say(now(), cells, self.commands.latest(), |message| self.uplink.say(message));
+    }
+
+    /// How many shared cells are where.
+    pub(super) fn shared(&self) -> Option<Shared> {
+        let (share, now, mut shared) = (self.share.as_ref()?, now(), Shared::default());
+        for cell in self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone()) {
+            match share.owner(&cell.name, now) {
+                _ if cell.is_here() => shared.here += 1,
+                Some(_) => shared.elsewhere += 1,
+                None => shared.nobody += 1,
+            }
+        }
+        Some(shared)
+    }
+
+    /// A bridge has said something.
+    pub(super) fn heard(&mut self, from: &str, payload: &[u8], turn: &mut Turn) {
+        match self.share.as_mut().and_then(|share| share.hear(from, payload, now())) {
+            Some(Heard::Give(commands)) => {
+                for (place, command) in commands {
+                    match self.cells.get(place).is_some_and(Cell::is_here) {
+                        true => turn.give.push((place, command)),
+                        false => self.not_given(vec![(place, command)], turn),
+                    }
+                }
+            }
+            Some(Heard::Command { cell, .. }) if !self.places.contains_key(&cell) => {}
+            Some(Heard::Command { cell, id, entry }) => {
+                self.commands.hear(&cell, &id, entry, metric::now(), &mut turn.batch);
+            }
+            Some(Heard::Strange(why)) => self.strange(why),
+            None => {}
+        }
+    }
+
+    /// A command has no outcome, and will have none.
+    pub(super) fn is_unknown(&mut self, place: usize, report: Vec<Named>, turn: &mut Turn) {
+        self.count("unknown");
+        turn.tell.extend(text_of(&report, COMMAND).map(|id| (place, id.to_owned(), None)));
+        self.record(place, metric::now(), report, &mut turn.batch);
+    }
+
+    /// Commands that the cells have not had.
+    pub(super) fn not_given(&mut self, commands: Vec<(usize, Command)>, turn: &mut Turn) {
+        for (place, Command { id, .. }) in commands {
+            let Some(cell) = self.cells.get(place) else { continue };
+            let (name, at) = (cell.name.clone(), metric::now());
+            let why =
+                "the broker was lost, or the cell, before the other bridges knew of it: it was not executed";
+            self.latest.note(&name, &id, at, Outcome::Refused, why);
+            let named = self.commands.finish(&name, &id, Outcome::Refused, why.into(), &mut turn.batch);
+            self.count(Outcome::Refused.name());
+            turn.tell.push((place, id, None));
+            self.record(place, at, named, &mut turn.batch);
+        }
+    }
+
+    /// Why a command for the cell cannot be obeyed here, if it is not here.
+    pub(super) fn is_elsewhere(&self, cell: &Cell) -> Option<String> {
+        if matches!(cell.next, Next::Another(_)) {
+            return Some("the cell is being changed: order anew".into());
+        }
+        if cell.is_here() {
+            return None;
+        }
+        let owner = self.share.as_ref().and_then(|share| share.owner(&cell.name, now()));
+        Some(match owner {
+            Some(owner) => format!("{owner} has this cell: order there, with another id"),
+            None => "no bridge has this cell at present: order anew when it is born".into(),
+        })
+    }
+}

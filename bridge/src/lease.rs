@@ -1,0 +1,27 @@
+//! Until when cells that several bridges share are this one's: what a cell's thread asks before it does anything.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use robot_session::now;
+
+/// Until when, by this process's clock.
+#[derive(Debug, Default)]
+pub struct Lease(AtomicU64);
+
+impl Lease {
+    /// Whether the cells are this bridge's at this moment.
+    pub fn holds(&self) -> bool {
+        self.holds_at(now())
+    }
+
+    /// Whether they are at another.
+    pub fn holds_at(&self, now: Duration) -> bool {
+        now < Duration::from_micros(self.0.load(Ordering::Relaxed))
+    }
+
+    /// They are until then.
+    pub fn renew(&self, until: Duration) {
+        self.0.store(u64::try_from(until.as_micros()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    }
+}

@@ -120,7 +120,7 @@ class Host:
     def __init__(self):
         self.lock, self.node, self.born = threading.Lock(), {}, collections.defaultdict(dict)
         self.last, self.lost, self.records, self.again = {}, 0, 0, 0
-        self.outcomes = collections.defaultdict(list)
+        self.outcomes, self.connections = collections.defaultdict(list), 0
         self.client = mqtt.Client("host", protocol=mqtt.MQTTv5)
         self.client.on_connect = self.connected
         self.client.on_message = self.take
@@ -134,6 +134,7 @@ class Host:
         """Births have QoS 0: those of the time without a broker are asked for."""
         with self.lock:
             self.born.clear()
+        self.connections += 1
         client.subscribe([(f"spBv1.0/{GROUP}/#", 1)])
         payload = pb.Payload(timestamp=int(time.time() * 1000))
         payload.metrics.add(name="Node Control/Rebirth", timestamp=payload.timestamp, datatype=11, boolean_value=True)
@@ -196,17 +197,23 @@ class Commander(threading.Thread):
             if cell.NAME == "mmacell-proto" and number // len(devices) % 3 == 0:
                 id, order = f"{id}/servo", {"command": "SRV", "on": True}
             order = {"id": id, **order}
-            nodes = list(NODES)
-            random.shuffle(nodes)
+            # Most go to the bridge that has the cell, and some to both at once.
+            nodes = sorted(NODES, key=lambda node: node not in host.places()[cell.name])
             payload = host.command(nodes[0], cell.name, order)
             self.sent[id] = (cell.name, payload)
-            if number % 2:
+            if number % 4 == 0:
                 self.again(nodes[1], cell.name, payload)
             late.append((time.time() + random.uniform(1, 25), cell.name, payload))
             while late and late[0][0] < time.time():
                 _, name, payload = late.popleft()
                 for node in NODES:
                     self.again(node, name, payload)
+
+    def repeat(self):
+        """All that are not too old go to both again."""
+        for cell, payload in [it for it in list(self.sent.values()) if it[1].timestamp > (time.time() - 28) * 1000]:
+            for node in NODES:
+                self.again(node, cell, payload)
 
     def again(self, node, cell, payload):
         host.client.publish(f"spBv1.0/{GROUP}/DCMD/{node}/{cell}", payload.SerializeToString(), qos=1)
@@ -262,6 +269,8 @@ def back(what, condition):
     start = time.time()
     ground.wait(what, condition, args.longest)
     took[what].append(time.time() - start)
+    if commander.is_alive():
+        commander.repeat()
     print(f"  {what}: after {took[what][-1]:.1f} s", flush=True)
 
 
@@ -301,9 +310,9 @@ def stop(at):
 def both(_):
     for bridge in bridges:
         bridge.kill()
+    ground.wait("two deaths", lambda: not any(host.places().values()))
     for bridge in bridges:
         bridge.start()
-    time.sleep(1)
     back("both are killed and started", settled(shares))
 
 
@@ -311,22 +320,22 @@ def broker(at):
     ground.broker.terminate()
     ground.broker.wait()
     time.sleep((1, 12)[at])
+    before = host.connections
     ground.start_broker()
-    time.sleep(1)
-    back(f"the broker is away for {(1, 12)[at]} s", settled(shares))
+    back(f"the broker is away for {(1, 12)[at]} s", lambda: host.connections > before and settled(shares)())
 
 
 FAULTS = {"kill": kill, "end": end, "cut": cut, "stop": stop, "both": both, "broker": broker}
 host = Host()
 bridges = [Bridge(node) for node in NODES]
 took = collections.defaultdict(list)
+watch, commander = Watch(), Commander()
 back("both are started", whole)
 time.sleep(3)
 shares = host.places()
 if not whole() or len({node for [node] in shares.values()}) != 2:
     ground.fail(f"not shared: {shares}")
 print("  " + ", ".join(f"{cell}: {node}" for cell, [node] in shares.items()), flush=True)
-watch, commander = Watch(), Commander()
 watch.start()
 commander.start()
 for name in args.faults or FAULTS:

@@ -197,6 +197,7 @@ impl<'a> Hub<'a> {
             hub.is_unknown(place, report, &mut turn);
         }
         hub.write(&mut turn.batch)?;
+        hub.say(turn.tell);
         Ok(hub)
     }
 

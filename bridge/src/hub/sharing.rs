@@ -91,6 +91,7 @@ impl Hub<'_> {
                     }
                 }
             }
+            Some(Heard::Command { cell, .. }) if !self.places.contains_key(&cell) => {}
             Some(Heard::Command { cell, id, entry }) => {
                 self.commands.hear(&cell, &id, entry, metric::now(), &mut turn.batch);
             }

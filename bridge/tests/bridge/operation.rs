@@ -137,6 +137,7 @@ fn after_a_loss_of_power_the_numbers_leave_out_a_thousand() {
     let nobody = "127.0.0.1:1";
     let mut bridge = crate::bridge(folder.path(), nobody, &ball);
     let ahead = |bridge: &Running| {
+        until("figures", || get(bridge, "/metrics").contains("record_number{"));
         let text = get(bridge, "/metrics");
         figure_in(&text, "record_number{cell=\"ball\"}") - figure_in(&text, "store_records")
     };

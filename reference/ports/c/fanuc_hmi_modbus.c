@@ -63,7 +63,7 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
     if (count_at == 0)
         return BY_BEGINNING;
     bool is_there = length > count_at;
-    *size = base + (is_there ? frame[count_at] : 1);
+    *size = base + (is_there ? frame[count_at] : 0);
     return is_there ? BY_BEGINNING : NOT_KNOWN_YET;
 }
 

@@ -67,7 +67,7 @@ def rtu_length(frame: bytes, sender: str) -> int | None:
     if function in counts:
         size, at = counts[function]
         if at >= len(frame):
-            raise Incomplete(size + 1)
+            raise Incomplete(size)
         return size + frame[at]
     return fixed.get(function)
 

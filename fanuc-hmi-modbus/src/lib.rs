@@ -44,5 +44,8 @@ pub use position::PositionRegister;
 pub use registers::{Registers, serve};
 pub use robot_session;
 pub use server::{Server, ServerConfig, ServerEvent, ServerStatistics};
+#[cfg(feature = "serde")]
+#[doc(hidden)]
+pub use shape::FrameObject;
 pub use signals::{Signal, Table};
 pub use typed::{Multiply, WordOrder};

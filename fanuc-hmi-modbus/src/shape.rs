@@ -6,6 +6,7 @@ use serde::de::{Error as _, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visito
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::error::EncodeError;
 use crate::frame::Frame;
 use crate::message::{Bits, Exception, Pdu, PduBuf, Reply, Request, Words, function, limit};
 
@@ -110,6 +111,17 @@ fn entries<M: SerializeMap>(map: &mut M, words: &[(&str, u16)]) -> Result<(), M:
 /// Reads the object of a request or of a reply: its keys show which.
 impl<'de> Deserialize<'de> for Frame<PduBuf> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        FrameObject::deserialize(deserializer)?.0.map_err(D::Error::custom)
+    }
+}
+
+/// The object of a frame, and why the encoder refuses its message.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct FrameObject(pub Result<Frame<PduBuf>, EncodeError>);
+
+impl<'de> Deserialize<'de> for FrameObject {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(FrameVisitor)
     }
 }
@@ -117,7 +129,7 @@ impl<'de> Deserialize<'de> for Frame<PduBuf> {
 struct FrameVisitor;
 
 impl<'de> Visitor<'de> for FrameVisitor {
-    type Value = Frame<PduBuf>;
+    type Value = FrameObject;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("the object of a Modbus frame")
@@ -146,7 +158,10 @@ impl<'de> Visitor<'de> for FrameVisitor {
                 }
             }
         }
-        keys.frame().map_err(A::Error::custom)
+        match keys.frame() {
+            Err(ShapeError::Encode(error)) => Ok(FrameObject(Err(error))),
+            frame => frame.map(|frame| FrameObject(Ok(frame))).map_err(A::Error::custom),
+        }
     }
 }
 
@@ -192,7 +207,7 @@ enum ShapeError {
     #[error("a key is missing: {0}")]
     Missing(&'static str),
     #[error(transparent)]
-    Encode(#[from] crate::error::EncodeError),
+    Encode(#[from] EncodeError),
     #[error("a value does not fit: {0}")]
     Range(&'static str),
     #[error("a key that no message of this function has")]

@@ -1,5 +1,5 @@
 use anyhow::{Result, anyhow};
-use fanuc_hmi_modbus::{Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::{Decoder, Frame, FrameObject, Framing, Reply, Side, TelemetryBlock, WordOrder};
 use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
@@ -60,7 +60,8 @@ impl Messages for Modbus {
             let block: TelemetryBlock = read(block)?;
             message.insert("registers".into(), block.to_registers(order).as_slice().into());
         }
-        let frame: Frame<PduBuf> = read(message)?;
+        let FrameObject(frame) = read(message)?;
+        let frame = frame.map_err(EncodeError::refused)?;
         match (self.framing, frame.transaction) {
             (Framing::Tcp, None) => Err(anyhow!("a key is missing: transaction, or use --set framing=rtu"))?,
             (Framing::Tcp, Some(_)) | (_, None) => {}

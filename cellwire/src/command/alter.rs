@@ -87,6 +87,9 @@ struct InputArgs {
     /// A 3Dconnexion device, through the socket of spacenavd
     #[arg(long, value_name = "SOCKET", num_args = 0..=1, default_missing_value = "/var/run/spnav.sock")]
     spacenav: Option<PathBuf>,
+    /// A 3Dconnexion device by its own reports, on every platform: the only one, or that whose name or path has NAME in it
+    #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "")]
+    hid: Option<String>,
     /// A game pad, a joystick or a 3D mouse of the Linux input system, such as /dev/input/by-id/…-event-joystick
     #[arg(long, value_name = "DEVICE")]
     evdev: Option<PathBuf>,
@@ -100,6 +103,7 @@ impl InputArgs {
         match self {
             Self { ball: Some(path), .. } => InputConfig::Ball(PortConfig { path: path.clone(), baud }),
             Self { spacenav: Some(path), .. } => InputConfig::Spacenav(path.clone()),
+            Self { hid: Some(name), .. } => InputConfig::Hid(name.clone()),
             Self { evdev: Some(path), .. } => InputConfig::Evdev(path.clone()),
             Self { play: Some(path), .. } => InputConfig::Play(path.clone()),
             Self { .. } => InputConfig::Keyboard,

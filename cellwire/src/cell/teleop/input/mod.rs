@@ -3,7 +3,9 @@
 mod ball;
 mod device;
 mod evdev;
+mod hid;
 mod keyboard;
+mod mouse;
 mod recording;
 mod spacenav;
 
@@ -32,6 +34,8 @@ pub enum InputConfig {
     Keyboard,
     /// A 3Dconnexion device, through the socket of spacenavd.
     Spacenav(PathBuf),
+    /// A 3Dconnexion device by its own reports: the only one, or that whose name or path has this in it.
+    Hid(String),
     /// A game pad, a joystick or a 3D mouse: a device of the Linux input system.
     Evdev(PathBuf),
     /// A recording.
@@ -45,6 +49,8 @@ impl InputConfig {
             Self::Ball(port) => format!("ball: {} at {} baud", port.path, port.baud),
             Self::Keyboard => "input: the keyboard".into(),
             Self::Spacenav(path) => format!("input: spacenavd at {}", path.display()),
+            Self::Hid(name) if name.is_empty() => "input: 3D mouse".into(),
+            Self::Hid(name) => format!("input: 3D mouse {name}"),
             Self::Evdev(path) => format!("input: {}", path.display()),
             Self::Play(path) => format!("input: recording {}", path.display()),
         }
@@ -80,6 +86,7 @@ impl Hand {
                 Box::new(keyboard::Keyboard::new(context.clock, keys))
             }
             InputConfig::Spacenav(path) => Box::new(spacenav::Spacenav::open(path, context.clone())?),
+            InputConfig::Hid(name) => Box::new(hid::Hid::open(name, context.clone())?),
             InputConfig::Evdev(path) => Box::new(evdev::Evdev::open(path, context.clone())?),
             InputConfig::Play(path) => Box::new(recording::Playback::open(path, context.clone())?),
         };

@@ -18,18 +18,11 @@ mod unix {
 
     use crate::cell::teleop::context::Context;
     use crate::cell::teleop::input::device::{Input, InputEvent};
+    use crate::cell::teleop::input::mouse::{MAX_AGE, PERIOD, REOPEN, thousandths};
     use crate::cell::teleop::messages::Notification;
-    use crate::cell::teleop::sample::{FULL, Sample};
+    use crate::cell::teleop::sample::Sample;
 
-    /// Full deflection as these devices report it, at the daemon's sensitivity of 1.
-    const DEFLECTION: i32 = 350;
-    /// A push that is not repeated so long is old. The devices send while they are pushed; `repeat-interval = 50` in the daemon's
-    /// `spnavrc` has it repeat what does not change.
-    const MAX_AGE: Duration = Duration::from_millis(100);
-    /// A device at rest sends nothing: its rest is as good as new while the daemon is there.
-    const PERIOD: Duration = Duration::from_millis(28);
-    /// A daemon that is gone is looked for this often.
-    const REOPEN: Duration = Duration::from_millis(200);
+    /// An event. `repeat-interval = 50` in the daemon's `spnavrc` has it repeat what does not change.
     const EVENT: usize = 32;
 
     pub(in super::super) struct Spacenav {
@@ -137,13 +130,6 @@ mod unix {
                 events.push(rest);
             }
         }
-    }
-
-    /// What is beyond full deflection is that.
-    fn thousandths(value: i32) -> i16 {
-        let full = i64::from(FULL);
-        let value = (i64::from(value) * full / i64::from(DEFLECTION)).clamp(-full, full);
-        i16::try_from(value).unwrap_or_default()
     }
 }
 

@@ -1,0 +1,21 @@
+//! What 3Dconnexion devices have in common, whoever reads them.
+
+use std::time::Duration;
+
+use crate::cell::teleop::sample::FULL;
+
+/// Full deflection as these devices report it.
+const DEFLECTION: i32 = 350;
+/// A push that is not repeated so long is old.
+pub(super) const MAX_AGE: Duration = Duration::from_millis(100);
+/// A device at rest sends nothing: its rest is as good as new while the device is there, and is said so often.
+pub(super) const PERIOD: Duration = Duration::from_millis(28);
+/// A device that is gone is looked for this often.
+pub(super) const REOPEN: Duration = Duration::from_millis(200);
+
+/// What is beyond full deflection is that.
+pub(super) fn thousandths(value: i32) -> i16 {
+    let full = i64::from(FULL);
+    let value = (i64::from(value) * full / i64::from(DEFLECTION)).clamp(-full, full);
+    i16::try_from(value).unwrap_or_default()
+}

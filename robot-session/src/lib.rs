@@ -59,7 +59,7 @@ pub use serial::Serial;
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Received, Sent, Transport, drive, now};
+pub use std_driver::{Driver, Received, Sent, Transport, drive, is_lost_datagram, now};
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
 pub use turn::Clock;
 pub use unexpected::Unexpected;

@@ -313,9 +313,7 @@ impl Transport for UdpSocket {
         }
         match self.recv(buffer) {
             Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) || error.kind() == ErrorKind::ConnectionRefused => {
-                Ok(Received::Nothing)
-            }
+            Err(error) if is_silence(&error) || is_lost_datagram(&error) => Ok(Received::Nothing),
             Err(error) => Err(error),
         }
     }
@@ -353,4 +351,13 @@ fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
 /// A read that ended because nothing came in time, or a signal did.
 pub(crate) fn is_silence(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}
+
+/// What a UDP socket says of one datagram and not of itself: that it has reached nobody, or was longer than any message. Systems have words of
+/// their own for that: Windows resets, and refuses to cut what is too long.
+pub fn is_lost_datagram(error: &io::Error) -> bool {
+    /// `WSAEMSGSIZE`, which has no kind.
+    const TOO_LONG: i32 = 10040;
+    matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset)
+        || cfg!(windows) && error.raw_os_error() == Some(TOO_LONG)
 }

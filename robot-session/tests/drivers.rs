@@ -7,13 +7,15 @@ mod common;
 use core::net::{Ipv4Addr, SocketAddr};
 use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{self, BufRead, BufReader, Read as _, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read as _, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::thread;
 
 use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event};
-use robot_session::{Driver, Ended, Received, Sent, Serial, Session as _, Transport, Wait, drive, now};
+use robot_session::{
+    Driver, Ended, Received, Sent, Serial, Session as _, Transport, Wait, drive, is_lost_datagram, now,
+};
 use serialport::SerialPort as _;
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
@@ -129,7 +131,7 @@ fn a_peer_that_does_not_read_holds_up_nothing_else() {
     loop {
         match stream.write(&[b'x'; 4096]) {
             Ok(length) => held += length,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+            Err(error) if error.kind() == ErrorKind::WouldBlock => break,
             Err(error) => panic!("{error}"),
         }
     }
@@ -199,6 +201,23 @@ fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
     assert_eq!(seen, [Event::NoAnswer("one".into()), Event::Answer("two".into())]);
 }
 
+/// Windows calls it an error, other systems cut it.
+#[test]
+fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
+    let mut here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let peer = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    here.connect(peer.local_addr().unwrap()).unwrap();
+    peer.connect(here.local_addr().unwrap()).unwrap();
+    peer.send(&[1; 100]).unwrap();
+    peer.send(&[2; 9]).unwrap();
+    let mut buffer = [0; 10];
+    let wait = Wait::limited(Duration::from_secs(20));
+    while here.receive(&mut buffer, wait).unwrap() != Received::Bytes(9) {}
+    assert_eq!(buffer[..9], [2; 9]);
+    let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
+    assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);
+}
+
 /// A pseudo-terminal, whose other end does not read at first.
 #[cfg(unix)]
 #[test]
@@ -250,7 +269,7 @@ fn a_connection_that_fails_leaves_nothing_for_the_next() {
             let length = bytes.len().min(self.1);
             self.1 -= length;
             self.0.extend(&bytes[..length]);
-            if length == 0 { Err(io::ErrorKind::TimedOut.into()) } else { Ok(Sent::Part(length)) }
+            if length == 0 { Err(ErrorKind::TimedOut.into()) } else { Ok(Sent::Part(length)) }
         }
     }
 

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
 
@@ -71,7 +71,7 @@ impl Datagrams {
                 Ok((length, from)) if self.peer.is_none_or(|peer| peer == from) => return Ok(Some(length)),
                 Ok(_) => {}
                 // Nobody listens there yet, or any more.
-                Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+                Err(error) if is_lost_datagram(&error) => {}
                 Err(error) if is_silence(&error) => return Ok(None),
                 Err(error) => return Err(error),
             }

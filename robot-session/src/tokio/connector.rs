@@ -13,6 +13,8 @@ use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host
 use ::tokio::time::{sleep, timeout};
 use socket2::{SockRef, TcpKeepalive};
 
+use crate::is_lost_datagram;
+
 /// Makes one connection after the other. A closure that dials is one, as [`Dial`].
 pub trait Connector: Send {
     /// What carries the bytes.
@@ -178,9 +180,7 @@ impl AsyncRead for Datagrams {
         loop {
             match ready!(self.0.poll_recv(context, buffer)) {
                 Ok(()) if buffer.filled().len() > before => return Poll::Ready(Ok(())),
-                Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => {
-                    return Poll::Ready(Err(error));
-                }
+                Err(error) if !is_lost_datagram(&error) => return Poll::Ready(Err(error)),
                 Ok(()) | Err(_) => {}
             }
         }

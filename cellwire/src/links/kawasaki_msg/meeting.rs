@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use kawasaki_msg::{Dialect, Message};
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::io::listener::{Arrival, Listener};
 use crate::io::output::remark;
@@ -162,7 +162,7 @@ fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSoc
                 }
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
-            Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+            Err(error) if is_lost_datagram(&error) => {}
             Err(error) => return Err(Lost(format!("the socket: {error}")).into()),
         }
     }

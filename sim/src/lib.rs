@@ -15,6 +15,7 @@ pub mod kawasaki;
 pub mod laser;
 #[cfg(feature = "mma")]
 pub mod mma;
+mod peer;
 #[cfg(unix)]
 mod pty;
 #[cfg(feature = "puma")]
@@ -34,9 +35,10 @@ pub use faults::{Fault, Faults, Script};
 #[cfg(feature = "kawasaki")]
 pub use kawasaki::{KawasakiPc, KawasakiRobot};
 #[cfg(feature = "laser")]
-pub use laser::Laser;
+pub use laser::{Laser, LaserHost};
 #[cfg(feature = "mma")]
 pub use mma::{MmaPlatform, MmaRobot};
+pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
 pub use robot_session;

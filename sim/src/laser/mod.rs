@@ -1,4 +1,6 @@
-//! The controller of a laser robot: it queues, executes one instruction after the other, and answers five words besides.
+//! The controller of a laser robot: it queues, executes one instruction after the other, and answers five words besides. And its host.
+
+mod host;
 
 use core::time::Duration;
 
@@ -8,6 +10,7 @@ use laser_eb90::{
 };
 use robot_work_queue::{Reader, boxed};
 
+pub use self::host::{Computer, LaserHost};
 use crate::device::{Device, Error, Notes, Settings};
 
 /// Executes nothing until [`GO_ON`].

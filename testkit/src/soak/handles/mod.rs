@@ -22,7 +22,7 @@ use tokio::time::timeout;
 pub use self::rows::ROWS;
 use self::wire::{Plug, Wire};
 use super::{Ledger, Log, Mark, Reported, Tally};
-use crate::link::{End, Faults};
+use crate::link::Faults;
 use robot_session::contract::Rng;
 
 const MS: Duration = Duration::from_millis(1);
@@ -33,7 +33,7 @@ const WORK: usize = 20;
 /// The handle of one link, and what is at the other end.
 trait Handled: Sized {
     /// The simulated device.
-    type Device: Settings<Device: Send + 'static>;
+    type Device: Settings<Device: Device<Session: Send> + Send + 'static>;
     /// What the transport does wrong.
     const FAULTS: Faults;
     /// Whether the device says which jobs it has executed; otherwise what was reported as done was.
@@ -52,7 +52,8 @@ trait Handled: Sized {
     fn job(work: &Work<Self>) -> Option<usize>;
 }
 
-type Work<L> = <<<L as Handled>::Device as Settings>::Device as Device>::Work;
+type Simulated<L> = <<L as Handled>::Device as Settings>::Device;
+type Work<L> = <Simulated<L> as Device>::Work;
 type Shared<W> = Arc<Mutex<Vec<Executed<W>>>>;
 
 /// The service of a device, which nobody calls: it notes what is executed.
@@ -95,14 +96,21 @@ impl<D: Device> Executing<D> {
     }
 }
 
-fn session<L: Handled>(seed: u64, log: Log) -> Tally {
+fn session<L: Handled>(seed: u64, log: Log) -> Tally
+where
+    Simulated<L>: 'static,
+{
     // The pauses before a connection is made again.
     fastrand::seed(seed);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true);
-    runtime.build().unwrap().block_on(run::<L>(seed, log))
+    let mut runtime = tokio::runtime::Builder::new_current_thread();
+    let runtime = runtime.enable_time().start_paused(true).build().unwrap();
+    runtime.block_on(run::<L>(seed, log))
 }
 
-async fn run<L: Handled>(seed: u64, log: Log) -> Tally {
+async fn run<L: Handled>(seed: u64, log: Log) -> Tally
+where
+    Simulated<L>: 'static,
+{
     let (mut rng, begun) = (Rng::new(!seed), now());
     let log_line = |text: core::fmt::Arguments<'_>| log.line(now() - begun, text);
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
@@ -115,7 +123,7 @@ async fn run<L: Handled>(seed: u64, log: Log) -> Tally {
     let device_task = tokio::spawn(task.run());
     let (mut handle, mut ledger, mut tally) = (L::spawn(near), Ledger::default(), Tally::default());
 
-    let mut send = |ledger: &mut Ledger, rng: &mut Rng| {
+    let send = |ledger: &mut Ledger, rng: &mut Rng| {
         let count = 1 + rng.below(8);
         let first = ledger.len();
         (0..count).for_each(|_| _ = ledger.send(Mark::END));

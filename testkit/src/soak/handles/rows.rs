@@ -16,7 +16,7 @@ use tokio::time::{sleep, timeout};
 use val2_alter::tokio as alter;
 use val2_viewer::tokio as viewer;
 
-use super::{Handled, MS, Plug, Work, session};
+use super::{Handled, MS, Plug, Simulated, Work, session};
 use crate::link::Faults;
 use crate::soak::{Reported, Row};
 
@@ -33,7 +33,10 @@ pub const ROWS: [Row; 7] = [
     row::<mma::Device<RobotPose>>("mmacell-proto", "motions"),
 ];
 
-const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row {
+const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row
+where
+    Simulated<L>: 'static,
+{
     Row { link, transport: "handle", job, one_in: None, session: session::<L> }
 }
 

@@ -25,6 +25,10 @@ fn follower(address: &str) -> Result<Arm, Box<dyn core::error::Error>> {
 }
 
 /// A third of the way that is left goes into each cycle.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a place beyond an i32 is out of reach, and a speed is limited"
+)]
 async fn follow(arm: &Arm, wanted: watch::Receiver<[f64; 3]>) {
     loop {
         let (wanted, there, mut speeds) = (*wanted.borrow(), arm.commanded(), [0; 6]);

@@ -89,7 +89,8 @@ where
                     controller.answer(now, |_| Ok(()))
                 }
                 STATUS => {
-                    controller.answer(now, |values| values.i16(&[1, QUEUE as i16, held as i16]).map(drop))
+                    let numbers = [1, QUEUE, held].map(|number| i16::try_from(number).unwrap_or(i16::MAX));
+                    controller.answer(now, |values| values.i16(&numbers).map(drop))
                 }
                 _ => controller.refuse(now, Refusal::UnknownCommand),
             };

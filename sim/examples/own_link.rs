@@ -16,10 +16,10 @@ use robot_session::tokio::{Reply, Reports, Service, Tcp, spawn};
 const TIMEOUT: Duration = Duration::from_millis(200);
 
 /// A weight in grams, or why there is none.
-pub type Weighed = Result<i32, NoWeight>;
+type Weighed = Result<i32, NoWeight>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoWeight {
+enum NoWeight {
     Silent,
     Corrupt,
     Disconnected,
@@ -45,7 +45,8 @@ fn next_line(bytes: &mut Vec<u8>) -> Option<String> {
 
 /// The end that asks, one question at a time.
 #[derive(Debug, Default)]
-pub struct Asker {
+struct Asker {
+    connected: bool,
     number: u8,
     asks: bool,
     until: Option<Duration>,
@@ -54,8 +55,13 @@ pub struct Asker {
 }
 
 impl Asker {
-    pub fn ask(&mut self) {
-        (self.asks, self.number) = (true, self.number.wrapping_add(1));
+    /// Asks for the weight, which is an event. False while there is no connection, or another question.
+    fn ask(&mut self) -> bool {
+        let may_ask = self.connected && !self.asks && self.until.is_none();
+        if may_ask {
+            (self.asks, self.number) = (true, self.number.wrapping_add(1));
+        }
+        may_ask
     }
 
     fn end(&mut self, weighed: Weighed) {
@@ -70,11 +76,14 @@ impl Session for Asker {
     const MAX_INPUT: usize = 64;
     const MAX_TRANSMIT: usize = 5;
 
-    fn handle_connected(&mut self, _: Duration) {
-        self.received.clear();
+    fn handle_connected(&mut self, now: Duration) {
+        self.handle_disconnected(now);
+        self.connected = true;
     }
 
     fn handle_disconnected(&mut self, _: Duration) {
+        self.connected = false;
+        self.received.clear();
         if self.asks || self.until.is_some() {
             self.end(Err(NoWeight::Disconnected));
         }
@@ -109,7 +118,7 @@ impl Session for Asker {
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         let question = self.asks.then(|| format!("W{}\r", self.number))?;
         out.get_mut(..question.len())?.copy_from_slice(question.as_bytes());
-        (self.asks, self.until) = (false, Some(now + TIMEOUT));
+        (self.asks, self.until) = (false, Some(now.saturating_add(TIMEOUT)));
         Some(question.len())
     }
 
@@ -122,7 +131,7 @@ impl Session for Asker {
 
 /// Who waits for the weight.
 #[derive(Debug, Default)]
-pub struct Weighing(Option<Reply<Weighed>>);
+struct Weighing(Option<Reply<Weighed>>);
 
 impl Service for Weighing {
     type Session = Asker;
@@ -134,8 +143,11 @@ impl Service for Weighing {
     }
 
     fn call(&mut self, session: &mut Asker, _: Duration, reply: Reply<Weighed>) {
-        session.ask();
-        self.0 = Some(reply);
+        if session.ask() {
+            self.0 = Some(reply);
+        } else {
+            let _ = reply.send(Err(NoWeight::Disconnected));
+        }
     }
 
     fn event(&mut self, _: &mut Asker, weighed: Weighed, reports: &mut Reports<'_, Weighed>) {
@@ -164,6 +176,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
 #[cfg(test)]
 mod tests {
     use cellwire_sim::{Fault, Peer, Script, Settings as _};
+    use robot_session::contract::{Happened, Rng, Subject};
 
     use super::*;
 
@@ -215,6 +228,42 @@ mod tests {
         }
 
         fn statistics(&self) {}
+    }
+
+    /// The session in strings of calls.
+    struct Weighs;
+
+    impl Subject for Weighs {
+        type Session = Asker;
+
+        fn session(&self, _: usize, _: bool) -> Asker {
+            Asker::default()
+        }
+
+        fn input(&self, asker: &Asker, _: usize, rng: &mut Rng) -> Vec<u8> {
+            encode(if rng.chance(0.8) { asker.number } else { 0 }, 1250).into_bytes()
+        }
+
+        fn call(&self, asker: &mut Asker, _: usize, _: Duration, _: &mut Rng) -> Option<String> {
+            Some(format!("ask: {}", asker.ask()))
+        }
+
+        fn watch(&self) -> impl FnMut(Happened<'_, Weighed>) {
+            let mut open = 0;
+            move |happened| {
+                match happened {
+                    Happened::Called("ask: true") => open += 1,
+                    Happened::Event(_) => open -= 1,
+                    _ => {}
+                }
+                assert!((0..=1).contains(&open), "each question has one outcome");
+            }
+        }
+    }
+
+    #[test]
+    fn the_session_keeps_the_contract() {
+        robot_session::contract::session(&Weighs, 300);
     }
 
     #[tokio::test]

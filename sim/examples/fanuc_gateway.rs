@@ -127,7 +127,7 @@ mod tests {
             for robot in [0, 100, 200] {
                 until(&plc, robot, Result::is_ok).await;
             }
-            robots[0].faults().restart(300 * MS);
+            robots[0].faults().freeze(1500 * MS);
             robots[1]
                 .faults()
                 .follow(Script::new().every_answer(7, Fault::Cut).every_answer(5, Fault::Delay(3 * MS)));

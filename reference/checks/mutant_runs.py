@@ -256,7 +256,8 @@ class Command:
     def includes(self, path: Path, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Whether a file includes another, itself or through others."""
         included = [part.split('"')[1] for part in path.read_text().splitlines() if part.startswith('#include "')]
-        inner = [(path.parent / each).resolve() for each in included if each not in seen]
+        folders = [path.parent, self.copy / "include"]
+        inner = [(folder / each).resolve() for folder in folders for each in included if each not in seen]
         return any(each.name == name or self.includes(each, name, seen | set(included)) for each in inner if each.exists())
 
     def prepare(self, link: Link, traced: bool) -> set[str]:

@@ -10,6 +10,7 @@ a table, and `link: noticed of all`; exit status 1 if a link is below 96 %, all 
 
 import argparse
 import random
+import re
 import sys
 from collections import Counter
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ PORTS = CHECKS.parent / "ports"
 TARGET = CHECKS.parent.parent / "target/reference"
 GOAL, GOAL_OF_LINK = 98, 96
 SHARED = "shared"
-# A word in a file's name to its link.
+# A word in a file's path to its link.
 WORDS = {
     "modbus": "fanuc-hmi-modbus",
     "fanuc_ls": "fanuc-ls",
@@ -47,7 +48,11 @@ class Port:
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
-        return [path for path in paths if "testee" not in path.relative_to(self.folder).as_posix()]
+        return [path for path in paths if not re.search("testee|tests|cortex-m", path.relative_to(self.folder).as_posix())]
+
+    def link_of(self, path: Path) -> str:
+        name = path.relative_to(self.folder).as_posix().replace("-", "_")
+        return next((link for word, link in WORDS.items() if word in name), SHARED)
 
 
 def python() -> Port:
@@ -57,12 +62,10 @@ def python() -> Port:
 
 def c() -> Port:
     folder = PORTS / "c"
-    build = ["cc", "-std=c99", "-O0", "-w"]
-    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, TARGET / "mutants/c", ["*.c", "testee/*.c"], build, ["mutants/testee"]))
-
-
-def link_of(path: Path) -> str:
-    return next((link for word, link in WORDS.items() if word in path.name.replace("-", "_")), SHARED)
+    copy = TARGET / "mutants/c"
+    build = ["cc", "-std=c11", "-O0", "-w", f"-I{copy}/include"]
+    sources = ["src/*.c", "testee/*.c", "testee/ends/*.c"]
+    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, copy, sources, build, ["mutants/testee"]))
 
 
 def equivalent(port: str) -> dict[tuple[str, str, str, str], str]:
@@ -95,7 +98,7 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
     counts: dict[str, Counter] = {}
     by_link: dict[str, list[tuple[Path, mutation.Mutant]]] = {}
     for path, mutant in chosen:
-        by_link.setdefault(link_of(path), []).append((path, mutant))
+        by_link.setdefault(port.link_of(path), []).append((path, mutant))
     wrong = False
     for name, mutants in sorted(by_link.items()):
         cases = [case for link in (links if name == SHARED else [name]) for _, group in testee.cases(link) for case in group]
@@ -152,7 +155,7 @@ def main() -> None:
     gone = listed.keys() - {mutant.name for _, mutant in found}
     for name in sorted(gone):
         print("is listed as equivalent, and there is no such change: {}: {}\n- {}\n+ {}\n".format(*name))
-    chosen = [(path, mutant) for path, mutant in found if not args.link or link_of(path) in args.link]
+    chosen = [(path, mutant) for path, mutant in found if not args.link or port.link_of(path) in args.link]
     if args.sample is not None and args.sample < len(chosen):
         drawn = set(random.Random(args.seed).sample(range(len(chosen)), args.sample))
         chosen = [each for number, each in enumerate(chosen) if number in drawn]

@@ -1,0 +1,161 @@
+/** kawasaki-msg: the text messages between a Kawasaki robot and a PC. What they mean is in kawasaki-dialect.ts. */
+
+import { Refused, fields } from "./check.js";
+import { Decoder, byteAt, bytesOf, latin1, type Found } from "./stream.js";
+
+/** The most bytes of a message, its marks included (KM-14). */
+export const MAX_MESSAGE = 4096;
+
+const START = 0x3c; // <
+const END = 0x3e; // >
+const HASH = 0x23;
+const INT32 = 0x8000_0000;
+
+/** `ascii`: a byte above 7Fh is no character; `latin1`: every byte is one (KM-16). */
+export type Charset = "ascii" | "latin1";
+
+/** Every value exactly as it is transmitted. */
+export interface Message {
+  name: string;
+  /** The values between the name and the length (KM-12). */
+  header: string[];
+  fields: string[];
+}
+
+export type MessageError =
+  | { kind: "garbage"; offset: number; length: number }
+  | { kind: "mark" | "not_ascii" | "no_end_mark"; offset: number; found: number }
+  | { kind: "no_length" | "no_name"; offset: number }
+  | { kind: "too_long"; offset: number; limit: number }
+  | { kind: "length"; offset: number; expected: number; found: number }
+  | { kind: "incomplete"; offset: number; found: number };
+
+/** A number on the wire: 32 bits with a sign, zeros before it and blanks around it allowed (KM-17); null if it is none. */
+export function readNumber(text: string): number | null {
+  const digits = /^[ \t\n\f\r]*(-?[0-9]+)[ \t\n\f\r]*$/.exec(text)?.[1];
+  if (digits === undefined) return null;
+  const value = Number(digits);
+  return value >= -INT32 && value < INT32 ? value + 0 : null;
+}
+
+/** The bytes of a message (KM-39, KM-41). */
+export function encodeMessage(message: Message, charset: Charset = "ascii"): Uint8Array {
+  fields(message, "name", "header", "fields");
+  const { name, header } = message;
+  if (![[name], header, message.fields].every((list) => Array.isArray(list) && list.every((value) => typeof value === "string"))) {
+    throw new Refused("message", "a value is no text");
+  }
+  if (name === "") throw new Refused("no_name");
+  const data = message.fields.join("$");
+  const dataLength = [...data].length;
+  const text = `<${[name, ...header, dataLength].join("$")}#${data}#>`;
+  const length = [...text].length;
+  if (length > MAX_MESSAGE) throw new Refused("too_long", `${length} bytes`);
+  const most = charset === "ascii" ? 0x7f : 0xff;
+  for (const character of [name, ...header, ...message.fields].join("")) {
+    if ((character.codePointAt(0) ?? 0) > most) throw new Refused("character", `the character ${character}`);
+    if ("<>$#".includes(character)) throw new Refused("forbidden", `the mark ${character}`);
+  }
+  return bytesOf(text);
+}
+
+/** The decoder of either side (KM-30 to KM-34). */
+export class MessageDecoder extends Decoder<Message, MessageError> {
+  /** The error that is returned when the next start mark has come (KM-31). */
+  private failed: MessageError | null = null;
+  private readonly last: number;
+
+  constructor(charset: Charset = "ascii") {
+    super();
+    this.last = charset === "ascii" ? 0x7f : 0xff;
+  }
+
+  /** Whether the beginning of a message is held in which nothing is wrong so far. */
+  get half(): boolean {
+    return this.failed === null && this.dropped === 0 && this.held[0] === START;
+  }
+
+  override discard(): void {
+    super.discard();
+    this.failed = null;
+  }
+
+  protected read(): Found<Message, MessageError> | null {
+    if (this.failed !== null) return this.skip(this.failed);
+    if (this.pending === 0) return null;
+    if (this.dropped > 0 || this.held[0] !== START) return this.garbage();
+    const message = this.held.subarray(0, MAX_MESSAGE);
+    const found = this.readMessage(message);
+    return found === null && this.failed === null ? this.more(message) : found;
+  }
+
+  private garbage(): Found<Message, MessageError> | null {
+    const start = this.held.indexOf(START);
+    const length = this.dropped + (start < 0 ? this.held.length : start);
+    if (start >= 0 || this.ended) return { length, error: { kind: "garbage", offset: this.position, length } };
+    this.drop(this.held.length);
+    return null;
+  }
+
+  /** A message or an error; null, if more bytes are needed. */
+  private readMessage(m: Uint8Array): Found<Message, MessageError> | null {
+    const hash = this.nextMark(m, 1);
+    if (hash === null) return null;
+    if (byteAt(m, hash) !== HASH) return this.wrongByte(m, hash);
+    const header = latin1(m.subarray(1, hash));
+    const dollar = header.lastIndexOf("$");
+    if (dollar < 0) return this.fail({ kind: "no_length", offset: hash });
+    const length = readNumber(header.slice(dollar + 1));
+    if (length === null || length < 0) return this.fail({ kind: "no_length", offset: dollar + 2 });
+    if (header.startsWith("$")) return this.fail({ kind: "no_name", offset: 1 });
+    const begin = hash + 1;
+    if (begin + length + 2 > MAX_MESSAGE) return this.fail({ kind: "too_long", offset: 1, limit: MAX_MESSAGE });
+    const second = this.nextMark(m, begin);
+    if (second === null) return null;
+    if (byteAt(m, second) !== HASH) return this.wrongByte(m, second);
+    if (second - begin !== length) return this.fail({ kind: "length", offset: begin, expected: length, found: second - begin });
+    const end = m[second + 1];
+    if (end === undefined) return null;
+    if (end === START) return this.fail({ kind: "mark", offset: second + 1, found: end });
+    if (end !== END) return this.fail({ kind: "no_end_mark", offset: second + 1, found: end });
+    const [name = "", ...values] = header.slice(0, dollar).split("$");
+    const data = latin1(m.subarray(begin, second));
+    return { length: second + 2, message: { name, header: values, fields: data === "" ? [] : data.split("$") } };
+  }
+
+  /** The first place of `<`, `>`, `#` or of no character. */
+  private nextMark(m: Uint8Array, from: number): number | null {
+    for (let place = from; place < m.length; place += 1) {
+      const byte = byteAt(m, place);
+      if (byte === START || byte === END || byte === HASH || byte > this.last) return place;
+    }
+    return null;
+  }
+
+  private wrongByte(m: Uint8Array, offset: number): Found<Message, MessageError> | null {
+    const found = byteAt(m, offset);
+    return this.fail({ kind: found > this.last ? "not_ascii" : "mark", offset, found });
+  }
+
+  private more(m: Uint8Array): Found<Message, MessageError> | null {
+    if (m.length === MAX_MESSAGE) return this.fail({ kind: "too_long", offset: 0, limit: MAX_MESSAGE });
+    if (this.ended) return this.fail({ kind: "incomplete", offset: 0, found: this.held.length });
+    return null;
+  }
+
+  private fail(error: MessageError): Found<Message, MessageError> | null {
+    this.failed = { ...error, offset: error.offset + this.position };
+    return this.skip(this.failed);
+  }
+
+  /** Goes on at the next start mark behind the first byte of the message. */
+  private skip(error: MessageError): Found<Message, MessageError> | null {
+    const start = this.held.indexOf(START, this.dropped > 0 ? 0 : 1);
+    if (start >= 0 || this.ended) {
+      this.failed = null;
+      return { length: this.dropped + (start < 0 ? this.held.length : start), error };
+    }
+    this.drop(this.held.length);
+    return null;
+  }
+}

@@ -1,0 +1,356 @@
+/** The client of Modbus (section 7): it sends requests, and gives each of them one outcome. */
+
+import { Refused } from "../check.js";
+import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
+import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
+import { longestFrame, silence, type Transport } from "./modbus-transport.js";
+import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
+
+/** Times are in ns. */
+export interface ModbusClientConfig {
+  framing: Transport;
+  baud: number;
+  /** Ends the input on a serial line, or stalls RTU over TCP. */
+  silence: number;
+  timeout: number;
+  /** How many requests are in flight at most; 1 where frames have no transaction. */
+  in_flight: number;
+  /** A reply from another unit than was asked is taken. */
+  any_unit: boolean;
+  /** Unit 0 is a broadcast, which nobody answers. */
+  broadcast: boolean;
+  turnaround: number;
+  settle: number;
+  /** How many requests there can be at once. */
+  places: number;
+}
+
+export type Mismatch =
+  | { kind: "unit" | "function"; expected: number; found: number }
+  /** Bytes of data. */
+  | { kind: "quantity"; expected: number; found: number }
+  | { kind: "echo" };
+
+export type FailReason = "disconnected" | "not_sent" | "timed_out" | { mismatch: Mismatch } | { malformed: PduError };
+
+export type ModbusClientEvent =
+  | { event: "replied"; ticket: number; message: ReplyMessage }
+  | { event: "announced"; ticket: number }
+  | { event: "failed"; ticket: number; reason: FailReason }
+  | { event: "stray"; unit: number; function: number; transaction?: number; late?: number; mismatch?: Mismatch }
+  | { event: "corrupt" | "out_of_step"; error: FrameError | PduError }
+  | Unexpected;
+
+/** A request in its place (FM-75); `expired`: the outcome was taken, and the reply may still come. */
+interface Place {
+  ticket: number;
+  request: RequestMessage;
+  stage: "queued" | "in_flight" | "ended" | "timed_out" | "expired";
+  transaction: number | null;
+  deadline: number;
+  /** When it timed out, or expired, among the others. */
+  order: number;
+}
+
+const MS = 1e6;
+const READING = [1, 2, 3, 4, 23];
+
+export class ModbusClient implements Session<ModbusClientEvent> {
+  private up = false;
+  /** When a busy line is silent; null: it is silent. */
+  private silentAt: number | null = null;
+  /** Until when nothing is sent; null: quiet is over. */
+  private quietUntil: number | null = null;
+  private readonly places: (Place | null)[];
+  private tickets = 0;
+  private lastTransaction = 0;
+  private order = 0;
+  /** An error of the decoder was given since the last request was sent (FM-84). */
+  private damaged = false;
+  private lastCorruption: FrameError | null = null;
+  private readonly decoder;
+  private readonly events = new Events<ModbusClientEvent>();
+  private readonly config: ModbusClientConfig;
+
+  constructor(given: Partial<ModbusClientConfig> = {}) {
+    const { framing = "tcp", baud = 19200 } = given;
+    const serial = framing === "rtu";
+    const longest = serial ? longestFrame(baud) : 0;
+    this.config = {
+      framing,
+      baud,
+      silence: silence(framing, baud),
+      timeout: 1000 * MS + 2 * longest,
+      in_flight: 1,
+      any_unit: false,
+      broadcast: framing !== "tcp",
+      turnaround: 100 * MS + longest,
+      settle: (framing === "rtu_over_tcp" ? 10_000 : 1000) * MS,
+      places: 8,
+      ...given,
+    };
+    const { timeout, in_flight, places } = this.config;
+    require(timeout > 0, "a timeout of 0 (FM-56)");
+    require(in_flight >= 1 && in_flight <= (framing === "tcp" ? places : 1), "in_flight is outside its range (FM-56)");
+    this.places = new Array<Place | null>(places).fill(null);
+    this.decoder = frameDecoder("server", framing === "tcp" ? "tcp" : "rtu");
+  }
+
+  connected(now: number): void {
+    if (this.up) this.close();
+    this.decoder.discard();
+    this.lastCorruption = null;
+    this.up = true;
+    this.silentAt = null;
+    const { framing, timeout, settle } = this.config;
+    this.quietUntil = framing === "rtu" ? now + timeout + settle : null;
+  }
+
+  disconnected(): void {
+    if (this.up) this.close();
+    this.decoder.discard();
+    this.up = false;
+  }
+
+  /** Makes a request, and gives its ticket (FM-39). */
+  request(request: RequestMessage): number {
+    this.encode(request, 0);
+    const code = request.function;
+    if (this.isBroadcast(request) && READING.includes(code)) throw new Refused("broadcast_read");
+    const place = this.freePlace();
+    if (place === null) throw new Refused("full");
+    this.tickets += 1;
+    this.places[place] = { ticket: this.tickets, request, stage: "queued", transaction: null, deadline: NEVER, order: 0 };
+    return this.tickets;
+  }
+
+  input(bytes: Uint8Array, now: number): void {
+    if (!this.up) {
+      this.events.push({ event: "unexpected" });
+      return;
+    }
+    if (this.silentAt !== null && isDue(this.silentAt, now)) this.endInput();
+    if (this.config.framing !== "tcp") this.silentAt = now + this.config.silence;
+    this.decoder.push(bytes);
+    this.read();
+  }
+
+  timeout(now: number): void {
+    if (!this.up) return;
+    if (this.silentAt !== null && isDue(this.silentAt, now)) {
+      this.silentAt = null;
+      this.endInput();
+    }
+    if (this.quietUntil !== null && isDue(this.quietUntil, now)) this.quietUntil = null;
+    for (const place of this.inFlight()) {
+      if (!isDue(place.deadline, now)) continue;
+      place.stage = "timed_out";
+      place.order = this.nextOrder();
+      this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+      if (this.config.framing !== "tcp") this.quietUntil = now + this.config.settle;
+    }
+  }
+
+  transmitted(): void {}
+
+  transmit(now: number): Uint8Array | null {
+    const { framing, in_flight, timeout, turnaround } = this.config;
+    if (!this.up || this.quietUntil !== null || (framing === "rtu" && this.silentAt !== null)) return null;
+    if (this.inFlight().length >= in_flight) return null;
+    const place = this.queued()[0];
+    if (place === undefined) return null;
+    this.damaged = false;
+    if (this.isBroadcast(place.request)) {
+      place.stage = "ended";
+      this.quietUntil = now + turnaround;
+      this.events.push({ event: "announced", ticket: place.ticket });
+      return this.encode(place.request, 0);
+    }
+    place.stage = "in_flight";
+    place.deadline = now + timeout;
+    place.transaction = framing === "tcp" ? this.nextTransaction() : null;
+    return this.encode(place.request, place.transaction ?? 0);
+  }
+
+  event(): ModbusClientEvent | null {
+    const event = this.events.take();
+    if (event !== null && "ticket" in event) this.taken(event.ticket);
+    return event;
+  }
+
+  deadline(): number {
+    if (!this.up) return NEVER;
+    return Math.min(this.silentAt ?? NEVER, this.quietUntil ?? NEVER, ...this.inFlight().map((place) => place.deadline));
+  }
+
+  // Places
+
+  private occupied(): Place[] {
+    return this.places.filter((place) => place !== null);
+  }
+
+  private inFlight(): Place[] {
+    return this.occupied().filter((place) => place.stage === "in_flight");
+  }
+
+  /** The oldest first. */
+  private queued(): Place[] {
+    return this.occupied()
+      .filter((place) => place.stage === "queued")
+      .sort((one, other) => one.ticket - other.ticket);
+  }
+
+  /** The lowest place without a request, or that of the request that expired longest ago (FM-39). */
+  private freePlace(): number | null {
+    const free = this.places.indexOf(null);
+    if (free >= 0) return free;
+    const [oldest] = this.occupied()
+      .filter((place) => place.stage === "expired")
+      .sort((one, other) => one.order - other.order);
+    return oldest === undefined ? null : this.places.indexOf(oldest);
+  }
+
+  private free(place: Place): void {
+    this.places[this.places.indexOf(place)] = null;
+  }
+
+  /** The caller has taken the outcome of a request. */
+  private taken(ticket: number): void {
+    const place = this.occupied().find((candidate) => candidate.ticket === ticket);
+    if (place === undefined) return;
+    if (place.stage === "timed_out") {
+      place.stage = "expired";
+      place.order = this.nextOrder();
+    } else {
+      this.free(place);
+    }
+  }
+
+  private nextOrder(): number {
+    this.order += 1;
+    return this.order;
+  }
+
+  /** The transaction after the last, those skipped whose reply may come (FM-41). */
+  private nextTransaction(): number {
+    const used = this.occupied().map((place) => (place.stage === "ended" ? null : place.transaction));
+    do this.lastTransaction = (this.lastTransaction + 1) & 0xffff;
+    while (used.includes(this.lastTransaction));
+    return this.lastTransaction;
+  }
+
+  private isBroadcast(request: RequestMessage): boolean {
+    return this.config.broadcast && request.unit === 0;
+  }
+
+  private encode(request: RequestMessage, transaction: number): Uint8Array {
+    return this.config.framing === "tcp"
+      ? encodeFrame({ ...request, transaction }, "client", "tcp")
+      : encodeFrame(request, "client", "rtu");
+  }
+
+  /** A connection is lost or replaced (FM-54). */
+  private close(): void {
+    for (const place of this.inFlight()) this.fail(place, "disconnected");
+    for (const place of this.occupied()) {
+      if (place.stage === "queued") this.fail(place, "not_sent");
+      else if (place.stage === "timed_out") place.stage = "ended";
+      else if (place.stage === "expired") this.free(place);
+    }
+  }
+
+  private fail(place: Place, reason: FailReason): void {
+    place.stage = "ended";
+    this.events.push({ event: "failed", ticket: place.ticket, reason });
+  }
+
+  // Replies
+
+  private endInput(): void {
+    this.decoder.end();
+    this.read();
+  }
+
+  private read(): void {
+    for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
+      if ("message" in item) {
+        this.frame(item.message);
+      } else {
+        this.damaged = true;
+        if (item.error.kind !== "noise") this.events.push({ event: "corrupt", error: item.error });
+      }
+    }
+    if (this.config.framing !== "tcp") return;
+    const { corruption } = this.decoder;
+    if (corruption !== null && corruption !== this.lastCorruption) this.events.push({ event: "out_of_step", error: corruption });
+    this.lastCorruption = corruption;
+  }
+
+  /** A frame belongs to the request in flight with its transaction (FM-44). */
+  private frame(frame: Frame): void {
+    const { transaction = null, unit, pdu } = frame;
+    const decoded = decodePdu(pdu, "server");
+    const code = "message" in decoded ? decoded.message.function : (pdu[0] ?? 0);
+    const stray = { event: "stray", ...(transaction === null ? {} : { transaction }), unit, function: code } as const;
+    const place = this.inFlight().find((candidate) => candidate.transaction === transaction);
+    if (place === undefined) {
+      const late = this.expectsNoMore(transaction);
+      this.events.push({ ...stray, ...(late === null ? {} : { late }) });
+      return;
+    }
+    const withoutTransaction = transaction === null;
+    if (unit !== place.request.unit && !this.config.any_unit) {
+      this.misfit(place, stray, withoutTransaction, { kind: "unit", expected: place.request.unit, found: unit });
+    } else if ("error" in decoded) {
+      if (withoutTransaction) this.events.push(stray);
+      else this.fail(place, { malformed: decoded.error });
+    } else {
+      const reply = decoded.message as Reply;
+      const mismatch = mismatchOf(place.request, reply);
+      if (mismatch !== null) {
+        this.misfit(place, stray, withoutTransaction, mismatch);
+      } else if (withoutTransaction && "exception" in reply && this.damaged) {
+        this.events.push(stray);
+      } else {
+        place.stage = "ended";
+        this.events.push({ event: "replied", ticket: place.ticket, message: { unit, ...asked(place.request, reply) } });
+      }
+    }
+  }
+
+  private misfit(place: Place, stray: Extract<ModbusClientEvent, { event: "stray" }>, withoutTransaction: boolean, mismatch: Mismatch): void {
+    if (withoutTransaction) this.events.push({ ...stray, mismatch });
+    else this.fail(place, { mismatch });
+  }
+
+  /** The newest request that has timed out with a transaction expects no more reply (FM-48). */
+  private expectsNoMore(transaction: number | null): number | null {
+    const [newest] = this.occupied()
+      .filter((place) => (place.stage === "timed_out" || place.stage === "expired") && place.transaction === transaction)
+      .sort((one, other) => other.ticket - one.ticket);
+    if (newest === undefined) return null;
+    if (newest.stage === "expired") this.free(newest);
+    else newest.stage = "ended";
+    return newest.ticket;
+  }
+}
+
+/** Why a reply does not fit a request, in function and data; null, if it does (FM-44). */
+function mismatchOf(request: Request, reply: Reply): Mismatch | null {
+  if (reply.function !== request.function) return { kind: "function", expected: request.function, found: reply.function };
+  if ("exception" in reply || "data" in reply) return null;
+  if ("bits" in reply) return quantity(Math.ceil((request as { quantity: number }).quantity / 8), reply.bits.length / 8);
+  if ("registers" in reply) return quantity(2 * (request as { quantity: number }).quantity, 2 * reply.registers.length);
+  const repeated = "values" in request ? { address: request.address, quantity: request.values.length } : (request as object);
+  const same = Object.entries(reply).every(([name, value]) => name === "function" || (repeated as Record<string, unknown>)[name] === value);
+  return same ? null : { kind: "echo" };
+}
+
+function quantity(expected: number, found: number): Mismatch | null {
+  return expected === found ? null : { kind: "quantity", expected, found };
+}
+
+/** A reply with as many bits as were asked for (FM-35). */
+function asked(request: Request, reply: Reply): Reply {
+  return "bits" in reply ? { ...reply, bits: reply.bits.slice(0, (request as { quantity: number }).quantity) } : reply;
+}

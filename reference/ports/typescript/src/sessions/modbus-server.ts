@@ -1,0 +1,287 @@
+/** The server of Modbus (section 8). */
+
+import { Refused } from "../check.js";
+import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
+import { MAX_PDU, decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
+import { byteAt, concat } from "../stream.js";
+import { lineError, lineFrame, needsMore, partsOf, type Unit } from "./modbus-line.js";
+import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
+import { silence, type Transport } from "./modbus-transport.js";
+import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
+
+export interface ModbusServerConfig {
+  framing: Transport;
+  baud: number;
+  /** ns without a byte that end the input. */
+  silence: number;
+  /** The unit that it is; null: every one. */
+  unit: Unit;
+  /** Unit 0 is a broadcast: carried out, never answered. */
+  broadcast: boolean;
+  /** How many replies may wait. */
+  places: number;
+}
+
+export type ModbusServerEvent =
+  | { event: "served"; unit: number; function: number; transaction?: number; exception?: number }
+  | { event: "refused"; unit: number; function: number }
+  | { event: "corrupt" | "out_of_step"; error: FrameError }
+  | Unexpected;
+
+/** The most bytes that are kept while replies wait (FM-62). */
+const MOST_KEPT = 504;
+/** The most bytes that come on a serial line without a silence, and how many are left of them (FM-63). */
+const MOST_WITHOUT_SILENCE = 1024;
+const LEFT_WITHOUT_SILENCE = 256;
+
+export class ModbusServer implements Session<ModbusServerEvent> {
+  private up = false;
+  /** When a busy line is silent; null: it is silent. */
+  private silentAt: number | null = null;
+  private readonly replies: Uint8Array[] = [];
+  private readonly decoder = new TcpFrameDecoder("client");
+  private lastCorruption: FrameError | null = null;
+  /** Bytes of RTU frames. */
+  private held: Uint8Array = new Uint8Array(0);
+  /** Behind bytes that are no frame: everything is dropped up to the next silence. */
+  private dropping = false;
+  /** The error of what was dropped on a serial line, which is reported at its silence. */
+  private burst: FrameError | null = null;
+  private readonly events = new Events<ModbusServerEvent>();
+  private readonly config: ModbusServerConfig;
+
+  constructor(
+    private readonly tables: ModbusTables,
+    given: Partial<ModbusServerConfig> = {},
+  ) {
+    const { framing = "tcp", baud = 19200 } = given;
+    this.config = {
+      framing,
+      baud,
+      silence: silence(framing, baud),
+      unit: framing === "tcp" ? null : 1,
+      broadcast: framing !== "tcp",
+      places: 8,
+      ...given,
+    };
+    require(!(this.config.unit === 0 && this.config.broadcast), "unit 0 is a broadcast (FM-67)");
+  }
+
+  connected(): void {
+    this.empty();
+    this.up = true;
+  }
+
+  disconnected(): void {
+    this.empty();
+    this.up = false;
+  }
+
+  input(bytes: Uint8Array, now: number): void {
+    if (!this.up) {
+      this.events.push({ event: "unexpected" });
+      return;
+    }
+    if (this.config.framing === "tcp") {
+      this.decoder.push(bytes);
+      this.readTcp();
+      return;
+    }
+    this.silentAt = now + this.config.silence;
+    if (this.dropping) return;
+    this.held = concat(this.held, bytes);
+    if (this.config.framing === "rtu") this.limitLine();
+    else this.readStream();
+  }
+
+  timeout(now: number): void {
+    if (this.silentAt === null || !isDue(this.silentAt, now) || this.isFullStream()) return;
+    this.silentAt = null;
+    if (this.config.framing === "rtu") this.judgeLine();
+    else this.judgeStall();
+    this.dropping = false;
+  }
+
+  transmitted(): void {}
+
+  transmit(now: number): Uint8Array | null {
+    if (this.config.framing === "rtu" && this.silentAt !== null) return null;
+    const full = this.isFull();
+    const reply = this.replies.shift();
+    if (reply === undefined) return null;
+    if (full && this.config.framing === "tcp") {
+      this.readTcp();
+    } else if (full && this.config.framing === "rtu_over_tcp") {
+      if (this.silentAt !== null) this.silentAt = now + this.config.silence;
+      this.readStream();
+    }
+    return reply;
+  }
+
+  event(): ModbusServerEvent | null {
+    return this.events.take();
+  }
+
+  deadline(): number {
+    return this.silentAt === null || this.isFullStream() ? NEVER : this.silentAt;
+  }
+
+  private empty(): void {
+    this.replies.length = 0;
+    this.decoder.discard();
+    this.lastCorruption = null;
+    this.held = new Uint8Array(0);
+    this.dropping = false;
+    this.burst = null;
+    this.silentAt = null;
+  }
+
+  private isFull(): boolean {
+    return this.replies.length >= this.config.places;
+  }
+
+  /** RTU over TCP has no silence while nothing is read (FM-66). */
+  private isFullStream(): boolean {
+    return this.config.framing === "rtu_over_tcp" && this.isFull();
+  }
+
+  // Frames
+
+  private readTcp(): void {
+    while (!this.isFull()) {
+      const item = this.decoder.next();
+      if (item === null) break;
+      if ("message" in item) this.request(item.message);
+      else if (item.error.kind !== "noise") this.events.push({ event: "corrupt", error: item.error });
+    }
+    if (this.isFull()) this.decoder.keep(MOST_KEPT);
+    const { corruption } = this.decoder;
+    if (corruption !== null && corruption !== this.lastCorruption) this.events.push({ event: "out_of_step", error: corruption });
+    this.lastCorruption = corruption;
+  }
+
+  /** RTU over TCP, as bytes come: frames from the beginning of what is held. */
+  private readStream(): void {
+    while (!this.isFull() && this.held.length > 0) {
+      const frame = lineFrame(this.held, false, this.config.unit, true);
+      if (frame === "wait") return;
+      if (frame === null) {
+        this.corrupt(this.held);
+        this.dropping = true;
+        return;
+      }
+      this.takeFrame(frame.length, frame.skipped);
+    }
+    if (this.isFull()) this.held = this.held.subarray(0, MOST_KEPT);
+  }
+
+  /** RTU over TCP at a stall: what needs more bytes is kept, its rest may come however late. */
+  private judgeStall(): void {
+    while (this.held.length > 0 && !this.isFull()) {
+      const frame = lineFrame(this.held, true, this.config.unit, true);
+      if (frame === null || frame === "wait") {
+        if (!needsMore(this.held, this.config.unit)) this.corrupt(this.held);
+        return;
+      }
+      this.takeFrame(frame.length, frame.skipped);
+    }
+  }
+
+  private takeFrame(length: number, skipped: boolean): void {
+    const frame = this.held.subarray(0, length);
+    this.held = this.held.subarray(length);
+    if (!skipped) this.request(partsOf(frame));
+  }
+
+  /** A serial line at a silence: frames, one behind the other, to the end, or nothing. */
+  private judgeLine(): void {
+    if (this.burst !== null) this.events.push({ event: "corrupt", error: this.burst });
+    this.burst = null;
+    const frames: { bytes: Uint8Array; skipped: boolean }[] = [];
+    let left = this.held;
+    this.held = new Uint8Array(0);
+    while (left.length > 0) {
+      const frame = lineFrame(left, true, this.config.unit, false);
+      if (frame === null || frame === "wait") {
+        this.corrupt(left);
+        return;
+      }
+      frames.push({ bytes: left.subarray(0, frame.length), skipped: frame.skipped });
+      left = left.subarray(frame.length);
+    }
+    frames.forEach(({ bytes, skipped }, index) => {
+      if (!skipped) this.request(partsOf(bytes), index < frames.length - 1);
+    });
+  }
+
+  /** A serial line without a silence: whole frames at the beginning are dropped (FM-63). */
+  private limitLine(): void {
+    if (this.held.length <= MOST_WITHOUT_SILENCE) return;
+    while (this.held.length > LEFT_WITHOUT_SILENCE) {
+      const frame = lineFrame(this.held, false, this.config.unit, false);
+      if (frame === null || frame === "wait") {
+        this.burst = lineError(this.held);
+        this.held = new Uint8Array(0);
+        this.dropping = true;
+        return;
+      }
+      const bytes = this.held.subarray(0, frame.length);
+      this.held = this.held.subarray(frame.length);
+      if (!frame.skipped) this.request(partsOf(bytes), true);
+    }
+  }
+
+  private corrupt(bytes: Uint8Array): void {
+    this.events.push({ event: "corrupt", error: lineError(bytes) });
+    this.held = new Uint8Array(0);
+  }
+
+  // Requests
+
+  /** A request; one that is followed by another frame is not carried out on a serial line (FM-61, FM-62). */
+  private request({ transaction, unit, pdu }: Frame, followed = false): void {
+    const code = byteAt(pdu, 0);
+    const broadcast = unit === 0 && this.config.broadcast;
+    if (!broadcast && this.config.unit !== null && unit !== this.config.unit) return;
+    if (!broadcast && (followed || this.isFull())) {
+      this.events.push({ event: "refused", unit, function: code });
+      return;
+    }
+    const reply = this.carryOut(pdu, code);
+    const exception = typeof reply === "number" ? { exception: reply } : {};
+    const bytes = typeof reply === "number" ? [code | 0x80, reply] : reply;
+    this.events.push({ event: "served", ...(transaction === undefined ? {} : { transaction }), unit, function: code, ...exception });
+    if (!broadcast) this.replies.push(frameOf(transaction, unit, bytes));
+  }
+
+  /** The PDU of the reply, or the code of an exception (FM-64). */
+  private carryOut(pdu: Uint8Array, code: number): number[] | number {
+    if (code === 0 || code > 127) return ILLEGAL_FUNCTION;
+    const decoded = decodePdu(pdu, "client");
+    if ("error" in decoded) return ILLEGAL_VALUE;
+    const request = decoded.message as Request;
+    if (isBeyondLast(request)) return ILLEGAL_ADDRESS;
+    if (!this.tables.has(code)) return ILLEGAL_FUNCTION;
+    const reply = this.tables.serve(request);
+    return typeof reply === "number" ? reply : encoded(reply);
+  }
+}
+
+/** The bytes of a reply; one that does not fit is a failure of the server. */
+function encoded(reply: Reply): number[] | number {
+  try {
+    const bytes = encodeReply(reply);
+    return bytes.length <= MAX_PDU ? bytes : SERVER_FAILURE;
+  } catch (refusal) {
+    if (refusal instanceof Refused) return SERVER_FAILURE;
+    throw refusal;
+  }
+}
+
+/** The frame of a reply, whose PDU may be an exception to a function that no encoder takes. */
+function frameOf(transaction: number | undefined, unit: number, pdu: number[]): Uint8Array {
+  const body = [unit, ...pdu];
+  if (transaction !== undefined) return Uint8Array.of(transaction >> 8, transaction & 0xff, 0, 0, 0, body.length, ...body);
+  const crc = crcOf(body);
+  return Uint8Array.of(...body, crc & 0xff, crc >> 8);
+}

@@ -1,7 +1,7 @@
 //! A few seeds of the soak in every run of the tests, and that it sees what it is for.
 #![cfg(feature = "soak")]
 
-use testkit::soak::{Log, ROWS, Row, SABOTAGED, Tally};
+use testkit::soak::{HANDLES, Log, ROWS, Row, SABOTAGED, Tally};
 
 fn run(row: &Row, seeds: core::ops::Range<u64>) -> Tally {
     seeds.fold(Tally::default(), |mut sum, seed| {
@@ -53,6 +53,18 @@ fn nothing_is_lost_or_repeated_without_a_report() {
             assert!(network.iter().all(|count| *count > 20), "{name}: {faults:?}");
             assert_eq!((faults.corruption(), tally.corrupt), (0, 0), "{name}");
         }
+    }
+}
+
+#[test]
+fn calls_of_a_handle_have_their_outcome() {
+    for row in &HANDLES {
+        let (name, tally) = (row.name(), run(row, 0..12));
+        assert!(!tally.is_bad(), "{name}: {tally:?}");
+        assert_eq!(tally.once + tally.not_done + tally.unknown, tally.jobs, "{name}");
+        // Some calls were dropped, and connections were lost.
+        assert!(tally.once > tally.jobs / 2 && tally.unknown > 0, "{name}: {tally:?}");
+        assert!(tally.faults.disconnects > 5, "{name}: {:?}", tally.faults);
     }
 }
 

@@ -85,7 +85,11 @@ impl Handled for kawasaki::Pc<Line, ()> {
                 split(count, executed as usize, (sent - executed) as usize)
             }
             Err(kawasaki::Error::Closed(_)) => split(count, 0, count),
-            Err(_) => split(count, 0, 0),
+            Err(_) => {
+                // An order goes on whose call was dropped.
+                sleep(200 * MS).await;
+                split(count, 0, 0)
+            }
         }
     }
 
@@ -136,7 +140,11 @@ impl Handled for viewer::Arm {
     const NAMES_JOBS: bool = false;
 
     fn device() -> Self::Device {
-        let mut host = val2_viewer::Host::new(val2_viewer::HostConfig::default()).unwrap();
+        let config = val2_viewer::HostConfig {
+            max_age: core::time::Duration::MAX,
+            ..val2_viewer::HostConfig::default()
+        };
+        let mut host = val2_viewer::Host::new(config).unwrap();
         host.set_pose(robot_session::now(), [7; 12]);
         Peer(host)
     }
@@ -245,7 +253,8 @@ impl Handled for laser::Laser {
     const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
 
     fn device() -> Laser {
-        Laser { queue: 6, ..Laser::default() }
+        // As long as the longest frame, or a frame waits for ever.
+        Laser { queue: 7, ..Laser::default() }
     }
 
     fn spawn(plug: Plug) -> Self {

@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 from ports import REFERENCE, TARGET
-from testee import NEVER, ask, load, ls_request, program, read, same, whole, without_names
+from testee import ask, deadline, load, ls_request, program, read, same, whole, without_names
 
 CELLWIRE = REFERENCE.parent / "target/debug/cellwire"
 PORTS = [[sys.executable, "-B", REFERENCE / "ports/python/testee.py"], [TARGET / "c/testee"]]
@@ -142,7 +142,7 @@ def comparable(answer):
         return {"refused": True}
     for step in answer.get("steps", []):
         step["refused"] = "refused" in step
-        step["deadline"] = None if step["deadline"] is None else min(step["deadline"], NEVER)
+        step["deadline"] = deadline(step["deadline"])
         step["events"] = [without_names(event) for event in step["events"]]
     return answer
 

@@ -6,7 +6,7 @@ use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
 use super::program::Macros;
 use cellwire_links::fanuc_hmi_modbus::{Frames, frames as frames_setting, word_order as word_order_setting};
-use cellwire_links::settings::{Configure, Fields, LINE, SOME_TIME};
+use cellwire_links::settings::{Configure, Fields, SOME_TIME};
 
 /// The simulated controller.
 #[derive(Debug, Clone)]
@@ -138,7 +138,7 @@ impl Configure for FanucSettings {
         let choices = [("auto", None), ("true", Some(true)), ("false", Some(false))];
         let about = "unit 0 is a broadcast: carried out, never answered; auto: in RTU frames";
         fields.choice("broadcast", &choices, about, broadcast);
-        fields.baud(LINE, baud);
+        fields.baud("the rate of the serial line, 11 bits a byte", baud);
         let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
         fields.time_or("silence", SOME_TIME, "auto", about, silence);
         fields.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);

@@ -146,9 +146,9 @@ static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool 
         enum length_by by = rtu_length(header + 6, decoder->length - at - 6, decoder->side, &size);
         if (by == BY_BEGINNING && size == (size_t)length + 2)
             return at;
-        /* What 520 bytes do not decide is no frame. */
+        /* Behind a place that 520 bytes do not decide none is tried. */
         *wait = by == NOT_KNOWN_YET && !decoder->ended && decoder->length < MODBUS_LOOKED_AT;
-        if (*wait)
+        if (by == NOT_KNOWN_YET && !decoder->ended)
             return NO_FRAME;
     }
     return NO_FRAME;

@@ -198,7 +198,7 @@ static enum found find_frame(const struct modbus_server *server, const uint8_t *
     return !ended && length <= MAX_RTU ? WAIT : NO_FRAME;
 }
 
-/* One error for all bytes up to the next silence: that of a request. On a serial line it is reported then. */
+/* One error for all bytes up to the next silence, where it is reported: that of a request. */
 static void spoil(struct modbus_server *server, const uint8_t *d, size_t length)
 {
     struct modbus_item item;
@@ -208,7 +208,7 @@ static void spoil(struct modbus_server *server, const uint8_t *d, size_t length)
     if (!modbus_is_corrupt(&server->decoder, &item))
         item.error = MODBUS_CRC;
     server->fault = modbus_fault_of(&item);
-    if (!server->is_busy || !is_serial(server))
+    if (!server->is_busy)
         report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
     server->length = 0;
     server->is_spoiled = true;
@@ -347,7 +347,7 @@ void modbus_server_timeout(struct modbus_server *server, uint64_t now)
     if (!server->is_busy || now < server->silent_at || (!is_serial(server) && is_full(server)))
         return;
     server->is_busy = false;
-    if (is_serial(server) && server->is_spoiled)
+    if (server->is_spoiled)
         report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
     else if (is_serial(server))
         judge_serial(server);

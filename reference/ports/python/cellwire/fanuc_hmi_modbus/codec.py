@@ -145,9 +145,11 @@ class Decoder(StreamDecoder):
                 if rtu_length(held[at + 6 :], self.sender) == length + 2:
                     return at
             except Incomplete:
-                # What 520 bytes do not decide is no frame.
-                if not self.ended and len(held) < LOOKED_AT:
+                if self.ended:
+                    continue
+                if len(held) < LOOKED_AT:
                     raise
+                break  # behind a place that 520 bytes do not decide none is tried
         return self.extent_without_frame(held, TCP_EXTENT)
 
     def extent_without_frame(self, held: bytes, extent: int) -> int:

@@ -26,16 +26,16 @@ def find(held: bytes, unit: int | None, ended: bool, is_stream: bool) -> Found:
         except Incomplete:
             needs_more = True
             continue
-        if size is not None:
+        if size is not None and size <= codec.MAX_RTU:
             sizes[sender] = size
             needs_more |= size > len(held)
     if ended and codec.MIN_RTU <= len(held) <= codec.MAX_RTU and is_right(held) and not (is_stream and needs_more):
         return Found(len(held))
     if not ended and needs_more:
         return Found(waits=True)
-    right = [size for size in sizes.values() if size <= min(codec.MAX_RTU, len(held)) and is_right(held[:size])]
+    right = [size for size in sizes.values() if size <= len(held) and is_right(held[:size])]
     if right:
-        return Found(max(right), is_reply=max(right) != sizes["client"])
+        return Found(max(right), is_reply=max(right) != sizes.get("client"))
     return Found(waits=needs_more if ended else len(held) <= codec.MAX_RTU)
 
 

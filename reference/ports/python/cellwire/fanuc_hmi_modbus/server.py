@@ -94,8 +94,7 @@ class Server(Session):
             self.read_tcp()
             self.report_out_of_step()
         elif self.is_line:
-            self.held += data if self.fault is None else b""
-            self.drop_long()
+            self.push_line(data)
         else:
             self.held += data if self.wants_input() else data[: max(HELD - len(self.held), 0)]
             self.read_stream(False)
@@ -132,30 +131,37 @@ class Server(Session):
 
     def drop(self) -> None:
         """What is held is no frame."""
-        self.report("corrupt", error=fault_of(bytes(self.held)))
+        self.fault = fault_of(bytes(self.held))
         self.held.clear()
         self.is_dropping = True
 
+    def push_line(self, data: bytes) -> None:
+        """Takes what a serial line has brought."""
+        while data and self.fault is None:
+            if len(self.held) == LONGEST_STRETCH:
+                self.drop_long()
+                continue
+            room = LONGEST_STRETCH - len(self.held)
+            self.held += data[:room]
+            data = data[room:]
+
     def drop_long(self) -> None:
         """FM-63"""
-        if len(self.held) <= LONGEST_STRETCH:
-            return
         while len(self.held) > LEFT:
             found = find(bytes(self.held), self.config.unit, False, False)
             if found.size == 0:
                 self.fault = fault_of(bytes(self.held))
                 self.held.clear()
                 return
-            self.take(bytes(self.held[: found.size]), found.is_reply, True)
+            unit, function = self.held[:2]
+            if not found.is_reply and unit in (BROADCAST, self.config.unit):
+                self.report("refused", unit=unit, function=function)
             del self.held[: found.size]
 
     def read_line(self) -> None:
         """A serial line, at a silence (FM-82)."""
         held, frames = bytes(self.held), []
         self.held.clear()
-        if self.fault is not None:
-            self.report("corrupt", error=self.fault)
-            self.fault = None
         while held:
             found = find(held, self.config.unit, True, False)
             if found.size == 0:
@@ -218,9 +224,11 @@ class Server(Session):
         self.silent_at = None
         if self.is_line:
             self.read_line()
-            return
-        self.read_stream(True)
-        self.is_dropping = False
+        else:
+            self.read_stream(True)
+        if self.fault is not None:
+            self.report("corrupt", error=self.fault)
+        self.is_dropping, self.fault = False, None
 
     def transmit(self, now: int) -> bytes | None:
         """FM-60"""

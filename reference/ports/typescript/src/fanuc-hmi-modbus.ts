@@ -195,7 +195,8 @@ export class TcpFrameDecoder extends FrameDecoder {
       const length = rtuLength(here.subarray(HEADER), this.sender);
       if (length === "silence") continue;
       if ("needed" in length) {
-        if (full || this.ended) continue;
+        if (full) return { length: GIVEN_UP.tcp };
+        if (this.ended) continue;
         return null;
       }
       if (length.known === wordAt(here, 4) + 2) return { place };

@@ -88,10 +88,12 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       return;
     }
     this.silentAt = now + this.config.silence;
-    if (this.dropping) return;
-    this.held = concat(this.held, bytes);
-    if (this.config.framing === "rtu") this.limitLine();
-    else this.readStream();
+    if (this.config.framing === "rtu") {
+      this.takeLine(bytes);
+    } else if (!this.dropping) {
+      this.held = concat(this.held, bytes);
+      this.readStream();
+    }
   }
 
   timeout(now: number): void {
@@ -99,6 +101,8 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.silentAt = null;
     if (this.config.framing === "rtu") this.judgeLine();
     else this.judgeStall();
+    if (this.burst !== null) this.events.push({ event: "corrupt", error: this.burst });
+    this.burst = null;
     this.dropping = false;
   }
 
@@ -166,8 +170,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       const frame = lineFrame(this.held, false, this.config.unit, true);
       if (frame === "wait") return;
       if (frame === null) {
-        this.corrupt(this.held);
-        this.dropping = true;
+        this.drop();
         return;
       }
       this.takeFrame(frame.length, frame.skipped);
@@ -195,8 +198,6 @@ export class ModbusServer implements Session<ModbusServerEvent> {
 
   /** A serial line at a silence: frames, one behind the other, to the end, or nothing. */
   private judgeLine(): void {
-    if (this.burst !== null) this.events.push({ event: "corrupt", error: this.burst });
-    this.burst = null;
     const frames: { bytes: Uint8Array; skipped: boolean }[] = [];
     let left = this.held;
     this.held = new Uint8Array(0);
@@ -214,21 +215,36 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     });
   }
 
-  /** A serial line without a silence: whole frames at the beginning are dropped (FM-63). */
-  private limitLine(): void {
-    if (this.held.length <= MOST_WITHOUT_SILENCE) return;
+  /** What a serial line has brought: of more than 1024 bytes without a silence whole frames at the beginning are dropped (FM-63). */
+  private takeLine(bytes: Uint8Array): void {
+    let left = bytes;
+    while (left.length > 0 && !this.dropping) {
+      if (this.held.length === MOST_WITHOUT_SILENCE) this.dropLong();
+      if (this.dropping) return;
+      const room = MOST_WITHOUT_SILENCE - this.held.length;
+      this.held = concat(this.held, left.subarray(0, room));
+      left = left.subarray(room);
+    }
+  }
+
+  private dropLong(): void {
     while (this.held.length > LEFT_WITHOUT_SILENCE) {
       const frame = lineFrame(this.held, false, this.config.unit, false);
       if (frame === null || frame === "wait") {
-        this.burst = lineError(this.held);
-        this.held = new Uint8Array(0);
-        this.dropping = true;
+        this.drop();
         return;
       }
-      const bytes = this.held.subarray(0, frame.length);
+      const [unit, code] = [byteAt(this.held, 0), byteAt(this.held, 1)];
+      if (!frame.skipped && (unit === 0 || unit === this.config.unit)) this.events.push({ event: "refused", unit, function: code });
       this.held = this.held.subarray(frame.length);
-      if (!frame.skipped) this.request(partsOf(bytes), true);
     }
+  }
+
+  /** No frame begins what is held: it is dropped with what comes, and reported at the silence or the stall. */
+  private drop(): void {
+    this.burst = lineError(this.held);
+    this.held = new Uint8Array(0);
+    this.dropping = true;
   }
 
   private corrupt(bytes: Uint8Array): void {

@@ -33,6 +33,7 @@ import * as ls from "./src/fanuc-ls.js";
 import { readDocument, readProgram, textOf } from "./src/ls-read.js";
 import { writeProgram } from "./src/ls-write.js";
 import * as viewer from "./src/val2-viewer.js";
+import { valueOf } from "./testee-values.js";
 
 interface Request {
   task: string;
@@ -45,6 +46,7 @@ interface Request {
   end?: string;
   config?: Record<string, unknown>;
   steps?: Step[];
+  given?: Record<string, unknown>;
 }
 
 interface Step {
@@ -369,6 +371,7 @@ function encoded(encode: () => Uint8Array): object {
 
 function answer(request: Request): object {
   if (request.link === "fanuc-ls") return answerLs(request);
+  if (request.task === "value") return valueOf(request.given ?? {});
   const codec = CODECS[request.link];
   const { options = {}, from = "" } = request;
   if (codec === undefined) return { skipped: "not implemented" };

@@ -16,7 +16,7 @@ static size_t push(const uint8_t *data, size_t size) { return kawasaki_msg_push(
 
 static void end(void) { kawasaki_msg_end(&decoder); }
 
-static void print_text(const struct kawasaki_msg_text *text)
+void print_kawasaki_text(const struct kawasaki_msg_text *text)
 {
     print("\"");
     for (size_t i = 0; i < text->length; i++)
@@ -31,12 +31,12 @@ static void print_values(const struct kawasaki_msg_text *values, bool is_there)
     print("[");
     for (int number = 0; is_there && kawasaki_msg_value(values, &at, &value); number++) {
         print(number > 0 ? "," : "");
-        print_text(&value);
+        print_kawasaki_text(&value);
     }
     print("]");
 }
 
-static void print_error(const struct kawasaki_msg_error *error, size_t length)
+void print_kawasaki_error(const struct kawasaki_msg_error *error, size_t length)
 {
     static const char *const KINDS[] = {"",        "garbage",  "mark",   "not_ascii",   "no_length",
                                         "no_name", "too_long", "length", "no_end_mark", "incomplete"};
@@ -67,11 +67,11 @@ static bool next(bool ended)
         return false;
     print_item(item.offset, item.length, ended);
     if (item.error.kind != KAWASAKI_MSG_MESSAGE) {
-        print_error(&item.error, item.length);
+        print_kawasaki_error(&item.error, item.length);
         return true;
     }
     print("\"message\":{\"name\":");
-    print_text(&item.name);
+    print_kawasaki_text(&item.name);
     print(",\"header\":");
     print_values(&item.header, item.has_header);
     print(",\"fields\":");

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "cellwire/isra_ball.h"
+#include "cellwire/kawasaki_msg.h"
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
 #include "cellwire/mmacell_proto.h"
@@ -63,6 +64,8 @@ void print_laser_list(const struct laser_eb90_profile *profile, const uint8_t *p
 void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at);
 void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found);
 bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item);
+void print_kawasaki_error(const struct kawasaki_msg_error *error, size_t length); /* with its key */
+void print_kawasaki_text(const struct kawasaki_msg_text *text);
 void print_isra_packet(const struct isra_ball_packet *packet);
 void print_modbus_message(const struct modbus_message *message, bool has_transaction);
 void print_modbus_error(const struct modbus_fault *fault);

@@ -10,9 +10,9 @@
 
 static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL,  &KAWASAKI_MSG, &LASER_EB90,
                                            &MMACELL_PROTO,    &VAL2_ALTER, &VAL2_VIEWER};
-static const struct end *const ENDS[] = {&ALTER_CONTROLLER, &ALTER_HOST,      &BALL,           &BALL_HOST,         &LASER_CONTROLLER,
-                                         &LASER_HOST,       &MMACELL_CENTRAL, &MMACELL_DEVICE, &MODBUS_CLIENT_END, &MODBUS_SERVER_END,
-                                         &VIEWER_HOST,      &VIEWER_WORKSTATION};
+static const struct end *const ENDS[] = {
+    &ALTER_CONTROLLER, &ALTER_HOST, &BALL,            &BALL_HOST,      &KAWASAKI_PC,       &KAWASAKI_ROBOT,    &LASER_CONTROLLER,
+    &LASER_HOST,       &VIEWER_HOST, &MMACELL_CENTRAL, &MMACELL_DEVICE, &MODBUS_CLIENT_END, &MODBUS_SERVER_END, &VIEWER_WORKSTATION};
 static char line[MAX_LINE];
 static bool is_first; /* of the items of an answer */
 

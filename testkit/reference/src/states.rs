@@ -60,6 +60,7 @@ fn read(rest: &mut &str) -> Result<Value> {
         "true" => return Ok(true.into()),
         "false" => return Ok(false.into()),
         "" => bail!("no word at {rest}"),
+        _ if name.starts_with(|c: char| c.is_ascii_digit()) => bail!("{name} is no number"),
         _ => {}
     }
     let says = if take(rest, " { ") {

@@ -1,8 +1,8 @@
 //! Bridges that share cells: which of them has which, found out over the broker alone. docs/bridge.md says why it holds.
 //!
-//! Each bridge says every [`EVERY`] on a topic of its own which cells it offers and has, and which others it knows. What it has said comes
+//! Each bridge says every 1.5 s on a topic of its own which cells it offers and has, and which others it knows. What it has said comes
 //! back to it: so the broker has it, and everybody who is connected has it before whatever the broker takes later. Its cells are its
-//! own for [`LEASE`] from then that it said it. A bridge that was not heard for [`SILENT`] has none any more.
+//! own for [`LEASE`] from then that it said it. A bridge that was not heard for 16 s has none any more.
 
 mod message;
 mod settings;

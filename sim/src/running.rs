@@ -1,6 +1,6 @@
 //! A device in a thread, on a socket or a port.
 
-use core::net::{IpAddr, Ipv4Addr, SocketAddr};
+use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -123,7 +123,7 @@ impl<D: Device + Send + 'static> Running<D> {
 }
 
 #[cfg(any(unix, feature = "serialport"))]
-const NOWHERE: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 0);
+const NOWHERE: SocketAddr = SocketAddr::new(core::net::IpAddr::V4(core::net::Ipv4Addr::UNSPECIFIED), 0);
 
 impl<D: Device> Running<D> {
     /// Where it listens, or what it connects to.

@@ -1,7 +1,6 @@
 /** The controller of VAL II ALTER (section 8): it sends a message in each cycle, and lets the host's answers move the arm. */
 
 import { Refused, integer, integers } from "../check.js";
-import { AlterDecoder } from "../alter-decoder.js";
 import {
   DEFAULT_FRAMING,
   encodeMessage,
@@ -24,7 +23,8 @@ import {
   shortestReply,
   usesInputs,
 } from "./alter-timing.js";
-import { Events, NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
+import { AlterLine } from "./alter-line.js";
+import { NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
 
 export interface AlterControllerConfig {
   framing: Partial<Framing>;
@@ -75,7 +75,7 @@ type Turn = { opens: number; closes: number; fault: number | null } | null;
 const AXES = 6;
 const TRANSFORM_WORDS = 12;
 
-export class AlterController implements Session<AlterControllerEvent> {
+export class AlterController extends AlterLine<HostMessage, AlterControllerEvent> implements Session<AlterControllerEvent> {
   private state: Phase = { phase: "disconnected" };
   private turn: Turn = null;
   /** The error code of the next message. */
@@ -83,28 +83,23 @@ export class AlterController implements Session<AlterControllerEvent> {
   /** When the next message is sent, and the one after it. */
   private slot = 0;
   private following = 0;
-  /** When the silence ends a frame. */
-  private gapAt = NEVER;
   /** The words that the controller holds (AL-82). */
   private words = new Array<number>(AXES).fill(0);
   private segment = { segment_status: 2, segment: 1, percent: 0 };
   private transform = new Array<number>(TRANSFORM_WORDS).fill(0);
   private now = 0;
-  private readonly framing: Framing;
-  private readonly decoder: AlterDecoder<HostMessage>;
-  private readonly events = new Events<AlterControllerEvent>();
   private readonly config: AlterControllerConfig;
 
   constructor(given: Partial<AlterControllerConfig> = {}) {
-    this.config = { ...ALTER_CONTROLLER_DEFAULTS, ...given };
-    this.framing = { ...DEFAULT_FRAMING, ...this.config.framing };
+    const config = { ...ALTER_CONTROLLER_DEFAULTS, ...given };
+    super("host", { ...DEFAULT_FRAMING, ...config.framing }, config.gap);
+    this.config = config;
     const { mode, baud, attempts, data } = this.config;
     require(attempts > 0, "no attempts (AL-69)");
     integer(mode, 0, 31, "config");
     encodeMessage({ kind: "start", mode, data }, "robot", this.framing);
     const window = replyWindow(mode, baud, shortestMessage(this.framing, mode));
     require(window >= lineTime(shortestReply(this.framing, 1), baud), "a window without room for a reply (AL-69)");
-    this.decoder = new AlterDecoder<HostMessage>("host", this.framing);
     this.decoder.onCorrupt = (error) => this.corrupt(error);
   }
 
@@ -118,30 +113,16 @@ export class AlterController implements Session<AlterControllerEvent> {
     this.state = { phase: "disconnected" };
   }
 
-  input(bytes: Uint8Array, now: number): void {
-    if (this.state.phase === "disconnected") {
-      this.events.push({ event: "unexpected" });
-      return;
-    }
-    this.pass(now);
-    this.decoder.push(bytes);
-    this.read(now);
-    this.gapAt = this.decoder.pending > 0 ? now + this.config.gap : NEVER;
+  protected override isOpen(): boolean {
+    return this.state.phase !== "disconnected";
   }
-
-  timeout(now: number): void {
-    this.pass(now);
-  }
-
-  transmitted(): void {}
 
   transmit(now: number): Uint8Array | null {
     this.pass(now);
     if (this.state.phase === "disconnected" || this.state.phase === "off" || this.turn !== null || now < this.slot) return null;
     const message = this.nextMessage();
     const bytes = encodeMessage(message, "robot", this.framing);
-    this.decoder.discard();
-    this.gapAt = NEVER;
+    this.discardBytes();
     if (message.kind === "end") return bytes;
     const { mode, baud } = this.config;
     const opens = now + lineTime(bytes.length, baud);
@@ -150,10 +131,6 @@ export class AlterController implements Session<AlterControllerEvent> {
     this.slot = Math.max(this.following, closes);
     this.following = this.slot + CYCLE;
     return bytes;
-  }
-
-  event(): AlterControllerEvent | null {
-    return this.events.take();
   }
 
   deadline(): number {
@@ -244,7 +221,7 @@ export class AlterController implements Session<AlterControllerEvent> {
     return { kind: "motion", phase, error: this.error, ...this.segment, transform };
   }
 
-  private read(now: number): void {
+  protected override read(now: number): void {
     this.now = now;
     for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
       if ("message" in item) this.answer(item.message, now);
@@ -318,19 +295,11 @@ export class AlterController implements Session<AlterControllerEvent> {
   // Time
 
   /** Everything that is due at `now` (AL-91): the gap first. */
-  private pass(now: number): void {
-    if (isDue(this.gapAt, now)) {
-      this.gapAt = NEVER;
-      this.endBytes(now);
-    }
+  protected override pass(now: number): void {
+    this.passGap(now);
     if (this.turn === null || !isDue(this.turn.closes, now)) return;
     this.endBytes(now);
     if (this.turn !== null) this.windowClosed(this.turn.fault);
-  }
-
-  private endBytes(now: number): void {
-    this.decoder.end();
-    this.read(now);
   }
 
   /** No good answer came in the window (AL-75, AL-76). */
@@ -371,7 +340,6 @@ export class AlterController implements Session<AlterControllerEvent> {
   private close(): void {
     if (this.state.phase !== "disconnected" && this.state.phase !== "off") this.events.push({ event: "ended", error: TIMEOUT });
     this.turn = null;
-    this.gapAt = NEVER;
-    this.decoder.discard();
+    this.discardBytes();
   }
 }

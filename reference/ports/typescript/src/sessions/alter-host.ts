@@ -1,7 +1,6 @@
 /** The host of VAL II ALTER (section 7): it answers each message of the controller within its window. */
 
 import { Refused, integer, integers } from "../check.js";
-import { AlterDecoder } from "../alter-decoder.js";
 import {
   DEFAULT_FRAMING,
   encodeMessage,
@@ -16,7 +15,8 @@ import {
 import { AlterAxes, type Aim } from "./alter-axes.js";
 import type { AxisState, Limits } from "./alter-limiter.js";
 import { CYCLE, replyWindow, shortestMessage, shortestReply, windowOf } from "./alter-timing.js";
-import { Events, NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
+import { AlterLine } from "./alter-line.js";
+import { NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
 
 export type Policy = "accept" | "refuse" | "ignore";
 
@@ -94,7 +94,7 @@ interface Exception {
 
 const AXES = 6;
 
-export class AlterHost implements Session<AlterHostEvent> {
+export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implements Session<AlterHostEvent> {
   private state: State = { phase: "disconnected" };
   private policy: Policy;
   private subroutine: boolean;
@@ -103,20 +103,17 @@ export class AlterHost implements Session<AlterHostEvent> {
   /** Until when a message follows the last reply directly (AL-68). */
   private followsUntil = 0;
   private lastMotion = -NEVER;
-  private gapAt = NEVER;
   private now = 0;
-  private readonly framing: Framing;
   private readonly axes: AlterAxes;
-  private readonly decoder: AlterDecoder<RobotMessage>;
-  private readonly events = new Events<AlterHostEvent>();
   private readonly config: AlterHostConfig;
   /** Two replies may come in one window (AL-95). */
   private readonly late: boolean;
 
   constructor(given: Partial<AlterHostConfig> = {}) {
-    this.config = { ...ALTER_HOST_DEFAULTS, ...given };
+    const config = { ...ALTER_HOST_DEFAULTS, ...given };
+    super("robot", { ...DEFAULT_FRAMING, ...config.framing }, config.gap);
+    this.config = config;
     const { mode, limits, silence_cycles, max_delay, baud, reserve } = this.config;
-    this.framing = { ...DEFAULT_FRAMING, ...this.config.framing };
     this.policy = this.config.policy;
     this.subroutine = this.config.subroutine;
     require(silence_cycles >= 2, "silence_cycles below 2 (AL-42)");
@@ -124,40 +121,24 @@ export class AlterHost implements Session<AlterHostEvent> {
     require(window - lineTime(shortestReply(this.framing, 1), baud) >= reserve, "a window without room for a reply (AL-42)");
     this.late = max_delay >= CYCLE - windowOf(mode);
     this.axes = new AlterAxes(mode, limits, this.late, Math.min(max_delay, CYCLE * silence_cycles));
-    this.decoder = new AlterDecoder<RobotMessage>("robot", this.framing);
     this.decoder.onCorrupt = () => this.corruptFrame();
   }
 
   connected(): void {
     this.close("disconnected");
-    this.decoder.discard();
-    this.gapAt = NEVER;
+    this.discardBytes();
     this.state = { phase: "idle" };
   }
 
   disconnected(): void {
     this.close("disconnected");
-    this.decoder.discard();
-    this.gapAt = NEVER;
+    this.discardBytes();
     this.state = { phase: "disconnected" };
   }
 
-  input(bytes: Uint8Array, now: number): void {
-    if (this.state.phase === "disconnected") {
-      this.events.push({ event: "unexpected" });
-      return;
-    }
-    this.pass(now);
-    this.decoder.push(bytes);
-    this.read(now);
-    this.gapAt = this.decoder.pending > 0 ? now + this.config.gap : NEVER;
+  protected override isOpen(): boolean {
+    return this.state.phase !== "disconnected";
   }
-
-  timeout(now: number): void {
-    this.pass(now);
-  }
-
-  transmitted(): void {}
 
   transmit(now: number): Uint8Array | null {
     const { state } = this;
@@ -173,10 +154,6 @@ export class AlterHost implements Session<AlterHostEvent> {
       default:
         return null;
     }
-  }
-
-  event(): AlterHostEvent | null {
-    return this.events.take();
   }
 
   deadline(): number {
@@ -247,12 +224,8 @@ export class AlterHost implements Session<AlterHostEvent> {
   // Time
 
   /** Everything that is due at `now` (AL-91), in the order of AL-43. */
-  private pass(now: number): void {
-    if (isDue(this.gapAt, now)) {
-      this.gapAt = NEVER;
-      this.decoder.end();
-      this.read(now);
-    }
+  protected override pass(now: number): void {
+    this.passGap(now);
     const { state } = this;
     if (state.phase === "repeating") {
       if (state.answer !== null && isDue(state.answer.beginBy, now)) {
@@ -319,7 +292,7 @@ export class AlterHost implements Session<AlterHostEvent> {
 
   // Messages
 
-  private read(now: number): void {
+  protected override read(now: number): void {
     this.now = now;
     for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
       if ("error" in item) {

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use super::device::{Input, InputEvent};
-use super::mouse::{MAX_AGE, PERIOD, REOPEN, thousandths};
+use super::mouse::{MAX_AGE, PERIOD, looks_again, thousandths};
 use crate::cell::teleop::context::Context;
 use crate::cell::teleop::messages::Notification;
 use crate::cell::teleop::sample::Sample;
@@ -108,12 +108,9 @@ impl<R: Reports> Mouse<R> {
     }
 
     fn reopen(&mut self, wait: Duration) {
-        std::thread::sleep(wait);
-        let now = self.context.clock.now();
-        if now < self.next {
+        if !looks_again(&self.context, &mut self.next, wait) {
             return;
         }
-        self.next = now + REOPEN;
         if let Ok((device, name)) = R::open(&self.wanted) {
             self.device = Some(device);
             self.context.notify(Notification::PortOpen("3D mouse", name));

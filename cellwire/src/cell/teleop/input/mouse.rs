@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::cell::teleop::context::Context;
 use crate::cell::teleop::sample::FULL;
 
 /// Full deflection as these devices report it.
@@ -11,7 +12,18 @@ pub(super) const MAX_AGE: Duration = Duration::from_millis(100);
 /// A device at rest sends nothing: its rest is as good as new while the device is there, and is said so often.
 pub(super) const PERIOD: Duration = Duration::from_millis(28);
 /// A device that is gone is looked for this often.
-pub(super) const REOPEN: Duration = Duration::from_millis(200);
+const REOPEN: Duration = Duration::from_millis(200);
+
+/// Waits for so long; then, whether a device that is gone is to be looked for again, and `next` is when after that.
+pub(super) fn looks_again(context: &Context, next: &mut Duration, wait: Duration) -> bool {
+    std::thread::sleep(wait);
+    let now = context.clock.now();
+    let is_due = now >= *next;
+    if is_due {
+        *next = now + REOPEN;
+    }
+    is_due
+}
 
 /// What is beyond full deflection is that.
 pub(super) fn thousandths(value: i32) -> i16 {

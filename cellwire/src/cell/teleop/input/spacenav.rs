@@ -18,7 +18,7 @@ mod unix {
 
     use crate::cell::teleop::context::Context;
     use crate::cell::teleop::input::device::{Input, InputEvent};
-    use crate::cell::teleop::input::mouse::{MAX_AGE, PERIOD, REOPEN, thousandths};
+    use crate::cell::teleop::input::mouse::{MAX_AGE, PERIOD, looks_again, thousandths};
     use crate::cell::teleop::messages::Notification;
     use crate::cell::teleop::sample::Sample;
 
@@ -60,12 +60,9 @@ mod unix {
         }
 
         fn reopen(&mut self, wait: Duration) {
-            std::thread::sleep(wait);
-            let now = self.context.clock.now();
-            if now < self.next {
+            if !looks_again(&self.context, &mut self.next, wait) {
                 return;
             }
-            self.next = now + REOPEN;
             if let Ok(socket) = UnixStream::connect(&self.path) {
                 self.socket = Some(socket);
                 self.context.notify(Notification::PortOpen("spacenavd", self.path.display().to_string()));

@@ -16,7 +16,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from pysparkplug._protobuf import sparkplug_b_pb2 as pb
 
-from ground import Place, free_port, metrics
+from ground import QUEUES, Place, free_port, metrics
 from links import LINKS
 
 parser = argparse.ArgumentParser()
@@ -167,16 +167,7 @@ class Host:
 
 
 broker_port, health_port = free_port(), free_port()
-(folder / "mosquitto.conf").write_text(f"""\
-user root
-listener {broker_port} 127.0.0.1
-allow_anonymous true
-max_inflight_messages 0
-max_queued_messages 10000000
-persistence true
-persistence_location {folder}/
-autosave_interval 0
-""")
+(folder / "mosquitto.conf").write_text(QUEUES.format(port=f"{broker_port} 127.0.0.1", folder=folder))
 
 
 def start_broker():

@@ -16,6 +16,17 @@ from links import LINKS
 from pysparkplug import _protobuf as pb
 
 GROUP, NODE = "hall-3", "bridge-1"
+# The file of a broker that keeps every message for a client that is away.
+QUEUES = """\
+user root
+listener {port}
+allow_anonymous true
+max_inflight_messages 0
+max_queued_messages 10000000
+persistence true
+persistence_location {folder}/
+autosave_interval 0
+"""
 
 
 def free_port():

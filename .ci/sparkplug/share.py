@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import paho.mqtt.client as mqtt
-from ground import Ground
+from ground import QUEUES, Ground
 from links import LINKS
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
@@ -27,18 +27,6 @@ parser.add_argument("faults", nargs="*", help="some of: kill, end, cut, stop, bo
 args = parser.parse_intermixed_args()
 NODES, BROKER, GROUP = ("bridge-1", "bridge-2"), "10.77.0.1", "hall"
 run = lambda *command, **options: subprocess.run(command, check=True, **options)
-
-
-QUEUES = """\
-user root
-listener {port}
-allow_anonymous true
-max_inflight_messages 0
-max_queued_messages 10000000
-persistence true
-persistence_location {folder}/
-autosave_interval 0
-"""
 
 
 def networks(are_there):

@@ -6,8 +6,8 @@ use core::time::Duration;
 use fanuc_hmi_modbus::assignment::{AssignmentError, Setting, check};
 use fanuc_hmi_modbus::robot_session::Encode as _;
 use fanuc_hmi_modbus::{
-    Assignment, Bits, BitsMut, DecodeError, EncodeError, Exception, Frame, Multiply, Pdu, Registers, Reply,
-    Request, TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
+    Assignment, Bits, BitsMut, DecodeError, EncodeError, Exception, Frame, Pdu, Registers, Reply, Request,
+    TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
 };
 
 /// A server that overrides no method.
@@ -339,8 +339,10 @@ fn a_serial_line_takes_eleven_bits_a_byte() {
     assert_eq!(timing::read_time(2, 9600), Duration::from_nanos(9_166_666 + 10_312_500 + 2 * 4_010_000));
 }
 
+#[cfg(feature = "serde")]
 #[test]
 fn a_multiply_is_a_number_in_json() {
+    use fanuc_hmi_modbus::Multiply;
     for (multiply, json) in [(Multiply::Real, "0.0"), (Multiply::Text, "-1.0"), (Multiply::Scale(2.5), "2.5")]
     {
         assert_eq!(serde_json::to_string(&multiply).unwrap(), json);

@@ -1,4 +1,6 @@
 //! The client in a task of its own, over real sockets.
+
+#![cfg(feature = "tokio")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

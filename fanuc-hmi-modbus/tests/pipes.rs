@@ -1,4 +1,6 @@
 //! Both ends under tokio's driver, over transports that hold little.
+
+#![cfg(feature = "tokio")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

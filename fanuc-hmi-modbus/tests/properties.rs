@@ -1,4 +1,6 @@
 //! What holds for every message and every stream.
+
+#![cfg(feature = "bytes")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

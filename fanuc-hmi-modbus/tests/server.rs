@@ -1,4 +1,6 @@
 //! The server's rules, one by one.
+
+#![cfg(feature = "std")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -1,4 +1,6 @@
 //! JSON: every key of every object is needed and checked, and a writer that is full is an error.
+
+#![cfg(feature = "serde")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_hmi_modbus::{Bits, Frame, PduBuf, Reply, Request, Words};

@@ -1,4 +1,6 @@
 //! Programs with one mistake each: it is found, at its line. Programs without one: nothing is found.
+
+#![cfg(feature = "serde")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings};

@@ -1,4 +1,6 @@
 //! The borders: exact lengths, buffers that are one byte short, values at the end of their range.
+
+#![cfg(feature = "bytes")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use isra_ball::robot_session::{Decoder as _, Encode as _};

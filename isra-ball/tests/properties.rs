@@ -1,4 +1,6 @@
 //! What holds for every packet, every cut of a stream and every corruption.
+
+#![cfg(feature = "bytes")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
@@ -71,6 +73,7 @@ proptest! {
         prop_assert_eq!(&appended, &bytes);
     }
 
+    #[cfg(feature = "serde")]
     #[test]
     fn a_packet_survives_its_object(packet in packets()) {
         let json = serde_json::to_value(packet).unwrap();

@@ -1,4 +1,6 @@
 //! Parsing, checking and queueing allocates nothing: counted by this program's allocator.
+
+#![cfg(feature = "alloc")]
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
 use core::alloc::{GlobalAlloc, Layout};

@@ -1,4 +1,6 @@
 //! The borders: tables and configurations that cannot work, values that compare, what is shown of a name.
+
+#![cfg(all(feature = "bytes", feature = "serde", feature = "tokio"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::BytesMut;

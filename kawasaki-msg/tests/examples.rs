@@ -1,4 +1,6 @@
 //! Both examples over real sockets: what the PC has in its order is what the robot executes.
+
+#![cfg(all(feature = "alloc", feature = "std"))]
 #![allow(
     clippy::unwrap_used,
     clippy::disallowed_methods,

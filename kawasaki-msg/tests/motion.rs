@@ -1,4 +1,6 @@
 //! What the motion task completes, the session knows of, whatever comes between.
+
+#![cfg(feature = "alloc")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use core::cell::RefCell;

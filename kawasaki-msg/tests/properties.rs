@@ -1,4 +1,6 @@
 //! What holds for every message, every stream and every packet.
+
+#![cfg(all(feature = "bytes", feature = "tokio"))]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

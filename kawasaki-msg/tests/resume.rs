@@ -1,4 +1,6 @@
 //! A PC that was killed in the middle of an order, and another process that goes on with it.
+
+#![cfg(feature = "alloc")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

@@ -1,4 +1,6 @@
 //! A robot behind a UART: bytes come in pieces, one after the other, and a packet takes longer than an exchange.
+
+#![cfg(feature = "alloc")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

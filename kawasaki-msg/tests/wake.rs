@@ -1,4 +1,6 @@
 //! A robot under the driver of std whose motion task is a thread: neither looks for what the other has done.
+
+#![cfg(all(feature = "alloc", feature = "std"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program has the socket")]
 

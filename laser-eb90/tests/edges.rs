@@ -1,4 +1,6 @@
 //! The borders: JSON that is no message, values at the end of their range, buffers that are one byte short.
+
+#![cfg(all(feature = "bytes", feature = "serde"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

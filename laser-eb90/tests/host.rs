@@ -6,7 +6,7 @@ mod common;
 
 use core::time::Duration;
 
-use common::{CUT, MS, READY, STOP, WHERE, cut, echo, host, write_cut};
+use common::{CUT, MS, READY, STOP, WHERE, cut, echo, encoded, host, write_cut};
 use laser_eb90::robot_session::{Machine as _, Session as _, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
@@ -280,11 +280,10 @@ fn the_values_of_a_query_stay_until_the_next_is_answered() {
             host.handle_input(now + MS, &echo(code));
             assert_eq!(host.machine().name(), "AwaitingRest");
         }
-        let (mut buffer, mut out) = ([0; 16], Vec::new());
+        let mut buffer = [0; 16];
         let mut payload = Payload::new(&mut buffer, &Profile::default());
         payload.word(WHERE).unwrap().f32(&[value]).unwrap();
-        payload.frame().unwrap().append_to(&mut out);
-        host.handle_input(now + MS, &out);
+        host.handle_input(now + MS, &encoded(&payload));
         host.handle_input(now + MS, &echo(WHERE)); // nobody asked for this one
         assert_eq!(events(host), [HostEvent::Answer { ticket }, HostEvent::Unasked { word: WHERE }]);
         match host.answer().next() {

@@ -54,6 +54,7 @@ fn a_set_of_words_keeps_its_codes() {
     );
 }
 
+#[cfg(feature = "serde")]
 #[test]
 fn words_are_loaded_at_run_time() {
     let json = r#"{"commands":[{"first":16,"last":31,"class":"interpreted"},{"first":32,"last":32,"class":"query"}],

@@ -1,4 +1,6 @@
 //! The device's end by itself.
+
+#![cfg(feature = "std")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "one test is over TCP")]
 

@@ -1,4 +1,6 @@
 //! The borders: JSON that is no message, what errors and codes print, poses of which only one side has axes.
+
+#![cfg(all(feature = "bytes", feature = "serde", feature = "tokio"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::BytesMut;

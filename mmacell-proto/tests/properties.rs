@@ -1,4 +1,6 @@
 //! Properties of the codec over generated messages and bytes.
+
+#![cfg(feature = "bytes")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use mmacell_proto::robot_session::Decoder as _;
@@ -196,6 +198,7 @@ proptest! {
         prop_assert_eq!(reply.append_to(&mut &mut buffer[..needed - 1]), Err(error));
     }
 
+    #[cfg(feature = "serde")]
     #[test]
     fn a_message_survives_its_object(command in command(any_pose()), reply in reply(any_pose())) {
         let text = serde_json::to_string(&command).unwrap();

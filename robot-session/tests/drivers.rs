@@ -1,5 +1,6 @@
 //! The loops over real TCP, and a transport that reports when the last byte has left.
 
+#![cfg(feature = "serialport")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod common;

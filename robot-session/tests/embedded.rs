@@ -1,5 +1,6 @@
 //! The loops over `embedded-io` and `embedded-io-async`.
 
+#![cfg(all(feature = "embedded-io", feature = "embedded-io-async", feature = "std"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod common;

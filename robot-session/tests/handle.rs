@@ -1,5 +1,6 @@
 //! A session in a task of its own: connections of every kind, and what becomes of calls.
 
+#![cfg(feature = "tokio")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
 

@@ -1,4 +1,6 @@
 //! The ball that falls silent, on a virtual clock.
+
+#![cfg(feature = "ball")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use core::time::Duration;

@@ -1,4 +1,6 @@
 //! A FANUC controller that misbehaves, over TCP and on a virtual clock.
+
+#![cfg(feature = "fanuc")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

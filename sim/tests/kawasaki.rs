@@ -1,4 +1,6 @@
 //! A Kawasaki robot that misbehaves, over TCP and for half an hour on a virtual clock.
+
+#![cfg(feature = "kawasaki")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

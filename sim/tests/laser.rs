@@ -1,4 +1,6 @@
 //! A laser robot that misbehaves, on a virtual clock and over TCP.
+
+#![cfg(feature = "laser")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_sign_loss)]
 

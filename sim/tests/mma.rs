@@ -1,4 +1,6 @@
 //! The MM&A robot that misbehaves, over TCP and for a day on a virtual clock.
+
+#![cfg(feature = "mma")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

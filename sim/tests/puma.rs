@@ -1,4 +1,6 @@
 //! A robot that misbehaves under ALTER: over TCP, and for a quarter of an hour on a virtual clock.
+
+#![cfg(feature = "puma")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

@@ -1,4 +1,6 @@
 //! The workstation whose request is lost, on a virtual clock.
+
+#![cfg(feature = "viewer")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

@@ -1,4 +1,6 @@
 //! The borders: JSON that is no message, places of errors, codecs at the end of a stream, getters and defaults.
+
+#![cfg(all(feature = "bytes", feature = "serde"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

@@ -1,4 +1,6 @@
 //! What must hold for every message, every chunking and every damage.
+
+#![cfg(feature = "bytes")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -1,4 +1,6 @@
 //! The borders: exact lengths, buffers that are one byte short, values at the end of their range, each byte of the format.
+
+#![cfg(feature = "bytes")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

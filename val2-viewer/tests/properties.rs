@@ -67,6 +67,7 @@ proptest! {
         prop_assert_eq!(bytes.iter().filter(|byte| **byte == b'$').count(), 1);
     }
 
+    #[cfg(feature = "serde")]
     #[test]
     fn a_packet_survives_its_object(packet in packets()) {
         let json = serde_json::to_value(packet).unwrap();

@@ -1,6 +1,7 @@
 //! The getters and `Debug` output of the two ends, where jobs lie, and a queue that starts on another lap.
+
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![cfg(not(loom))]
+#![cfg(all(feature = "alloc", not(loom)))]
 
 use core::cell::Cell;
 

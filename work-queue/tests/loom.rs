@@ -2,7 +2,7 @@
 //! sees each access to a slot that the accesses of the other end do not happen before. Run with `.ci/loom`.
 //!
 //! The last tests weaken each ordering and remove each check of the mark in turn, and expect a model to fail.
-#![cfg(loom)]
+#![cfg(all(feature = "alloc", loom))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![expect(clippy::arc_with_non_send_sync, reason = "loom's cells are checked at every access instead")]
 

@@ -1,6 +1,6 @@
 //! One test for each promise of the documentation.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![cfg(not(loom))]
+#![cfg(all(feature = "alloc", not(loom)))]
 
 use core::cell::Cell;
 use core::panic::AssertUnwindSafe;

@@ -1,6 +1,6 @@
 //! Long random strings of operations, with batches and resets among them, against a plain `VecDeque`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![cfg(not(loom))]
+#![cfg(all(feature = "alloc", not(loom)))]
 
 use std::collections::VecDeque;
 use std::rc::Rc;

@@ -3,7 +3,7 @@
 
 use core::time::Duration;
 
-use laser_eb90::robot_session::Session as _;
+use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{
     Controller, ControllerConfig, EncodeError, Host, HostConfig, Instruction, Item, Payload, Profile,
 };
@@ -67,14 +67,19 @@ pub fn controller(
     (controller, reader)
 }
 
+pub fn encoded(payload: &Payload<'_>) -> Vec<u8> {
+    let frame = payload.frame().unwrap();
+    let mut out = vec![0; frame.encoded_len()];
+    frame.encode(&mut out).unwrap();
+    out
+}
+
 /// A frame with one word.
 pub fn echo(word: u16) -> Vec<u8> {
     let mut buffer = [0; 16];
     let mut payload = Payload::new(&mut buffer, &Profile::default());
     payload.word(word).unwrap();
-    let mut out = Vec::new();
-    payload.frame().unwrap().append_to(&mut out);
-    out
+    encoded(&payload)
 }
 
 /// A frame of cuts, and what else it is to hold.
@@ -86,7 +91,5 @@ pub fn frame(indices: &[u32], extra: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
         write_cut(&mut payload, cut(*index)).unwrap();
     }
     extra(&mut payload);
-    let mut out = Vec::new();
-    payload.frame().unwrap().append_to(&mut out);
-    out
+    encoded(&payload)
 }

@@ -1,5 +1,5 @@
 /* waits PERIOD_MS COUNT: an empty loop that wakes in a period, by the timer that Rust's sleep has, and how late it is: what the system
- * adds to a cycle before any program of ours has done anything. */
+ * adds to a cycle before any program of this project has done anything. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <windows.h>

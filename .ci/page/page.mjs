@@ -1,4 +1,4 @@
-// Looks at the bridge's page in Chromium: a hall of 50 cells, one of which has a hostile name, another dies, the broker goes and comes.
+// Looks at the bridge's page in Chromium: a site of 50 cells, one of which has a hostile name, another dies, the broker goes and comes.
 // Usage: node page.mjs MODULES URL FOLDER; it reads from standard input what has happened, and answers each line when the page shows it.
 import { createRequire } from "node:module";
 import { createInterface } from "node:readline";

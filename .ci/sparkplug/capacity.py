@@ -36,7 +36,7 @@ ground.wait("the devices", lambda: "\n" in (ground.folder / "load.log").read_tex
 places = json.loads((ground.folder / "load.log").read_text())
 kinds = list(SETTINGS)
 names = [f"{kinds[index % len(kinds)]}-{index}" for index in range(args.cells)]
-ground.write_hall("\n".join(
+ground.write_site("\n".join(
     f'[cell.{name}]\nlink = "{name.rsplit("-", 1)[0]}"\naddress = "{places[name.rsplit("-", 1)[0]]}"\n'
     f"settings = {{ {SETTINGS[name.rsplit('-', 1)[0]]} }}\n" for name in names))
 # mosquitto_sub takes them; what is decoded is one in fifty, as the consumer is not what is measured.

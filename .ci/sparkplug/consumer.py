@@ -36,7 +36,7 @@ STATEMENTS = {
     "topics-dbirth-metrics": "every metric of DBIRTH has name, datatype, and a value or is_null",
     "message-flow-device-birth-publish-nbirth-wait": "no DBIRTH before NBIRTH",
     "topics-ddata-topic": "DDATA goes to GROUP/DDATA/NODE/DEVICE",
-    "topics-ddata-mqtt": "DDATA has QoS 0 (with qos = 0 in the hall's file; by default it has 1) and is not retained",
+    "topics-ddata-mqtt": "DDATA has QoS 0 (with qos = 0 in the site file; by default it has 1) and is not retained",
     "topics-ddata-timestamp": "DDATA has a timestamp",
     "payloads-name-birth-data-requirement": "every metric of DDATA was in DBIRTH, with the same datatype",
     "topics-dbirth-metric-reqs": "no DDATA of a device without DBIRTH",

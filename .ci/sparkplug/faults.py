@@ -30,7 +30,7 @@ parser.add_argument("--go-on", action="store_true", help="measure on after a fai
 parser.add_argument("faults", nargs="*")
 args = parser.parse_intermixed_args()
 BRIDGE = str(Path(args.cellwire).with_name("cellwire-bridge"))
-GROUP, NODE, HOST = "hall", "bridge-1", "scada"
+GROUP, NODE, HOST = "site", "bridge-1", "scada"
 folder = args.place / "faults"
 os.environ["PATH"] += ":/usr/sbin"
 failures = []
@@ -101,7 +101,7 @@ class Proxy:
                     pass
         self.pairs.clear()
 
-    def mend(self):
+    def restore(self):
         self.is_cut = False
 
 
@@ -191,7 +191,7 @@ names = [(LINKS[index % len(LINKS)], index // len(LINKS) + 1) for index in range
 cells = [link(f"{link.NAME}-{number}", args.cellwire, folder, spawn) for link, number in names]
 for cell in cells:
     wait(f"the simulator of {cell.name}", cell.ready, 20)
-(folder / "hall.toml").write_text(f"""\
+(folder / "site.toml").write_text(f"""\
 [broker]
 address = "127.0.0.1:{proxy.port}"
 group = "{GROUP}"
@@ -200,13 +200,13 @@ primary_host = "{HOST}"
 keep_alive = "5s"
 
 [store]
-file = "hall.redb"
+file = "site.redb"
 
 [health]
 listen = "127.0.0.1:{health_port}"
 
 """ + "\n".join(cell.table() for cell in cells))
-start_bridge = lambda: spawn([BRIDGE, "--config", str(folder / "hall.toml")], "bridge.log", stderr=subprocess.STDOUT)
+start_bridge = lambda: spawn([BRIDGE, "--config", str(folder / "site.toml")], "bridge.log", stderr=subprocess.STDOUT)
 bridge = start_bridge()
 host = Host(broker_port)
 host.say(True)
@@ -229,7 +229,7 @@ def cut():
     proxy.cut()
     wait("offline", lambda: not is_online(), 20)
     time.sleep(random.uniform(0, 4))
-    proxy.mend()
+    proxy.restore()
 
 
 def kill():
@@ -269,7 +269,7 @@ def future():
 
 
 def frozen():
-    """Every device stands still for a while, and answers again. What is measured is from the answer to the last DBIRTH."""
+    """Every device stops for a while, and answers again. What is measured is from the answer to the last DBIRTH."""
     for cell in cells:
         cell.process.send_signal(signal.SIGSTOP)
     start, died = time.time(), {}
@@ -319,7 +319,7 @@ FAULTS = {
     "leave": (leave, "the host application goes and comes"),
     "future": (future, "a STATE dated a year ahead"),
     "flood": (flood, "2000 commands for one cell"),
-    "frozen": (frozen, "every device stands still"),
+    "frozen": (frozen, "every device stalls"),
 }
 
 

@@ -15,7 +15,7 @@ import paho.mqtt.client as mqtt
 from links import LINKS
 from pysparkplug import _protobuf as pb
 
-GROUP, NODE = "hall-3", "bridge-1"
+GROUP, NODE = "site-3", "bridge-1"
 # The file of a broker that keeps every message for a client that is away.
 QUEUES = """\
 user root
@@ -109,22 +109,22 @@ class Ground(Place):
         for cell in self.cells:
             self.wait(f"the simulator of {cell.name}", cell.ready)
 
-    def write_hall(self, tables, more=""):
-        (self.folder / "hall.toml").write_text(f"""\
+    def write_site(self, tables, more=""):
+        (self.folder / "site.toml").write_text(f"""\
 [broker]
 address = "127.0.0.1:{self.broker_port}"
 group = "{GROUP}"
 node = "{NODE}"
 {more}
 [store]
-file = "hall.redb"
+file = "site.redb"
 [health]
 listen = "127.0.0.1:{self.health_port}"
 {tables}
 """)
 
     def start_bridge(self):
-        command = [str(Path(self.cellwire).with_name("cellwire-bridge")), "--config", str(self.folder / "hall.toml")]
+        command = [str(Path(self.cellwire).with_name("cellwire-bridge")), "--config", str(self.folder / "site.toml")]
         self.bridge = self.spawn(command, "bridge.log")
 
     def order(self, name, id, order):

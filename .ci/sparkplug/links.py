@@ -1,4 +1,4 @@
-"""The simulated cells, one class a link: how it is simulated, its table in the hall's file, and what it is ordered to do."""
+"""The simulated cells, one class a link: how it is simulated, its table in the site file, and what it is ordered to do."""
 import collections
 import json
 

@@ -24,7 +24,7 @@ ground.simulate(args.cells)
 cells = ground.cells
 for cell in cells:
     cell.name = cell.name.replace(cell.NAME, PLACES[cell.NAME])
-write = lambda: ground.write_hall("\n".join(cell.table().replace(f"[cell.{HOSTILE}]", f"[cell.'{HOSTILE}']") for cell in cells))
+write = lambda: ground.write_site("\n".join(cell.table().replace(f"[cell.{HOSTILE}]", f"[cell.'{HOSTILE}']") for cell in cells))
 write()
 ground.start_bridge()
 time.sleep(2)
@@ -43,7 +43,7 @@ def step(step, **rest):
     print("ok", step, *rest.values())
 
 
-step("shows", selector="#name", pattern="^hall-3 / bridge-1$")
+step("shows", selector="#name", pattern="^site-3 / bridge-1$")
 step("shows", selector="#cells-alive", pattern=f"^{args.cells} of {args.cells} alive$")
 step("shows", selector="#broker-state", pattern="^online$")
 step("shows", selector="#rate", pattern="[1-9]")
@@ -60,7 +60,7 @@ dying = cells[5]
 dying.stop()
 step("shows", selector="#rows tr.bad:first-child", pattern=f"^{dying.name}dead .*cannot connect|^{dying.name}dead .*closed")
 step("shows", selector="#cells-alive", pattern=f"^{args.cells - 1} of {args.cells} alive$")
-step("picture", name="hall")
+step("picture", name="site")
 cells[-1].name = HOSTILE
 write()
 ground.bridge.send_signal(signal.SIGHUP)
@@ -79,7 +79,7 @@ step("shows", selector="#store-records", pattern="^[0-9]{1,2} wait")
 step("wrong")
 ground.bridge.kill()
 ground.bridge.wait()
-step("shows", selector="#news", pattern="no news from the bridge for")
+step("shows", selector="#news", pattern="no data from the bridge for")
 step("picture", name="no-bridge")
 ground.start_bridge()
 step("shows", selector="#news", pattern="^live$")

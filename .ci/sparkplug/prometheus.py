@@ -20,7 +20,7 @@ for command in (["check", "rules", "alerts.yml"], ["test", "rules", "alerts.test
 
 ground = Ground(args.cellwire, args.place / "prometheus")
 ground.simulate(7)
-ground.write_hall("\n".join(cell.table() for cell in ground.cells))
+ground.write_site("\n".join(cell.table() for cell in ground.cells))
 ground.start_bridge()
 port = free_port()
 # Minutes would be long here: what is shown is that the expressions are right, and promtool has tested the times.

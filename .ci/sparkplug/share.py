@@ -25,7 +25,7 @@ parser.add_argument("--times", type=int, default=1, help="each fault so often, o
 parser.add_argument("--longest", type=float, default=30, help="every cell is one bridge's again after so many seconds at the most")
 parser.add_argument("faults", nargs="*", help="some of: kill, end, cut, stop, both, broker")
 args = parser.parse_intermixed_args()
-NODES, BROKER, GROUP = ("bridge-1", "bridge-2"), "10.77.0.1", "hall"
+NODES, BROKER, GROUP = ("bridge-1", "bridge-2"), "10.77.0.1", "site"
 run = lambda *command, **options: subprocess.run(command, check=True, **options)
 
 
@@ -60,9 +60,9 @@ devices = {cell.name: cell for cell in ground.cells}
 
 class Bridge:
     def __init__(self, node):
-        self.node, self.hall = node, ground.folder / f"{node}.toml"
+        self.node, self.site = node, ground.folder / f"{node}.toml"
         tables = "\n".join(cell.table().replace("\nlink", "\nshared = true\nlink") for cell in ground.cells)
-        self.hall.write_text(f"""\
+        self.site.write_text(f"""\
 [broker]
 address = "{BROKER}:{ground.broker_port}"
 group = "{GROUP}"
@@ -79,7 +79,7 @@ bridges = {json.dumps(NODES)}
         self.start()
 
     def start(self):
-        command = [str(Path(args.cellwire).with_name("cellwire-bridge")), "--config", str(self.hall)]
+        command = [str(Path(args.cellwire).with_name("cellwire-bridge")), "--config", str(self.site)]
         self.process = ground.spawn(["ip", "netns", "exec", f"cw-{self.node}", *command], f"{self.node}.log", stderr=subprocess.STDOUT)
 
     def kill(self):
@@ -286,12 +286,12 @@ def cut(at):
 
 
 def stop(at):
-    """Its process stands still, and its connections with it, until the other has its cells."""
+    """Its process is stopped, and its connections with it, until the other has its cells."""
     watch.pause = True
     bridges[at].process.send_signal(signal.SIGSTOP)
     time.sleep(20)
     bridges[at].process.send_signal(signal.SIGCONT)
-    back("one has stood still for 20 s, and goes on, and has its cells", settled(shares))
+    back("one was stopped for 20 s, continues, and has its cells", settled(shares))
     watch.pause = False
 
 

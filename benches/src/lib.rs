@@ -35,7 +35,7 @@ pub struct Count {
     pub run: fn(rounds: u64),
 }
 
-/// The goal of a row that is so many times the sum of other rows of its link, as they were counted in the same run; if the row has
+/// The goal of a row that is this many times the sum of other rows of its link, as they were counted in the same run; if the row has
 /// a goal of its own, the greater of the two.
 #[derive(Clone, Copy)]
 pub struct Ratio {

@@ -1,4 +1,4 @@
-//! Devices of all links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves whoever
+//! Devices of all links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves each client that
 //! connects with the session of the device's end.
 //!
 //! `cargo run --release -p cellwire-bridge --example load` prints where, as one line of JSON, and serves until it is killed.
@@ -19,7 +19,7 @@ use mio::{Events, Interest, Poll, Token};
 use serde_json::{Map, Value, json};
 use slab::Slab;
 
-/// The link, the device's end, and what it does by itself so often.
+/// The link, the device's end, and what it does by itself this often.
 type Kind = (&'static str, &'static str, Option<(&'static str, Duration)>);
 
 const KINDS: [Kind; 7] = [
@@ -30,10 +30,10 @@ const KINDS: [Kind; 7] = [
     ("isra-ball", "ball", Some(("measure", Duration::from_millis(100)))),
     // What was begun goes on by itself, in its cycles of 28 ms.
     ("val2-alter", "controller", Some(("start", Duration::from_secs(5)))),
-    // Nobody answers, and it asks again after a pause of 2 s.
+    // Without an answer it asks again after a pause of 2 s.
     ("val2-viewer", "workstation", Some(("draw", Duration::from_secs(3)))),
 ];
-/// What is due is looked for so often.
+/// How often due work is looked for.
 const TICK: Duration = Duration::from_millis(5);
 
 struct Device {

@@ -12,19 +12,22 @@ use crate::payload::{Kind, Value};
 pub struct Bands(HashMap<&'static str, f64>);
 
 impl Bands {
-    /// From the hall's file: a metric, or a folder of metrics, and its dead band. The longest name that fits counts; what has none is
+    /// From the site file: a metric, or a folder of metrics, and its dead band. The longest name that fits counts; what has none is
     /// reported whenever it changes.
     ///
     /// # Errors
-    /// When a name is no metric and no folder, or a metric that has no dead band.
+    /// When a name is neither a metric nor a folder, or a metric without a dead band.
     pub fn of(given: &BTreeMap<String, f64>, definitions: &[Definition]) -> Result<Self> {
         let own = || definitions.iter().filter(|definition| !COMMON.contains(definition));
         for (name, band) in given {
             let mut found = own().filter(|definition| fits(name, definition.name)).peekable();
-            ensure!(found.peek().is_some(), "{name} is no metric of this link, and no folder of metrics");
+            ensure!(
+                found.peek().is_some(),
+                "{name} is neither a metric of this link nor a folder of metrics"
+            );
             ensure!(
                 found.any(|definition| !matches!(definition.kind, Kind::String | Kind::Boolean)),
-                "{name} is no number: it is reported whenever it changes"
+                "{name} is not a number: every change is reported"
             );
             ensure!(band.is_finite() && *band >= 0.0, "the dead band of {name} is {band}: give 0 or more");
         }
@@ -113,9 +116,9 @@ mod tests {
     fn a_name_that_is_none_is_said() {
         let why =
             |name: &str, band| Bands::of(&[(name.to_owned(), band)].into(), &OWN).unwrap_err().to_string();
-        assert_eq!(why("P/Z", 1.0), "P/Z is no metric of this link, and no folder of metrics");
-        assert_eq!(why("Event", 1.0), "Event is no metric of this link, and no folder of metrics");
-        assert_eq!(why("Phase", 1.0), "Phase is no number: it is reported whenever it changes");
+        assert_eq!(why("P/Z", 1.0), "P/Z is neither a metric of this link nor a folder of metrics");
+        assert_eq!(why("Event", 1.0), "Event is neither a metric of this link nor a folder of metrics");
+        assert_eq!(why("Phase", 1.0), "Phase is not a number: every change is reported");
         assert_eq!(why("P", -1.0), "the dead band of P is -1: give 0 or more");
     }
 }

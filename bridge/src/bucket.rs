@@ -1,4 +1,4 @@
-//! A token bucket: so many at once, and so many a second.
+//! A token bucket: this many at once, and this many a second.
 
 /// How many commands a cell takes.
 #[derive(Debug, Clone, Copy)]
@@ -13,7 +13,7 @@ pub struct Rate {
 #[derive(Debug)]
 pub struct Bucket {
     tokens: f64,
-    /// When it had so many, in milliseconds.
+    /// When it had this many, in milliseconds.
     at: u64,
 }
 

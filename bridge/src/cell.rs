@@ -7,11 +7,11 @@ use std::sync::mpsc::Sender;
 use std::thread::JoinHandle;
 
 use super::bands::Bands;
-use super::hall;
 use super::links::Client;
 use super::metric::{COMMON, Definition};
 use super::payload::{Metric, Quality, Value};
 use super::report::Command;
+use super::site;
 
 /// A cell, as the hub knows it.
 #[derive(Debug)]
@@ -40,7 +40,7 @@ pub struct Cell {
     pub kept: u64,
     /// The time of its last record.
     pub last_at: u64,
-    /// Whether the hall's file allows commands to it.
+    /// Whether the site file allows commands to it.
     pub takes_commands: bool,
     /// Whether it may be another bridge's.
     pub is_shared: bool,
@@ -52,7 +52,7 @@ pub struct Cell {
     pub stop: Arc<AtomicBool>,
     /// Its thread.
     pub thread: Option<JoinHandle<()>>,
-    /// The hall's file has it no more, or as another one: which is begun when the thread has ended.
+    /// The site file has it no more, or as another one: which is begun when the thread has ended.
     pub next: Next,
 }
 
@@ -62,12 +62,12 @@ pub enum Next {
     /// It goes on.
     #[default]
     Same,
-    /// It is in the hall's file no more.
+    /// It is in the site file no more.
     Gone,
     /// It is not this bridge's now.
     Away,
     /// It is another one.
-    Another(Box<(hall::Cell, Client)>),
+    Another(Box<(site::Cell, Client)>),
 }
 
 /// A report and a command of the same cell may cross, and the later one of their times is that of both then. A greater step back is the
@@ -80,7 +80,7 @@ pub fn in_order(last: u64, at: u64) -> u64 {
 }
 
 impl Cell {
-    /// Whether the hall's file has it no more.
+    /// Whether the site file has it no more.
     pub fn is_gone(&self) -> bool {
         matches!(self.next, Next::Gone)
     }

@@ -11,26 +11,26 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use serde_json::json;
 
 use crate::compact::Words;
-use crate::hall::StoreSettings;
 use crate::hub::earlier;
+use crate::site::StoreSettings;
 use crate::store::{Busy, Store};
-use crate::{Hall, Health, Hub, http, links, signals};
+use crate::{Health, Hub, Site, http, links, signals};
 use cellwire::command::manual::{self, Shell};
 use cellwire::command::settings::lines;
 use cellwire::io::output::{self, log, remark};
 use cellwire::io::tcp;
 
-/// Connects the cells of a hall to an MQTT 5 broker: Sparkplug B, through a store, commands back.
+/// Connects the cells of a site to an MQTT broker as Sparkplug B, with a persistent store, and executes commands.
 #[derive(Debug, Parser)]
 #[command(name = "cellwire-bridge", version, long_about = include_str!("command.txt"), after_help = EXAMPLES)]
 struct Args {
-    /// The hall
-    #[arg(long, value_name = "HALL.toml", required_unless_present_any = ["completions", "man"])]
+    /// The site file
+    #[arg(long, value_name = "SITE.toml", required_unless_present_any = ["completions", "man"])]
     config: Option<PathBuf>,
-    /// Connect to nobody: check the file, with the line of what is wrong, and the store, with the records that a start would drop
+    /// Check the file and the store without connecting: report errors with their lines, and records that a start would drop
     #[arg(long)]
     check: bool,
-    /// Print what a shell needs to complete the options
+    /// Print a shell completion script
     #[arg(long, value_name = "SHELL", exclusive = true)]
     completions: Option<Shell>,
     /// Write the manual page into this folder
@@ -43,21 +43,21 @@ const LONGEST_END: Duration = Duration::from_secs(10);
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire-bridge --config hall-3.toml --check
-  cellwire-bridge --config hall-3.toml
+  cellwire-bridge --config site-3.toml --check
+  cellwire-bridge --config site-3.toml
   curl http://127.0.0.1:9464/metrics
-  mosquitto_sub -V 5 -t 'spBv1.0/#' -F '%t'   # see that something comes
+  mosquitto_sub -V 5 -t 'spBv1.0/#' -F '%t'   # check that messages arrive
 
-docs/bridge.md has a whole hall, the metrics of every link, and the commands.";
+docs/bridge.md has an example site, the metrics of every link, and the commands.";
 
-/// Runs the bridge. Exit status: 0 success, 2 the command could not be run, 4 nobody reads standard output.
+/// Runs the bridge. Exit status: 0 success, 2 the command could not be run, 4 standard output was closed.
 pub fn main() -> ExitCode {
     let help = Args::command().get_after_help().map(ToString::to_string).unwrap_or_default();
     let command = Args::command().after_long_help(format!("{help}\n\n{}", settings()));
     let matches = command.clone().get_matches();
     let args = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match (args.config, args.completions, &args.man) {
-        (Some(hall), ..) => run(&hall, args.check),
+        (Some(site), ..) => run(&site, args.check),
         (None, Some(shell), _) => manual::completions(shell, command),
         (None, None, folder) => folder.as_ref().map_or(Ok(()), |folder| manual::man(folder, command)),
     };
@@ -75,37 +75,37 @@ pub fn main() -> ExitCode {
 
 /// Runs until interrupted.
 fn run(file: &Path, check: bool) -> Result<()> {
-    let hall = Hall::read(file)?;
-    let clients = links::clients(&hall)?;
+    let site = Site::read(file)?;
+    let clients = links::clients(&site)?;
     if check {
-        let cells: Vec<&String> = hall.cell.keys().collect();
-        log(&json!({"hall": file, "broker": hall.broker.address.to_string(), "cells": cells}))?;
-        return check_store(&hall);
+        let cells: Vec<&String> = site.cell.keys().collect();
+        log(&json!({"site": file, "broker": site.broker.address.to_string(), "cells": cells}))?;
+        return check_store(&site);
     }
     output::never_wait()?;
     let reload = signals::handle(
         LONGEST_END,
-        "the bridge has not ended in 10 s, and is ended: what is in the store is kept",
+        "the bridge did not end within 10 s and was terminated; the store is kept",
     )?;
     let health = Arc::new(Health::default());
-    let place = match &hall.health.listen {
+    let place = match &site.health.listen {
         Some(address) => {
             let health = Arc::clone(&health);
             Some(http::serve(tcp::listen(address)?, move |path| health.reply(path))?.to_string())
         }
         None => None,
     };
-    // The cells are not stopped by whoever has read the lines and reads no more.
+    // A reader that stops reading does not stop the cells.
     let mut print = |line| drop(log(&line));
-    let count = hall.cell.len();
-    let hub = Hub::start(hall, clients, health, reload, &mut print)?;
+    let count = site.cell.len();
+    let hub = Hub::start(site, clients, health, reload, &mut print)?;
     log(&json!({"ready": "bridge", "cells": count, "health": place}))?;
     hub.run()
 }
 
 /// What a start would do with the store, if there is one; a damaged one is an error.
-fn check_store(hall: &Hall) -> Result<()> {
-    let StoreSettings { file, bytes: most } = &hall.store;
+fn check_store(site: &Site) -> Result<()> {
+    let StoreSettings { file, bytes: most } = &site.store;
     if !file.exists() {
         return Ok(());
     }
@@ -117,7 +117,7 @@ fn check_store(hall: &Hall) -> Result<()> {
     let words = Words::open(&store)?;
     let (mut orphans, mut count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
     let mut see = |cell: String| {
-        if !hall.cell.contains_key(&cell) {
+        if !site.cell.contains_key(&cell) {
             *orphans.entry(cell).or_default() += 1;
         }
     };

@@ -3,7 +3,7 @@
 //! A command has an id that its sender uses once, and a time. The id is in the store, safely on the disk, before the cell has the
 //! command. The same id again only has its outcome reported again, also by the next process, and also where it was refused; what had no
 //! outcome when a process ended is unknown. Ids are remembered for a day and longer where their time is ahead, and a command whose time is
-//! further from now than [`max_age`](super::hall::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be
+//! further from now than [`max_age`](super::site::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be
 //! obeyed. Where a clock was wrong for a while it would not be: so a command that is not later than every one that was forgotten is
 //! refused too.
 
@@ -49,7 +49,7 @@ pub struct Interrupted {
 pub struct Write<'a> {
     /// The cell.
     pub cell: &'a str,
-    /// Whether the hall's file allows commands to it.
+    /// Whether the site file allows commands to it.
     pub is_allowed: bool,
     /// The metrics.
     pub payload: &'a Payload,
@@ -85,7 +85,7 @@ impl Commands {
         for (cell, remembered) in &mut known {
             for (id, entry) in remembered.unfinished(true) {
                 entry.outcome = Outcome::Unknown;
-                entry.detail = "the bridge has ended before the outcome".into();
+                entry.detail = "the bridge ended before the outcome".into();
                 remembered::put(batch, cell, id, Some(entry));
                 unknown.push(Interrupted { cell: cell.clone(), report: entry.named(id) });
             }
@@ -137,25 +137,22 @@ impl Commands {
             return Err(("unfit", why.into()));
         }
         if !write.is_allowed {
-            return Err(("not_allowed", "the hall's file does not allow commands to this cell".into()));
+            return Err(("not_allowed", "the site file does not allow commands to this cell".into()));
         }
-        let at = at.ok_or_else(|| ("no_time", "it has no time".into()))?;
+        let at = at.ok_or_else(|| ("no_time", "the command has no timestamp".into()))?;
         let age = self.max_age / 1000;
         if at > now.saturating_add(self.max_age) {
             return Err((
                 "early",
                 format!(
-                    "its time {at} is more than {age} s ahead of now, {now}: too early, or a clock is wrong; it will not be \
-                     executed then either: order anew with another id"
+                    "timestamp {at} is more than {age} s ahead of {now}: too early, or a clock is wrong; send it again with another id"
                 ),
             ));
         }
         if at < now.saturating_sub(self.max_age) {
             return Err((
                 "late",
-                format!(
-                    "its time {at} is more than {age} s before now, {now}: too late, or a clock is wrong"
-                ),
+                format!("timestamp {at} is more than {age} s before {now}: too late, or a clock is wrong"),
             ));
         }
         if let Some(why) = self.known.get(write.cell).and_then(|known| known.bars(at)) {
@@ -167,7 +164,9 @@ impl Commands {
             let Rate { per_second, burst } = rate;
             return Err((
                 "rate",
-                format!("this cell takes {per_second} commands a second, {burst} at once: see commands.rate"),
+                format!(
+                    "this cell accepts {per_second} commands per second, {burst} at once: see commands.rate"
+                ),
             ));
         }
         Ok(())
@@ -243,7 +242,7 @@ impl Commands {
         let over = |(id, entry): (&String, &mut Entry)| {
             let by = &entry.by;
             (entry.outcome, entry.detail) =
-                (Outcome::Unknown, format!("{by} had the cell, and has it no more, before the outcome"));
+                (Outcome::Unknown, format!("{by} lost the cell before the outcome"));
             remembered::put(batch, cell, id, Some(entry));
             entry.named(id)
         };
@@ -268,23 +267,21 @@ impl Entry {
 /// The command of a message, and its time.
 fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
     let [metric] = payload.metrics.as_slice() else {
-        return Err(format!("write the metric {REQUEST}, and no other"));
+        return Err(format!("write only the metric {REQUEST}"));
     };
     if metric.name.as_deref() != Some(REQUEST) {
         let name = metric.name.as_deref().unwrap_or("without a name");
         return Err(format!("the metric {name} cannot be written: write {REQUEST}"));
     }
-    let Some(Value::String(text)) = &metric.value else { return Err(format!("{REQUEST} is a text")) };
+    let Some(Value::String(text)) = &metric.value else { return Err(format!("{REQUEST} must be a string")) };
     let mut order: Map<String, Json> =
-        serde_json::from_str(text).map_err(|error| format!("{REQUEST} is no object of JSON: {error}"))?;
+        serde_json::from_str(text).map_err(|error| format!("{REQUEST} is not a JSON object: {error}"))?;
     let id = match order.remove("id") {
         Some(Json::String(id)) if (1..=LONGEST_ID).contains(&id.len()) && !id.contains(char::is_control) => {
             id
         }
         _ => {
-            return Err(format!(
-                "{REQUEST} has no \"id\": give a text of 1 to {LONGEST_ID} bytes, each once"
-            ));
+            return Err(format!("{REQUEST} has no \"id\": give a unique string of 1 to {LONGEST_ID} bytes"));
         }
     };
     Ok((Command { id, order, until: 0 }, metric.timestamp.or(payload.timestamp)))

@@ -14,7 +14,7 @@ use super::metric::{self, CONNECTED, EVENT, Named};
 use super::payload::Value;
 use super::report::{Command, Input, Outcome, Report, What};
 
-/// So many reasons of a device that does not answer are reported.
+/// How many reasons of a device that does not answer are reported.
 const REASONS: usize = 20;
 
 /// When a cell's thread is to end.
@@ -63,7 +63,7 @@ impl End {
         self.stop.is_due()
     }
 
-    /// Reports values. The link waits for nobody: what there is no room for is dropped and counted.
+    /// Reports values. The link never waits: reports without room are dropped and counted.
     pub fn values(&self, values: Vec<Named>) {
         let report = Report { at: metric::now(), what: What::Values(values) };
         if let Err(TrySendError::Full(_)) = self.hub.try_send(Input::Cell(self.cell, report)) {
@@ -110,7 +110,7 @@ impl End {
             if metric::now() <= command.until {
                 return Some(command);
             }
-            self.finish(Outcome::Refused, "it has waited behind others for longer than commands.max_age");
+            self.finish(Outcome::Refused, "it waited longer than commands.max_age");
         }
         None
     }
@@ -175,7 +175,7 @@ mod tests {
             }
             other => panic!("{other:?}"),
         });
-        let why = "it has waited behind others for longer than commands.max_age";
+        let why = "it waited longer than commands.max_age";
         assert_eq!(
             outcomes.collect::<Vec<_>>(),
             [("first", Outcome::Done, ""), ("late", Outcome::Refused, why), ("next", Outcome::Done, "")]

@@ -12,7 +12,7 @@ use super::metric;
 use super::uplink::Counts;
 use crate::http::Reply;
 
-/// How the bridge is, for whoever asks.
+/// The bridge's state.
 #[derive(Debug, Default)]
 pub struct Health(Mutex<Figures>);
 
@@ -35,9 +35,9 @@ pub struct Figures {
     pub dropped_full: u64,
     /// Reports of cells that were dropped because the disk was too slow.
     pub dropped_busy: u64,
-    /// Records of cells that the hall's file has no more.
+    /// Records of cells that the site file has no more.
     pub dropped_orphans: u64,
-    /// Messages of the broker that were not understood, or not taken.
+    /// Ignored or malformed messages of the broker.
     pub strange: u64,
     /// The disk does not take what is to be written.
     pub is_stuck: bool,
@@ -94,7 +94,7 @@ pub struct CellHealth {
     pub last_at: u64,
     /// The number of its last record.
     pub number: u64,
-    /// So many commands it takes now.
+    /// How many commands it takes now.
     pub commands_left: f64,
     /// Its commands that were refused at once, by why.
     pub refusals: Vec<(&'static str, u64)>,
@@ -127,7 +127,9 @@ impl Health {
                 };
                 Reply::new(status, "text/plain; charset=utf-8", body)
             }
-            _ => Reply::new(404, "text/plain; charset=utf-8", "there are /, /metrics and /health\n"),
+            _ => {
+                Reply::new(404, "text/plain; charset=utf-8", "not found: there are /, /metrics and /health\n")
+            }
         }
     }
 }
@@ -171,11 +173,16 @@ impl Figures {
         let one = |value: u64| vec![(String::new(), number(value))];
         let Counts { connections, published, acknowledged, rejected, refused, ahead } = self.uplink;
         family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
-        family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
+        family("store_stuck", "gauge", "1 while the store cannot be written.", &one(self.is_stuck.into()));
         family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
         let (used, most) = self.stored_bytes;
-        family("store_bytes", "gauge", "What the records have in the store.", &one(used));
-        family("store_limit_bytes", "gauge", "Beyond this the oldest records make room.", &one(most));
+        family("store_bytes", "gauge", "Bytes of the records in the store.", &one(used));
+        family(
+            "store_limit_bytes",
+            "gauge",
+            "The limit of the store, at which the oldest records are dropped.",
+            &one(most),
+        );
         family(
             "in_flight_records",
             "gauge",
@@ -189,24 +196,24 @@ impl Figures {
             "Records published, again or for the first time.",
             &one(published),
         );
-        family("acknowledged_total", "counter", "Records that the broker has.", &one(acknowledged));
-        family("rejected_total", "counter", "How often the broker has not taken a record.", &one(rejected));
         family(
-            "connections_total",
+            "acknowledged_total",
             "counter",
-            "Connections that the broker has accepted.",
-            &one(connections),
+            "Records that the broker has acknowledged.",
+            &one(acknowledged),
         );
+        family("rejected_total", "counter", "Refusals of records by the broker.", &one(rejected));
+        family("connections_total", "counter", "Accepted connections to the broker.", &one(connections));
         family(
             "states_ahead_total",
             "counter",
-            "Messages of the host application that were not taken: dated too far ahead.",
+            "Ignored messages of the host application, dated too far ahead.",
             &one(ahead),
         );
         family(
             "strange_total",
             "counter",
-            "Messages of the broker that were not understood, or not taken.",
+            "Ignored or malformed messages of the broker.",
             &one(self.strange),
         );
         let dropped = [
@@ -219,7 +226,7 @@ impl Figures {
         family(
             "dropped_total",
             "counter",
-            "Records lost: the store was full, the disk too slow, the cell is no more in the hall's file, or the broker refuses it.",
+            "Lost records: the store was full, the disk too slow, the cell was removed from the site file, or the broker refused it.",
             &dropped,
         );
         let commands = self
@@ -232,7 +239,12 @@ impl Figures {
             format!("{{cell=\"{name}\"}}")
         };
         let left = self.cells.iter().map(|cell| (label(cell), cell.commands_left));
-        family("commands_left", "gauge", "Commands that the cell takes now.", &left.collect::<Vec<_>>());
+        family(
+            "commands_left",
+            "gauge",
+            "Commands that the cell would accept now.",
+            &left.collect::<Vec<_>>(),
+        );
         let refusals = self.cells.iter().flat_map(|cell| {
             let of = |(why, count): &(&str, u64)| {
                 let label = label(cell);
@@ -243,7 +255,7 @@ impl Figures {
         family(
             "commands_refused_total",
             "counter",
-            "Commands that were refused before the cell had them, by why.",
+            "Commands refused before they reached the cell, by reason.",
             &refusals.collect::<Vec<_>>(),
         );
         let links = self.cells.iter().map(|cell| (label(cell), number(cell.is_connected.into())));
@@ -264,12 +276,12 @@ impl Figures {
             let of = |(place, count): (_, &u64)| (format!("{{where=\"{place}\"}}"), number(*count));
             [("here", here), ("elsewhere", elsewhere), ("nobody", nobody)].map(of)
         });
-        family("shared_cells", "gauge", "Shared cells by who has them.", &shared.collect::<Vec<_>>());
+        family("shared_cells", "gauge", "Shared cells by owner.", &shared.collect::<Vec<_>>());
         let held = self.cells.iter().map(|cell| (label(cell), number(cell.held as u64)));
         family(
             "held_records",
             "gauge",
-            "Records that wait because the broker refuses the cell's topic.",
+            "Records held because the broker refuses the cell's topic.",
             &held.collect::<Vec<_>>(),
         );
         text

@@ -1,4 +1,4 @@
-//! The HTTP server for whoever looks after the bridge: hyper, on one thread, with limits that a stranger cannot exceed.
+//! The HTTP server for monitoring: hyper, on one thread, with limits for every client.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -21,17 +21,17 @@ use tokio::runtime::Builder;
 use tokio::task::JoinHandle;
 use tokio::time::{Interval, interval, sleep};
 
-/// So many connections at once; one more takes the place of the oldest.
+/// How many connections at once; one more takes the place of the oldest.
 const MOST: usize = 16;
 /// The longest head of a request, in bytes.
 const HEAD: usize = 8 * 1024;
-/// A connection lasts so long at most: one request and its answer.
+/// How long a connection lasts at most: one request and its answer.
 const LONGEST: Duration = Duration::from_secs(5);
-/// What is live is sent so often, until the client goes; one that has not taken anything for [`LONGEST`] is dropped.
+/// How often live data is sent, until the client goes; one that has not taken anything for [`LONGEST`] is dropped.
 const EVERY: Duration = Duration::from_secs(1);
 /// What the system keeps for a client that does not read, in bytes.
 const UNREAD: usize = 64 * 1024;
-/// A page has everything from here, and nobody puts it into a page of his own.
+/// A page loads everything from here, and must not be embedded elsewhere.
 const HEADERS: [(HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -43,7 +43,7 @@ const HEADERS: [(HeaderName, &str); 5] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "no-store"),
 ];
-/// Where the system has no descriptor for another connection it is asked again so often.
+/// How often a connection is retried when the system has no descriptor for it.
 const RETRY: Duration = Duration::from_millis(100);
 
 /// The answer to a request.
@@ -118,7 +118,7 @@ async fn accept(listener: TcpListener, reply: Arc<impl Fn(&str) -> Reply + Send 
                     sleep(left).await;
                 }
             };
-            // What a stranger sends, or does not read, is nobody's error.
+            // A client that sends invalid data, or does not read, is not an error.
             tokio::select! { _ = connection => {}, () = silent => {} }
         }));
     }
@@ -132,7 +132,7 @@ fn answer<R: Fn(&str) -> Reply>(
     let plain = |status, body: &str| Reply::new(status, "text/plain", body);
     let path = request.uri().path();
     let Reply { status, kind, body, is_live } = if !request.body().is_end_stream() {
-        plain(413, "a request has no body here\n")
+        plain(413, "requests must not have a body\n")
     } else if request.method() == Method::GET || request.method() == Method::HEAD {
         reply(path)
     } else {

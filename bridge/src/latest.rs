@@ -1,4 +1,4 @@
-//! The commands that came last, for whoever looks on.
+//! The latest commands, for the page.
 
 use std::collections::VecDeque;
 
@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::report::Outcome;
 
-/// So many are shown.
+/// How many are shown.
 const MOST: usize = 30;
-/// So many bytes of an id or a reason are shown.
+/// How many bytes of an id or a reason are shown.
 const LONGEST: usize = 200;
 
 /// The latest commands.

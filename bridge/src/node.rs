@@ -150,7 +150,7 @@ impl Node {
         }
         let strange = |why: &str| Received::Strange(format!("{topic}: {why}"));
         let length = payload.len();
-        let Ok(payload) = Payload::decode(payload) else { return strange("no payload of Sparkplug B") };
+        let Ok(payload) = Payload::decode(payload) else { return strange("not a Sparkplug B payload") };
         if topic == self.topic("NCMD", None) {
             let asks = |metric: &Metric| {
                 metric.name.as_deref() == Some(REBIRTH) && metric.value == Some(Value::Boolean(true))
@@ -166,9 +166,9 @@ impl Node {
         match topic.strip_prefix(&self.topic("DCMD", Some(""))) {
             Some(device) => {
                 let unfit = if is_retained {
-                    Some("it is retained: publish commands without the retain flag".into())
+                    Some("the command is retained: publish it without the retain flag".into())
                 } else if length > LONGEST {
-                    Some(format!("it has {length} bytes: a command has {LONGEST} at the most"))
+                    Some(format!("the command has {length} bytes, the maximum is {LONGEST}"))
                 } else {
                     None
                 };
@@ -260,7 +260,7 @@ mod tests {
                 Received::Write { device, unfit, .. } => (device, unfit.unwrap_or_default()),
                 other => panic!("{other:?}"),
             };
-        let retained = "it is retained: publish commands without the retain flag";
+        let retained = "the command is retained: publish it without the retain flag";
         assert_eq!(write(&rebirth(true), false), ("d".into(), String::new()));
         assert_eq!(write(&rebirth(true), true), ("d".into(), retained.into()));
         let metric = |length| Metric::new("m", Kind::String, 1, Some(text("x".repeat(length))));
@@ -268,7 +268,7 @@ mod tests {
             |length| Payload { timestamp: None, metrics: vec![metric(length)], seq: None }.encode_to_vec();
         let around = payload(LONGEST).len() - LONGEST;
         assert_eq!(write(&payload(LONGEST - around), false).1, "");
-        let long = "it has 262145 bytes: a command has 262144 at the most";
+        let long = "the command has 262145 bytes, the maximum is 262144";
         assert_eq!(write(&payload(LONGEST - around + 1), false).1, long);
         let state = Received::State { host: "h".into(), online: true, timestamp: 9 };
         assert_eq!(node.receive("spBv1.0/STATE/h", br#"{"online":true,"timestamp":9}"#, true), state);

@@ -1,10 +1,10 @@
-//! What systemd is told of a service of `Type=notify`: that it is ready, that it lives, that it ends. Without systemd nobody is told.
+//! Notifications to systemd for a service of `Type=notify`: ready, watchdog, stopping. Without systemd there are none.
 
 use std::env;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Who is told.
+/// The socket.
 #[derive(Debug)]
 pub(crate) struct Notify {
     socket: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// A connection that has lasted so long was one: what ends it is news again. After so long without one, what the log says last is not
+/// A connection that has lasted this long was one: what ends it is news again. After this long without one, what the log says last is not
 /// that there is one.
 const LASTING: Duration = Duration::from_secs(60);
 

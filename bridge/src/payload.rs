@@ -32,7 +32,7 @@ pub struct Metric {
     /// A [`Kind`].
     #[prost(uint32, optional, tag = "4")]
     pub datatype: Option<u32>,
-    /// It was kept while nobody could take it: it is not the value of now.
+    /// It was stored without a connection: it is not the current value.
     #[prost(bool, optional, tag = "5")]
     pub is_historical: Option<bool>,
     /// There is no value.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// may take that is less than 30 s.
 const FIRST_WAIT: Duration = Duration::from_millis(500);
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
-/// So long a bridge leaves its name to another client that has it, at first; each time after it twice as long, up to the longest.
+/// How long a bridge leaves its name to another client that has it, at first; each time after it twice as long, up to the longest.
 const FIRST_YIELD: Duration = Duration::from_secs(60);
 const LONGEST_YIELD: Duration = Duration::from_secs(3600);
 
@@ -50,7 +50,7 @@ impl Reconnect {
         {
             self.wait = FIRST_WAIT;
         }
-        // Not all bridges of a hall at once.
+        // Not all bridges of a site at once.
         let (next, longest, jitter) = if core::mem::take(&mut self.is_doubled) {
             (&mut self.yield_for, LONGEST_YIELD, 0.5 + fastrand::f64())
         } else {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-/// So long a record is tried that is refused for a reason that may pass, such as a quota. The others wait behind it.
+/// How long a record is tried that is refused for a reason that may pass, such as a quota. The others wait behind it.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A record that is dropped because the broker refuses it for good.

@@ -17,9 +17,9 @@ const PREFIX: &str = "command/";
 const FORGOTTEN: &str = "forgotten/";
 /// The name, in a store of an earlier format, of the latest time of a command of any cell that was forgotten.
 const FORGOTTEN_OF_ALL: &str = "forgotten";
-/// So long an outcome can be asked for.
+/// How long an outcome can be asked for.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// So many are remembered.
+/// How many are remembered.
 pub const MOST: usize = 20_000;
 
 /// The commands of a cell.
@@ -126,10 +126,10 @@ impl Remembered {
         let Forgotten { until, early } = self.forgotten;
         match early {
             _ if sent <= until => Some(format!(
-                "commands up to {until} are forgotten, its time is {sent}: a flood, a clock was wrong, or another bridge had the cell"
+                "its timestamp {sent} is not after {until}, up to which commands are forgotten: a flood, a wrong clock, or another bridge had the cell"
             )),
             Some((from, to)) if (from..=to).contains(&sent) => Some(format!(
-                "too many commands dated {from} to {to} were refused as too early, its time is {sent}"
+                "too many commands dated {from} to {to} were refused as too early; its timestamp is {sent}"
             )),
             _ => None,
         }
@@ -236,7 +236,7 @@ mod tests {
         assert!(cell.entries.len() <= MOST);
         assert_eq!(cell.get("begun"), Some(&begun));
         assert_eq!((cell.get("2499"), cell.get("2500")), (None, Some(&refused(1_002_500))));
-        let why = "commands up to 1002499 are forgotten, its time is 1002499: a flood, a clock was wrong, or another bridge had the cell";
+        let why = "its timestamp 1002499 is not after 1002499, up to which commands are forgotten: a flood, a wrong clock, or another bridge had the cell";
         assert_eq!((cell.bars(1_002_499), cell.bars(1_002_500)), (Some(why.into()), None));
         assert!(
             batch.names.contains(&("forgotten/c".into(), Some(r#"{"until":1002499,"early":null}"#.into())))
@@ -252,7 +252,8 @@ mod tests {
         }
         assert!(cell.get("now").is_some() && cell.get("0").is_none());
         assert_eq!((cell.bars(1_000_001), cell.bars(future - 1)), (None, None));
-        let why = "too many commands dated 9000000 to 9019998 were refused as too early, its time is 9000007";
+        let why =
+            "too many commands dated 9000000 to 9019998 were refused as too early; its timestamp is 9000007";
         assert_eq!(cell.bars(future + 7), Some(why.into()));
         // Until they can no more be accepted.
         cell.forget("c", future + 19_998 + AGE, AGE, &mut batch);

@@ -65,7 +65,7 @@ pub enum Outcome {
     Refused,
     /// Some of it was executed, and the rest will not be.
     Partial,
-    /// Nobody knows: it may have been executed or not, but not twice.
+    /// Unknown: it may have been executed or not, but not twice.
     Unknown,
 }
 

@@ -24,7 +24,7 @@ const ALIGN: u64 = 8;
 const MOST: usize = 64;
 /// The file is read in pieces of this size when it is opened.
 const PIECE: usize = 1 << 20;
-/// What was written is on the disk after so long.
+/// What was written is on the disk after this long.
 pub const SYNC: Duration = Duration::from_millis(200);
 
 /// Records in a file.
@@ -282,7 +282,7 @@ impl Ring {
         frames
     }
 
-    /// Makes room for so many bytes: the oldest records go. Returns how many, and whether what is [`known`](Self::known) has to be kept
+    /// Makes room for this many bytes: the oldest records go. Returns how many, and whether what is [`known`](Self::known) has to be kept
     /// before anything is written.
     pub fn make_room(&mut self, bytes: u64) -> (u64, bool) {
         let (mut dropped, mut has_to_be_kept) = (0, false);
@@ -408,7 +408,7 @@ impl Ring {
 
 enum Parsed {
     Frame(Frame, u64),
-    /// So many bytes are needed.
+    /// How many bytes are needed.
     More(usize),
     Nothing,
 }
@@ -446,7 +446,7 @@ fn checksum(seed: u64, message: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-/// A bit for each of so many records.
+/// A bit for each of this many records.
 fn bits(count: usize) -> u64 {
     (0..count.min(MOST)).fold(0, |bits, bit| bits | 1 << bit)
 }

@@ -1,4 +1,4 @@
-//! What the system tells the bridge: to end, or to read the hall's file anew.
+//! What the system tells the bridge: to end, or to read the site file anew.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

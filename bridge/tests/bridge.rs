@@ -1,4 +1,4 @@
-//! `cellwire-bridge`: what is wrong in a hall's file is found before anything is connected. What happens with a broker is
+//! `cellwire-bridge`: what is wrong in a site file is found before anything is connected. What happens with a broker is
 //! `.ci/bridge`.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -75,24 +75,24 @@ fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
 }
 
 fn bridge_command(folder: &Path, broker: &str, ball: &Running) -> Command {
-    hall_command(folder, broker, "", &[("ball", ball)])
+    site_command(folder, broker, "", &[("ball", ball)])
 }
 
 /// A bridge whose broker is at `broker`, with `store` among the settings of its store, and with these cells.
-fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Running)]) -> Command {
+fn site_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Running)]) -> Command {
     let cells = balls.iter().map(|(name, ball)| {
         format!(
             "[cell.{name}]\nlink = \"isra-ball\"\naddress = \"{}\"\nsettings = {{ report = \"0s\" }}\n",
             place(ball)
         )
     });
-    let hall = format!(
+    let site = format!(
         "[broker]\naddress = \"{broker}\"\ngroup = \"g\"\nnode = \"n\"\n\
          [store]\nfile = \"s.redb\"\n{store}\n[health]\nlisten = \"127.0.0.1:0\"\n{}",
         cells.collect::<String>()
     );
-    let file = folder.join("hall.toml");
-    std::fs::write(&file, hall).unwrap();
+    let file = folder.join("site.toml");
+    std::fs::write(&file, site).unwrap();
     // A write beyond a limit is an error then, and no signal.
     let mut command = Command::new("bash");
     command
@@ -102,9 +102,9 @@ fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Runni
     command
 }
 
-/// Changes the hall's file.
+/// Changes the site file.
 fn edit(folder: &Path, from: &str, to: &str) {
-    let file = folder.join("hall.toml");
+    let file = folder.join("site.toml");
     let text = std::fs::read_to_string(&file).unwrap();
     assert!(text.contains(from), "{text}");
     std::fs::write(&file, text.replace(from, to)).unwrap();
@@ -185,7 +185,7 @@ fn a_broker_that_refuses_or_is_silent_is_reported_once() {
     let ball = ball();
     let broker = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut bridge = bridge(folder.path(), &broker.local_addr().unwrap().to_string(), &ball);
-    // The connection is accepted by the system, and nobody reads it.
+    // The connection is accepted by the system, and is not read.
     let line = bridge.line("\"broker\"");
     assert!(line.contains("the broker does not answer"), "{line}");
     // CONNACK, reason 87h.
@@ -240,7 +240,7 @@ fn a_record_that_is_too_long_is_dropped_where_the_broker_does_not_say_which() {
     drop(peer);
     until("a record that is dropped", || figure(&bridge, REFUSED) == 1);
     let line = bridge.line("\"broker\":\"disconnected\"");
-    assert!(line.contains("the broker does not take a message that is so long: see its limit"), "{line}");
+    assert!(line.contains("the message is too long for the broker: see its"), "{line}");
     let made = figure(&bridge, "records_total");
     let mut peer = broker.accept(&[]);
     let mut seen = Vec::new();
@@ -268,7 +268,7 @@ fn a_record_that_may_be_taken_later_waits() {
     // Quota exceeded.
     peer.acknowledge(&first, 0x97);
     let line = bridge.line("\"broker\":\"disconnected\"");
-    assert!(line.contains("the broker does not take a record now: QuotaExceeded"), "{line}");
+    assert!(line.contains("the broker refuses a record for now: QuotaExceeded"), "{line}");
     drop(peer);
     let mut peer = broker.accept(&[]);
     let again = peer.message();
@@ -298,7 +298,10 @@ fn a_broker_that_ends_each_connection_is_tried_again_soon() {
     let second = bridge_command(folder.path(), &broker.address(), &ball).output().unwrap();
     let error = String::from_utf8(second.stderr).unwrap();
     assert_eq!(second.status.code(), Some(2), "{error}");
-    assert!(error.trim_end().ends_with("is open in another process: one bridge, one store"), "{error}");
+    assert!(
+        error.trim_end().ends_with("is open in another process: each bridge needs its own store"),
+        "{error}"
+    );
     until("records that wait", || figure(&bridge, "store_records") > before + 1);
     assert_eq!(bridge.signal("-TERM"), Some(0));
     assert!(!bridge.rest().iter().any(|line| line.contains("another client")));
@@ -373,7 +376,7 @@ fn a_disk_that_does_not_answer_does_not_keep_the_bridge() {
     let took = start.elapsed();
     assert!(took >= Duration::from_secs(10) && took < Duration::from_secs(20), "{took:?}");
     let line = bridge.line("the bridge has not ended");
-    assert_eq!(line, "the bridge has not ended in 10 s, and is ended: what is in the store is kept");
+    assert_eq!(line, "the bridge did not end within 10 s and was terminated; the store is kept");
 }
 
 #[test]

@@ -39,16 +39,16 @@ Examples:
   cellwire demo                                        every link end to end, one table each
   cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
   cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
-  cellwire identify --format pcap capture.pcapng       which link it is, and which of its options explain the bytes
+  cellwire identify --format pcap capture.pcapng       which link it is, and which options match the bytes
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell; COM1, COM2 on Windows
-  cellwire ports                                       the serial ports of this machine, and their adapters
+  cellwire ports                                       the serial ports of this machine, with their adapters
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
 
 Exit status:
-  0 success   1 corrupt input, or a broken promise   2 the command could not be run
-  3 a connection was lost   4 nobody reads standard output
-  5 telemetry that cannot be was recorded   6 a Modbus server has refused a request";
+  0 success   1 corrupt input, or a failed check   2 the command could not be run
+  3 a connection was lost   4 standard output was closed
+  5 implausible telemetry was recorded   6 a Modbus server refused a request";
 
 #[derive(Subcommand)]
 enum Command {
@@ -74,8 +74,8 @@ enum Command {
     Man(manual::Man),
 }
 
-/// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
-/// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded, 6 a Modbus server has refused a request.
+/// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
+/// lost, 4 standard output was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
     io::windows::exact_waits();

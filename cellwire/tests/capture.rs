@@ -92,7 +92,7 @@ fn messages_become_vectors_and_streams() {
     assert_eq!(hexes("--from 2 --to 3"), ["Message 2", "Message 3"]);
     assert_eq!(hexes("--from 0.5s --to 1.05s"), ["Message 3"]);
     let (_, _, status, said) = captured.make("to-vectors fanuc-hmi-modbus --from 50");
-    assert!(status == Some(2) && said.contains("the stretch has none of the"), "{said}");
+    assert!(status == Some(2) && said.contains("the range has none of the"), "{said}");
 }
 
 #[test]

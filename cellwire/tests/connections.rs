@@ -138,7 +138,7 @@ fn what_a_client_has_sent_that_has_left_is_dropped_and_the_next_one_is_served() 
                     SockRef::from(&client).set_linger(resets.then_some(Duration::ZERO)).unwrap();
                     drop(client);
                     let left = Instant::now();
-                    simulator.line("it has left, and what it has sent takes longer than 5 s");
+                    simulator.line("it has left, and its data takes longer than 5 s");
                     let mut next = simulator.connect();
                     open(&mut next);
                     next.write_all(request).unwrap();

@@ -42,7 +42,7 @@ fn assert_stopped(stopped: Stopped, first: usize) {
     assert!(stopped.step <= LIMIT, "{stopped:?}: no step above {LIMIT}");
 }
 
-/// Nothing moved since `since`, in so many cycles; the hand that lets go and rests moves it again.
+/// Nothing moved since `since`, in this many cycles; the hand that lets go and rests moves it again.
 fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) -> Option<Stopped> {
     let still = rig.stays_still(since, cycles)?;
     assert_eq!((still.first, still.zero), (0, 0), "{:?}", &rig.controller.log()[since..]);

@@ -165,10 +165,10 @@ fn check_prints_findings_in_other_forms_and_fails_by_level() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
         out(&output),
-        "cell/A.LS:4:8: hint: there is no program of this name\n\
-         cell/A.LS:5:8: hint: no instruction has this name: it must be a macro's\n\
-         cell/A.LS:7:8: warning: no line leads here\n\
-         cell/B.LS:3:8: error: no instruction or option is spelled so: `CALL` is one\n"
+        "cell/A.LS:4:8: hint: no program has this name\n\
+         cell/A.LS:5:8: hint: unknown instruction: it must be a macro\n\
+         cell/A.LS:7:8: warning: unreachable line\n\
+         cell/B.LS:3:8: error: unknown instruction or option: did you mean `CALL`?\n"
     );
     let output = folder.run("ls check cell/B.LS cell/A.LS --format sarif");
     let sarif: Value = serde_json::from_str(out(&output)).unwrap();
@@ -198,10 +198,7 @@ fn check_prints_findings_in_other_forms_and_fails_by_level() {
     );
     folder.write("macros.txt", b"Grip Open\n\nGrip Close\n");
     let output = folder.run("ls check cell/A.LS --format short --macros macros.txt");
-    assert_eq!(
-        (output.status.code(), out(&output)),
-        (Some(0), "cell/A.LS:7:8: warning: no line leads here\n")
-    );
+    assert_eq!((output.status.code(), out(&output)), (Some(0), "cell/A.LS:7:8: warning: unreachable line\n"));
     let output = folder.run("ls check cell/A.LS --fail-on warning");
     assert_eq!(output.status.code(), Some(1));
     let output = folder.run("ls check cell/empty cell/B.LS");
@@ -233,11 +230,11 @@ fn make_refuses_what_no_robot_or_this_one_cannot_do() {
         ),
         (
             "fast.csv --robot slow.json",
-            "fast.csv: J6 has to move at 50°/s up to 0.100 s: the robot's limit is 20°/s",
+            "fast.csv: J6 moves at 50°/s until 0.100 s: the robot's limit is 20°/s",
         ),
-        ("any.csv", "any.csv: J6 has to move at 5000°/s up to 0.100 s: the robot's limit is 2000°/s"),
+        ("any.csv", "any.csv: J6 moves at 5000°/s until 0.100 s: the robot's limit is 2000°/s"),
         ("nan.csv", "nan.csv: line 2, column 7: expected a number such as `-108.435`"),
-        ("back.csv", "back.csv: line 3, column 1: expected a time that is later than the one before"),
+        ("back.csv", "back.csv: line 3, column 1: expected a time later than the previous one"),
         ("fast.csv --robot still.json", "still.json: J2: min must be below max, and speed above 0"),
     ] {
         let output = folder.run(&format!("ls make {arguments} --mode time --step 0.5"));
@@ -294,11 +291,11 @@ fn make_refuses_arguments_that_contradict_each_other() {
         ("path.csv --mode time --step 1 --mm 5", "error: --mm belongs to another --mode"),
         (
             "path.csv --mode time --step 0",
-            "error: a step must be above zero, and the shortest no longer than the longest",
+            "error: steps must be above zero, and the shortest not longer than the longest",
         ),
         (
             "path.csv --mode distance --mm -5",
-            "error: a step must be above zero, and the shortest no longer than the longest",
+            "error: steps must be above zero, and the shortest not longer than the longest",
         ),
         (
             "path.csv --mode time --step 1 --tool 1,2,3,4,5,6,7",
@@ -381,8 +378,7 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
     let log = |order: &str| {
         folder.run(&format!("fanuc log {address} --csv run.csv --seconds 0.3 --word-order {order}"))
     };
-    let warning =
-        "warning: the life counter steps as if the word order were \"low_first\": these values are wrong\n";
+    let warning = "warning: the life counter indicates word order \"low_first\": these values are wrong\n";
     let wrong = log("high-first");
     assert!(err(&wrong).contains(warning), "{}", err(&wrong));
     assert_eq!(wrong.status.code(), Some(5), "what is read in the wrong order cannot be");
@@ -438,7 +434,7 @@ fn a_log_is_compared_with_its_trajectory() {
     folder.write("late.csv", late.as_bytes());
     let output = folder.run("fanuc evaluate made/trajectory.csv late.csv");
     assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).starts_with("error: no delay found: within 10 s either way"), "{}", err(&output));
+    assert!(err(&output).starts_with("error: no delay found: the best fit within ±10 s"), "{}", err(&output));
     assert!(!out(&output).contains("error of the position"), "{}", out(&output));
     assert_eq!(folder.run("fanuc evaluate made/trajectory.csv late.csv --within 40").status.code(), Some(0));
     let swapped = folder.run("fanuc evaluate made/trajectory.csv made/trajectory.csv");

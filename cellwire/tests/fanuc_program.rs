@@ -183,13 +183,10 @@ fn registers_conditions_loops_and_calls_decide_what_is_done() {
     assert_eq!(
         said,
         [
-            ("CALL NOWHERE is passed over: there is no NOWHERE.LS beside the program", &json!(["MAIN:48"])),
-            ("RUN is passed over: there is one task", &json!(["MAIN:47"])),
-            ("`MY_INSTRUCTION 5` is not understood, it is passed over", &json!(["MAIN:49"])),
-            (
-                "system variables are 0 until the program sets them, and do nothing",
-                &json!(["MAIN:45", "MAIN:46"])
-            ),
+            ("CALL NOWHERE is skipped: no NOWHERE.LS in the program's folder", &json!(["MAIN:48"])),
+            ("RUN is skipped: there is one task", &json!(["MAIN:47"])),
+            ("`MY_INSTRUCTION 5` is not understood and skipped", &json!(["MAIN:49"])),
+            ("system variables are 0 until set, and have no effect", &json!(["MAIN:45", "MAIN:46"])),
         ]
     );
     assert!(events[..4].iter().all(|event| event["event"] == "not_modelled"), "at the start");
@@ -201,11 +198,11 @@ fn what_a_robot_cannot_do_is_an_alarm_with_its_line() {
     for (instructions, why) in [
         (
             "J P[1] 50% FINE\nL P[2] 100mm/sec FINE",
-            "the robot cannot reach X 900.0 Y 0.0 Z 0.0 mm in that orientation: it is an LR Mate 200iD, for want of another description",
+            "the robot cannot reach X 900.0 Y 0.0 Z 0.0 mm in that orientation: an LR Mate 200iD, since no other is described",
         ),
         ("R[9]=1/R[1]", "a division by zero"),
         ("JMP LBL[4]", "there is no LBL[4]"),
-        ("L P[3] 100mm/sec FINE", "P[3] is not there, or was never taught"),
+        ("L P[3] 100mm/sec FINE", "P[3] does not exist or was never taught"),
         ("CALL MAIN", "programs call each other 100 deep"),
     ] {
         folder.write("MAIN.LS", &program("MAIN", instructions, &[SQUARE[0], [900.0, 0.0, 0.0, 0.0]]));

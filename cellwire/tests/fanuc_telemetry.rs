@@ -226,7 +226,7 @@ fn registers_are_read_and_written_by_their_types() {
             2,
             "error: a string of 5",
         ),
-        (vec!["write", address, "string", "--address", "5", "ABC"], 2, "error: ABC is no JSON: "),
+        (vec!["write", address, "string", "--address", "5", "ABC"], 2, "error: ABC is not JSON: "),
         (vec!["write", address, "position", "--address", "5", "{}"], 2, "error: a position has either "),
     ] {
         let output = folder.command(&[&["fanuc"][..], &arguments].concat()).output().unwrap();

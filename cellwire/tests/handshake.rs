@@ -50,7 +50,7 @@ impl Workstation {
         self.received.len() - before
     }
 
-    /// Asks until so many requests were sent and the last packet is whole.
+    /// Asks until this many requests were sent and the last packet is whole.
     fn ask(&mut self, least: usize) {
         for count in 1.. {
             self.port.write(ENQ);

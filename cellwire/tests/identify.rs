@@ -115,11 +115,11 @@ fn what_is_asked_wrongly_is_said() {
     let file = folder.path().join("a.hex");
     fs::write(&file, "").unwrap();
     let (code, _, said) = identify("", &file);
-    assert_eq!((code, said.as_str()), (Some(2), "error: the input has no bytes to look at\n"));
+    assert_eq!((code, said.as_str()), (Some(2), "error: the input is empty\n"));
     fs::write(&file, alter(1)).unwrap();
     let settings = folder.path().join("x.toml");
     let (code, _, said) = identify(&format!("--write {}", settings.display()), &file);
-    let why = format!("error: nothing is sure enough to be written to {}\n", settings.display());
+    let why = format!("error: no result is certain enough to write {}\n", settings.display());
     assert_eq!((code, said, settings.exists()), (Some(2), why, false));
     let (code, _, said) = identify("--link val2-alter --from nobody", &file);
     assert_eq!(code, Some(2));

@@ -217,7 +217,7 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
         let mut decode = Command::new(env!("CARGO_BIN_EXE_cellwire"));
         decode.args(["decode", "laser-eb90", "--format", "pcap", "--shadow", &path("second.pcapng")]);
         let output = decode.args(settings).output().unwrap();
-        String::from_utf8(output.stdout).unwrap().matches("is no command word").count()
+        String::from_utf8(output.stdout).unwrap().matches("is not a command word").count()
     };
     assert!(unknown(&[]) > 0);
     assert_eq!(unknown(&["--settings", &path("corrected.toml")]), 0);

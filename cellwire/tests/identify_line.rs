@@ -123,7 +123,7 @@ fn a_silent_port_and_a_file_are_no_line() {
     let device = Device::start(Format { baud: 9600, data_bits: 8, odd: None, stop_bits: 1 }, vec![vec![]]);
     let (code, _, said) = run(cellwire(&format!("identify --serial {} --listen-for 1s", device.name)));
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("nothing was heard on /dev/pts/"), "{said}");
+    assert!(said.contains("nothing was received on /dev/pts/"), "{said}");
     let (code, _, said) = run(cellwire("identify --serial ./Cargo.toml"));
     assert!(code == Some(2) && said.contains("./Cargo.toml is not a serial port"), "{said}");
     let (code, _, said) = run(cellwire("identify --serial /dev/ttyUSB0 a.hex"));

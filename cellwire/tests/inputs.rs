@@ -229,7 +229,7 @@ fn a_recording_played_back_gives_the_same_values() {
         let recorded = values(Path::new(&path("hand")));
         assert!(recorded.iter().any(|values| matches!(values, Ok(([1000, ..], 0)))), "{recorded:?}");
 
-        // A machine that stands still for some cycles ends ALTER, or makes the hand's values old: then it is played once more.
+        // A host that stalls for some cycles ends ALTER, or makes the hand's values old: then it is played once more.
         let played = (0..5).find_map(|attempt| {
             let again = path(&format!("again-{attempt}"));
             let rig = Rig::with_input(23, &["--play", &path("hand")], &["--record", &again]);

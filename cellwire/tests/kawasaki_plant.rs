@@ -117,10 +117,10 @@ fn a_plant_that_contradicts_itself_is_refused_with_its_line() {
             "field",
             "charset = \"ascii\"\n\n[messages.job]\nfields = [\"order\", \"speed\"]\n",
             4,
-            "`speed` is no field",
+            "`speed` is not a field",
         ),
         ("lacks", "[messages.end_ack]\nname = \"E\"\nfields = [\"ended\"]\n", 1, "lacks the field Executed"),
-        ("twice", "[messages.filler]\nname = \"Tyo\"\n", 1, "is empty, stands twice or cannot be written"),
+        ("twice", "[messages.filler]\nname = \"Tyo\"\n", 1, "is empty, duplicate or unencodable"),
         ("needed", "[messages.status]\nsent = false\n", 1, "must have the role Status once"),
         ("double", "\n[messages.pause]\nfields = [\"order\", \"order\"]\n", 2, "has a field twice"),
         ("work", "\n\n[messages.pause]\nfields = [\"work\"]\n", 3, "one that it cannot have"),
@@ -154,8 +154,8 @@ fn an_object_that_does_not_fit_costs_only_itself() {
     assert_eq!((ok, text(&hex).as_str()), (false, "<TilausLoppuu$2#2#>".replace("$2#2", "$1#2").as_str()));
     let lines: Vec<&str> = remarks.lines().collect();
     assert!(lines[0].contains("line 1: field 0 is 70000, not from 0 to 65535"), "{remarks}");
-    assert!(lines[1].contains("line 2: a value is no field of the message `TilausLoppuu`"), "{remarks}");
-    assert!(lines[2].contains("line 3: '$' cannot stand in a name or a field"), "{remarks}");
+    assert!(lines[1].contains("line 2: a value is not a field of the message `TilausLoppuu`"), "{remarks}");
+    assert!(lines[2].contains("line 3: '$' is not allowed in a name or field"), "{remarks}");
     assert!(lines[3].contains("line 4: the plant has no message of the role `pausa`"), "{remarks}");
 }
 

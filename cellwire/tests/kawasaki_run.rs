@@ -116,7 +116,7 @@ fn a_table_is_executed_once() {
         fs::write(cell.path("pallet.csv"), table.replacen(",open,", ",closed,", 1)).unwrap();
         let (code, said) = cell.run_refused(&[]);
         assert_eq!(code, Some(2));
-        assert!(said.contains("it is of another file of jobs"), "{said}");
+        assert!(said.contains("it belongs to another file of jobs"), "{said}");
         fs::write(cell.path("pallet.csv"), "j1,j2,j3\n1,2,3\n").unwrap();
         cell.rows.push("1.000,2.000,3.000,0.000,0.000,0.000,open,50".into());
         finish(cell.run(&["--again"]), 1);
@@ -169,7 +169,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         drop(robot);
         let (code, said) = run.end();
         assert_eq!(code, Some(3), "{said}");
-        assert!(said.contains("the robot is gone: no connection for 1 s"), "{said}");
+        assert!(said.contains("the robot has been disconnected for 1 s"), "{said}");
         let executed = cell.executed().len();
 
         // Another one has forgotten the order. Nobody answers: nothing is sent.
@@ -262,7 +262,7 @@ fn two_runs_at_once_are_refused() {
     let first = cell.run(&[]);
     let (code, said) = cell.run_refused(&[]);
     assert_eq!(code, Some(2));
-    assert!(said.contains("another process runs this file of jobs"), "{said}");
+    assert!(said.contains("another process is running this file of jobs"), "{said}");
     let _robot = cell.robot(&["job_time=0"]);
     finish(first, 5);
 }
@@ -272,7 +272,7 @@ fn without_a_robot_it_does_not_begin() {
     let mut cell = Cell::new(TCP, 5);
     let (code, said) = cell.run(&["--robot-timeout", "0.3"]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("no robot has connected in 0.3 s: see --robot-timeout"), "{said}");
+    assert!(said.contains("no robot connected within 0.3 s: see --robot-timeout"), "{said}");
 }
 
 /// Others that send to the socket: bytes that are no message, the messages of a robot that is another one.

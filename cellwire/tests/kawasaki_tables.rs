@@ -62,9 +62,9 @@ fn every_bad_line_of_a_table_is_named() {
     for (table, why) in [
         ("", "it has no jobs"),
         ("way\n", "it has no jobs"),
-        ("way,speed\n1,2\n", "`speed` is none of a job, which has way, tool"),
-        ("1,2\n1,2\n", "the first line names fields: `1` is none of a job"),
-        ("tool\npen\n", "the first line lacks the field `way`, which has no default"),
+        ("way,speed\n1,2\n", "`speed` in the first line is not a field of a job; a job has way, tool"),
+        ("1,2\n1,2\n", "`1` in the first line is not a field of a job"),
+        ("tool\npen\n", "the field `way` is missing in the first line and has no default"),
         ("way,way\n1,2\n", "the first line names `way` twice"),
     ] {
         let (code, said) = dry_run(table, SPEEDS);

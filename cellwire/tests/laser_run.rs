@@ -47,7 +47,7 @@ impl Cell {
         self.folder.path().join(name)
     }
 
-    /// A program of so many cuts.
+    /// A program of this many cuts.
     fn program(&self, cuts: usize) -> PathBuf {
         let mut text = String::from("word,x,y,z,a,b,length\n");
         for n in 0..cuts {
@@ -115,7 +115,7 @@ fn a_program_is_run_once() {
     fs::write(&program, "cut,1,2,3,4,5,6\n").unwrap();
     let (code, said) = cell.run(&program, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("it is of another program"), "{said}");
+    assert!(said.contains("it belongs to another program"), "{said}");
 }
 
 #[test]
@@ -233,7 +233,7 @@ fn what_the_controller_refuses_ends_it() {
     let run = cell.run(&program, &[]);
     let refused = run.event("refused");
     assert_eq!((&refused["first"], &refused["count"]), (&1.into(), &7.into()));
-    assert_eq!(refused["why"], "the controller answers BadBatch");
+    assert_eq!(refused["why"], "the controller refuses: BadBatch");
     assert_eq!(run.event("ended")["why"], "refused");
     assert_eq!(run.end().0, Some(1));
     // With frames that it takes the same program goes on: nothing of it was taken.
@@ -250,7 +250,7 @@ fn two_runs_at_once_are_refused() {
     first.event("done");
     let (code, said) = cell.run(&program, &["--set", "baud=9600"]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("another process runs this program"), "{said}");
+    assert!(said.contains("another process is running this program"), "{said}");
     assert_eq!(first.event("ended")["done"], 60);
 }
 
@@ -303,7 +303,7 @@ fn a_dry_run_says_and_draws_what_would_happen() {
     let text = entity("TEXT", &[(10, "0"), (20, "0"), (1, "hello")]);
     let (code, _, said, _) = dry_run("part.dxf", &drawing(&format!("{line}{text}")));
     assert_eq!(code, Some(2));
-    assert!(said.contains("the drawing has what cannot be cut: 1 TEXT"), "{said}");
+    assert!(said.contains("the drawing has unsupported entities: 1 TEXT"), "{said}");
 }
 
 /// Laser software writes its travel as cuts without power.
@@ -324,16 +324,16 @@ fn a_cut_without_power_is_a_move() {
 #[test]
 fn a_program_that_is_not_understood_is_refused_with_its_line() {
     for (name, program, expected) in [
-        ("a.csv", "cut,1,2\nfold,1,2\n", "line 2: `fold` is no command word"),
+        ("a.csv", "cut,1,2\nfold,1,2\n", "line 2: `fold` is not a command word"),
         ("a.csv", "cut,1,two\n", "line 1: `two` is no number"),
         ("a.csv", "0x0301\n", "line 1: 0x0301 is a query"),
         ("a.csv", "# nothing\n", "has no instructions"),
-        ("a.csv", "cut,1e39\n", "line 1: a number that is too large"),
-        ("a.csv", "2305,1\n", "line 1: 0x0901 is no command word"),
+        ("a.csv", "cut,1e39\n", "line 1: number too large"),
+        ("a.csv", "2305,1\n", "line 1: 0x0901 is not a command word"),
         ("a.nc", "G0 X1\nG41 X2\n", "line 2: G41 is not supported"),
         ("a.nc", "M3 F100\nG2 X10 Y0 R2\n", "line 2: the ends of the arc are farther apart than 2 R"),
         ("a.nc", "G2 X10 Y0 I3\n", "line 1: the arc begins 3.000 mm and ends 7.000 mm from its centre"),
-        ("a.nc", "X10\n", "line 1: a place without G0, G1, G2 or G3 before it"),
+        ("a.nc", "X10\n", "line 1: coordinates without a preceding G0, G1, G2 or G3"),
         ("a.nc", "G1 X1 X2\n", "line 1: X is given twice"),
         ("a.nc", "G1 X1 F0\n", "line 1: F0 is no feed"),
         ("a.nc", "M6 T1\n", "line 1: M6 is not supported"),
@@ -343,7 +343,7 @@ fn a_program_that_is_not_understood_is_refused_with_its_line() {
         (
             "a.nc",
             "M6\nG0 X1\nG41\nG0 Y2\n",
-            "line 1: M6 is not supported: M2, M3, M4, M5 and M30 are\nline 3: G41",
+            "line 1: M6 is not supported; M2, M3, M4, M5 and M30 are\nline 3: G41",
         ),
         ("a.dxf", "hello\n", "no DXF drawing"),
     ] {

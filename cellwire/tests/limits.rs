@@ -193,7 +193,7 @@ fn without_a_thread_a_device_says_so_or_serves() {
     }
 }
 
-/// Waits for so many bytes from whoever opens the other end.
+/// Waits for this many bytes from whoever opens the other end.
 fn receive(device: &mut Pty, count: usize) {
     let (mut received, end) = (0, Instant::now() + DEADLINE);
     while received < count {

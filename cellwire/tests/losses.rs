@@ -96,7 +96,7 @@ fn a_full_disk_leaves_the_earlier_file() {
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("cannot write"), "{said}");
     assert_eq!(fs::read(&file).unwrap(), whole);
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
 }
 
 #[test]

@@ -23,7 +23,7 @@ fn an_edit_is_shown_and_written_when_asked_to() {
     for line in expected.lines().filter(|line| line.starts_with(['-', '+'])) {
         assert!(out(&shown).lines().any(|shown| shown == line), "{line}\n{}", out(&shown));
     }
-    assert_eq!(err(&shown), "1 of 1 files would change; --write writes them\n");
+    assert_eq!(err(&shown), "1 of 1 files would change; --write applies the changes\n");
     assert_eq!((folder.read("A.LS").as_str(), shown.status.code()), (TEXT, Some(0)));
     let written = folder.command(&[&arguments[..], &["--write"]].concat()).output().unwrap();
     assert_eq!(out(&written), out(&shown));
@@ -38,7 +38,7 @@ fn what_would_make_an_error_is_refused_for_all_files() {
     folder.write("A.LS", TEXT);
     folder.write("B.LS", &TEXT.replace("P[2]", "P[7]"));
     for (change, why) in [
-        (["--replace", "P[1]=P[2]"], "error: A.LS: P[2] is there already\n"),
+        (["--replace", "P[1]=P[2]"], "error: A.LS: P[2] is already defined\n"),
         (["--line", "4=IF R[5]=1"], "error: A.LS: this would be an error: line 6, column 17: "),
         (["--line", "40=END"], "error: A.LS: there is no line 40\n"),
         (
@@ -56,7 +56,7 @@ fn what_would_make_an_error_is_refused_for_all_files() {
     let nothing = folder.run("ls edit A.LS");
     assert!(err(&nothing).starts_with("error: say what to change: --speed, "), "{}", err(&nothing));
     let unclear = folder.run("ls edit A.LS --speed 5=3");
-    assert!(err(&unclear).contains("5 is no speed, such as 100mm/sec, 20%, 0.5sec or R[1]mm/sec"));
+    assert!(err(&unclear).contains("5 is not a speed such as 100mm/sec, 20%, 0.5sec or R[1]mm/sec"));
 }
 
 #[test]
@@ -75,11 +75,7 @@ fn positions_names_and_numbers_of_many_files_change_at_once() {
         .replace("100mm", "50mm");
     assert_eq!(folder.read("A.LS"), after);
     assert_eq!(folder.read("B.LS"), after);
-    assert!(
-        err(&edited).contains("warning: A: not moved, for want of X, Y and Z: P[1]\n"),
-        "{}",
-        err(&edited)
-    );
+    assert!(err(&edited).contains("warning: A: not shifted, without X, Y and Z: P[1]\n"), "{}", err(&edited));
 }
 
 #[test]
@@ -89,7 +85,7 @@ fn the_layout_is_checked_shown_and_written() {
     folder.write("B.LS", "/PROG B\n/MN\n1:J P[1] .6sec FINE;\n/POS\n/END");
     let checked = folder.run("ls fmt . --check");
     assert_eq!((out(&checked), checked.status.code()), ("./B.LS\n", Some(1)));
-    assert_eq!(err(&checked), "1 of 2 files are laid out otherwise\n");
+    assert_eq!(err(&checked), "1 of 2 files are not formatted\n");
     let shown = folder.run("ls fmt B.LS");
     assert!(
         out(&shown).contains("-1:J P[1] .6sec FINE;\n+   1:J P[1] 0.6sec FINE    ;\n"),

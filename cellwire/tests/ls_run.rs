@@ -38,7 +38,7 @@ fn a_position_of_another_frame_stops_the_program() {
     // What nothing selects is as the first position has it, which is said.
     folder.write("A.LS", &program("A", "J P[1] 50% FINE", &REACHED));
     let output = folder.run("ls run A.LS");
-    let assumed = r#""what":"UFRAME_NUM=1 and UTOOL_NUM=0, as in P[1]: nothing selects it""#;
+    let assumed = r#""what":"UFRAME_NUM=1 and UTOOL_NUM=0, as in P[1], without a selection""#;
     assert!(out(&output).contains(assumed), "{}", out(&output));
     assert_eq!(output.status.code(), Some(0));
 }
@@ -116,7 +116,7 @@ fn what_does_not_end_says_what_it_waits_for_or_where_it_goes_around() {
     let folder = Folder::new("run-waits");
     folder.write("A.LS", &program("A", "WAIT .10(sec)\nWAIT (DI[3] AND R[1]=0)", &[]));
     let output = folder.run("ls run A.LS");
-    let waits = "error: the program waits for `WAIT (DI[3] AND R[1]=0)` in A:2 since 0.100 s, and nothing will change it: \
+    let waits = "error: the program has waited for `WAIT (DI[3] AND R[1]=0)` in A:2 since 0.100 s, which cannot happen: \
                  give --inputs or --preset\n";
     assert!(err(&output).starts_with(waits), "{}", err(&output));
     assert_eq!(output.status.code(), Some(1));
@@ -133,7 +133,7 @@ fn a_robot_that_does_not_reach_is_named_and_a_path_needs_none() {
     let folder = Folder::new("run-reach");
     folder.write("A.LS", &program("A", "J P[1] 50% FINE\nL P[2] 100mm/sec FINE", &[400.0, 2500.0]));
     let output = folder.run("ls run A.LS");
-    let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: it is an LR Mate 200iD, for want of another";
+    let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: an LR Mate 200iD, since no other is described";
     assert!(out(&output).contains(alarm), "{}", out(&output));
     assert!(err(&output).contains("help: --robot FILE describes the robot, "), "{}", err(&output));
     folder.write("B.LS", &program("B", "J P[1] 50% FINE", &[2500.0]));

@@ -22,7 +22,7 @@ fn step(tool: &Tool, step: &str) {
     while tool.event("step")["step"] != step {}
 }
 
-/// A device that moves so much faster than life.
+/// A device that moves this much faster than real time.
 struct Device {
     tool: Tool,
     address: String,
@@ -103,7 +103,7 @@ fn every_part_is_placed_once() {
     assert!(said.contains("the task was run to its end") && said.contains("--again"), "{said}");
     let (code, said) = cell.run(4, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("it is of another task"), "{said}");
+    assert!(said.contains("it belongs to another task"), "{said}");
     assert_eq!(cell.robot.moves(), [] as [Value; 0]);
     let run = cell.run(3, &["--again"]);
     assert_eq!(run.event("ended")["placed"], 3);
@@ -117,7 +117,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     step(&run, "await_place"); // the second part is on the gripper
     let (code, said) = cell.run(3, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("another process runs this task"), "{said}");
+    assert!(said.contains("another process is running this task"), "{said}");
     run.kill();
 
     // Nobody answers: nothing moves.
@@ -271,7 +271,7 @@ fn a_periphery_in_lines_of_text_sees_the_parts() {
     ]);
     assert_eq!(run.event("placed")["part"], 1);
     let question = run.event("question");
-    assert_eq!((&question["part"], &question["why"]), (&2.into(), &"a camera sees nothing".into()));
+    assert_eq!((&question["part"], &question["why"]), (&2.into(), &"a camera found nothing".into()));
     run.say("repeat");
     assert_eq!(run.event("placed")["part"], 2);
     assert_eq!(run.event("ended")["why"], "complete");
@@ -299,7 +299,7 @@ fn a_dry_run_draws_and_a_task_that_is_wrong_is_refused() {
         ("", "the task has no parts"),
         (
             "parts = 5\n[[part]]\nplatform = [0.0, 0.0]\npick = [0.0, 0.0, 0.0, 0.0]\nplace = [0.0, 0.0, 0.0, 0.0]\n",
-            "simulated cameras see the 1 [[part]]",
+            "simulated cameras have 1 [[part]]",
         ),
         ("[task]\npercent = 101\n", "task.percent=101: out of range, give 0 to 100 %"),
         ("[task]\nspeed = 1\n", "the task has no setting `task.speed`: it has parts, part"),

@@ -83,7 +83,7 @@ fn judged_run(
         if last_step.0 != central.step() {
             last_step = (central.step(), time);
         }
-        assert!(time - last_step.1 < Duration::from_secs(60), "the cell stands still in {:?}", last_step.0);
+        assert!(time - last_step.1 < Duration::from_secs(60), "the cell stalled in {:?}", last_step.0);
     }
     (central, cell)
 }

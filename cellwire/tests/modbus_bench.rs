@@ -137,9 +137,9 @@ fn a_reply_that_comes_before_its_request_is_not_its_reply() {
 
 #[test]
 fn each_request_has_its_line_when_the_connection_is_lost() {
-    const LOST: &str = "the connection was lost; whether the request was carried out is unknown";
+    const LOST: &str = "the connection was lost; the outcome of the request is unknown";
     const NOT_SENT: &str = "the connection was lost before the request was sent";
-    const TIMED_OUT: &str = "no reply came in time; whether the request was carried out is unknown";
+    const TIMED_OUT: &str = "no reply before the timeout; the outcome of the request is unknown";
     let failures = |output: &Output| -> Vec<String> {
         lines(output).iter().map(|line| line["failed"].as_str().unwrap_or("none").to_owned()).collect()
     };
@@ -276,7 +276,7 @@ fn a_scan_finds_the_units_that_reply_with_whatever() {
     );
     assert_eq!(output.status.code(), Some(0));
     let output = ask(&["scan", &address, "--framing", "rtu", "--units", "4-5", "--timeout", "100"], "");
-    assert_eq!((output.status.code(), err(&output).trim_end().ends_with("no unit replies")), (Some(1), true));
+    assert_eq!((output.status.code(), err(&output).trim_end().ends_with("no unit replied")), (Some(1), true));
 }
 
 /// A server that takes writes and forgets them.

@@ -35,7 +35,7 @@ impl Recorded {
         Self { folder, device, tap }
     }
 
-    /// Once the tap has seen so many messages.
+    /// Once the tap has seen this many messages.
     fn capture(mut self, messages: usize) -> (TempDir, PathBuf) {
         (0..messages).for_each(|_| drop(self.tap.line("\"message\"")));
         thread::sleep(Duration::from_millis(100));
@@ -57,7 +57,7 @@ fn ended(mut replay: Running) -> (Value, Option<i32>) {
     (serde_json::from_str(&line).unwrap(), status)
 }
 
-/// Sends each request and reads so many bytes of its answer.
+/// Sends each request and reads this many bytes of its answer.
 fn exchange(stream: &mut (impl Read + Write), requests: &[&[u8]], answer: usize) -> Vec<Vec<u8>> {
     let ask = |request: &&[u8]| {
         stream.write_all(request).unwrap();

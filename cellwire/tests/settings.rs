@@ -115,7 +115,7 @@ fn a_file_of_settings_is_read_and_set_counts_before_it() {
     let encode = |args: &[&str]| cellwire(&[&["encode", "laser-eb90"], args].concat(), message);
     let plain = encode(&[]);
     assert_eq!(plain.0, Some(0), "{plain:?}");
-    fs::write(&file, "# the cell in hall 3\ntail = \"etx\"\nchecksum = \"u16_be\"\n[tags]\nf32 = 1\ni16 = 2\nu8 = 3\nchar = 4\n").unwrap();
+    fs::write(&file, "# the cell in site 3\ntail = \"etx\"\nchecksum = \"u16_be\"\n[tags]\nf32 = 1\ni16 = 2\nu8 = 3\nchar = 4\n").unwrap();
     let from_file = encode(&["--settings", path]);
     assert!(from_file.1.contains("90 83"), "{from_file:?}");
     assert_ne!(from_file.1, plain.1);
@@ -138,13 +138,13 @@ fn a_file_that_is_wrong_says_where() {
         said
     };
     let error = said("tail = \"etx\"\nflag = = 1\n");
-    assert!(error.contains("plant.toml is no TOML") && error.contains("line 2, column 8"), "{error}");
+    assert!(error.contains("plant.toml is not valid TOML") && error.contains("line 2, column 8"), "{error}");
     let error = said("tial = \"etx\"\n");
     assert!(error.contains("laser-eb90 has no setting `tial`: it has tail, flag, tags"), "{error}");
     let error = said("tail = \"end\"\n");
     assert!(error.contains("tail=end: not one of the choices, give printed, etx, either"), "{error}");
     let error = said("[tags]\nf32 = 1\ni16 = 1\nu8 = 3\nchar = 4\n");
-    assert!(error.contains("two types of values have the same tag"), "{error}");
+    assert!(error.contains("two value types have the same tag"), "{error}");
     let error = said("[tail]\nbyte = 1\n");
     assert!(error.contains("tail={\"byte\":1}: not one of the choices"), "{error}");
     let (code, _, error) = cellwire(&["decode", "laser-eb90", "--settings", "/no/such.toml"], "");

@@ -84,7 +84,7 @@ fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
     (flows.into_iter().map(|(name, (_, bytes))| (name, bytes)).collect(), is_whole)
 }
 
-/// Waits until the capture has so many bytes of each flow.
+/// Waits until the capture has this many bytes of each flow.
 fn kept_when(path: &Path, lengths: &[usize]) -> Vec<Vec<u8>> {
     let begin = Instant::now();
     loop {
@@ -303,7 +303,7 @@ fn the_polls_in_a_capture_are_no_errors() {
     loop {
         let (status, lines, error) =
             run(cellwire(&format!("decode isra-ball --format pcap {}", capture.display())));
-        if lines.lines().count() >= 5 && error.contains("5 bytes are of the end that sends no messages") {
+        if lines.lines().count() >= 5 && error.contains("skipped 5 bytes of the end that sends no messages") {
             assert_eq!(status, Some(0), "{lines}{error}");
             break;
         }

@@ -126,7 +126,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
         assert_eq!(error, ErrorCode::Timeout);
         assert_ne!(stands, begin, "the arm had moved");
         let second = host();
-        assert_eq!(wait_for_start(&events), stands, "the arm stood still meanwhile");
+        assert_eq!(wait_for_start(&events), stands, "the arm was at rest meanwhile");
         drop(second);
         stop.store(true, Ordering::Relaxed);
         let record = robot_thread.join().unwrap().unwrap();

@@ -14,7 +14,7 @@ use crate::stream::{CAPACITY, Stream};
 ///    nothing has arrived for 3.5 characters, call [`finish`](robot_session::Decoder::finish) and drain the frames before you push on; at the end
 ///    of any stream, the same.
 ///
-/// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
+/// Frames and errors cover the stream without gaps: an error covers everything up to the next frame, and is given when that is found, or
 /// [`finish`](robot_session::Decoder::finish) shows that there is none; [`corruption`](Self::corruption) shows it at once. How the stream was
 /// cut into reads changes neither frames nor errors.
 ///

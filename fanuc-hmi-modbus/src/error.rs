@@ -29,7 +29,7 @@ pub enum DecodeError {
         length: usize,
     },
     /// The stream ended, or the line fell silent, within a frame.
-    #[error("{found} of at least {expected} bytes came before the end")]
+    #[error("the input ends after {found} of at least {expected} bytes")]
     Cut {
         /// What the frame needs, as far as its beginning shows.
         expected: usize,
@@ -52,7 +52,7 @@ pub enum DecodeError {
     #[error("the PDU is empty")]
     Empty,
     /// A function code that this side cannot send: 0, or above 127 in a request, or 128 in a reply.
-    #[error("function code {found} cannot stand here (at byte 0 of the PDU)")]
+    #[error("function code {found} is invalid here (at byte 0 of the PDU)")]
     Function {
         /// The code.
         found: u8,
@@ -88,7 +88,7 @@ pub enum DecodeError {
         found: u8,
     },
     /// The byte count of a reply is 0, odd where registers follow, or above 250.
-    #[error("byte count {found} cannot stand in a reply of function {function}")]
+    #[error("byte count {found} is invalid in a reply of function {function}")]
     ReplyByteCount {
         /// The function code.
         function: u8,
@@ -128,7 +128,7 @@ pub enum EncodeError {
         max: u16,
     },
     /// The last coil or register would lie beyond PDU address 65535.
-    #[error("{quantity} from address {address} reach beyond 65535")]
+    #[error("{quantity} from address {address} exceed address 65535")]
     Address {
         /// The first PDU address.
         address: u16,
@@ -136,7 +136,7 @@ pub enum EncodeError {
         quantity: u16,
     },
     /// `Other` carries a code that is 0, above 127, or one of those that have a type of their own.
-    #[error("function code {found} cannot be sent as it is")]
+    #[error("function code {found} cannot be sent as a raw PDU")]
     Function {
         /// The code.
         found: u8,
@@ -191,13 +191,13 @@ pub enum Mismatch {
 #[non_exhaustive]
 pub enum SessionError {
     /// Every place for a request is taken: wait for an event.
-    #[error("all {places} places for requests are taken")]
+    #[error("all {places} request slots are in use")]
     Full {
         /// How many requests the session holds.
         places: usize,
     },
-    /// Nobody answers a broadcast, so nothing can be read with one.
-    #[error("function {function} reads, and nobody answers a broadcast")]
+    /// A broadcast has no reply, so it cannot read.
+    #[error("function {function} reads, but a broadcast has no reply")]
     BroadcastRead {
         /// The function code.
         function: u8,
@@ -223,13 +223,13 @@ pub enum ConfigError {
         most: usize,
     },
     /// The session was built for the other framing alone.
-    #[error("the session is built for another framing: its type is for Tcp or Rtu alone")]
+    #[error("this session's type is for another framing (Tcp or Rtu)")]
     Framing,
     /// Every request would time out as it is sent.
     #[error("the timeout is zero")]
     Timeout,
     /// No server has this unit: 0 is the broadcast.
-    #[error("a server cannot be unit {found}")]
+    #[error("unit {found} is invalid for a server")]
     Unit {
         /// The unit.
         found: u8,
@@ -256,7 +256,7 @@ pub struct ListingError {
 #[non_exhaustive]
 pub enum AssignmentError {
     /// More assignments than slots.
-    #[error("{found} assignments do not fit into 80 slots")]
+    #[error("{found} assignments exceed the 80 slots")]
     Slots {
         /// How many.
         found: usize,
@@ -265,7 +265,7 @@ pub enum AssignmentError {
     #[error("a slot is 1 to 80")]
     Slot,
     /// A field that a slot does not have, or a value that is no number where one must stand.
-    #[error("slot {slot} has no such field, or not this value for it")]
+    #[error("slot {slot} has no such field, or the value is invalid")]
     Value {
         /// The slot.
         slot: u8,
@@ -315,7 +315,7 @@ pub enum AssignmentError {
 #[non_exhaustive]
 pub enum TextError {
     /// It is too long.
-    #[error("a string of {found} bytes does not fit into registers for {most}")]
+    #[error("a string of {found} bytes does not fit registers for {most}")]
     Length {
         /// Its bytes.
         found: usize,

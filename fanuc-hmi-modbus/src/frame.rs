@@ -286,7 +286,7 @@ fn seal(out: &mut [u8], len: usize) -> Option<usize> {
 /// How long an RTU frame is, as its first bytes show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RtuLen {
-    /// So many bytes.
+    /// How many bytes.
     Known(usize),
     /// Its byte count has not arrived.
     AtLeast(usize),
@@ -311,7 +311,7 @@ impl RtuLen {
 /// What the function code says of the length of an RTU frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RtuShape {
-    /// So many bytes.
+    /// How many bytes.
     Fixed(usize),
     /// It counts the bytes between its byte count and its CRC.
     Counted {

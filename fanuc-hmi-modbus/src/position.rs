@@ -120,7 +120,7 @@ impl PositionRegister {
         }
     }
 
-    /// The registers that hold the position; the last three, which nobody describes, are 0.
+    /// The registers that hold the position; the last three, which are undocumented, are 0.
     pub fn to_registers(&self, order: WordOrder) -> [u16; 50] {
         let mut registers = [0; 50];
         let Cartesian { xyzwpr, external, configuration } = self.cartesian.unwrap_or_default();

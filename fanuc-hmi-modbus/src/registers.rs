@@ -213,7 +213,7 @@ fn repeat<const N: usize>(pdu: &[u8], out: &mut [u8; limit::PDU]) -> Result<usiz
     Ok(N)
 }
 
-/// Whether so many from the address on are within 0 to 65535.
+/// Whether this many from the address on are within 0 to 65535.
 #[inline]
 fn in_table(address: u16, quantity: usize) -> Result<(), Exception> {
     if usize::from(address) + quantity <= 1 << 16 { Ok(()) } else { Err(Exception::IllegalDataAddress) }
@@ -231,7 +231,7 @@ fn words(
     Ok(WordsMut::from_wire(reply_data(function, 2 * quantity, out)?))
 }
 
-/// The length of the reply with so many registers.
+/// The length of the reply with this many registers.
 #[inline]
 const fn words_len(quantity: u16) -> usize {
     2 + 2 * quantity as usize
@@ -249,7 +249,7 @@ fn bits(
     Ok(BitsMut::from_wire(reply_data(function, quantity.div_ceil(8), out)?, quantity.into()))
 }
 
-/// The length of the reply with so many bits.
+/// The length of the reply with this many bits.
 #[inline]
 const fn bits_len(quantity: u16) -> usize {
     2 + quantity.div_ceil(8) as usize

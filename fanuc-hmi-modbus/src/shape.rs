@@ -210,7 +210,7 @@ enum ShapeError {
     Encode(#[from] EncodeError),
     #[error("a value does not fit: {0}")]
     Range(&'static str),
-    #[error("a key that no message of this function has")]
+    #[error("this function's messages have no such key")]
     Extra,
 }
 

@@ -64,7 +64,7 @@ pub enum Signal {
     Ai(u16),
     /// Analog output AO\[1\] to AO\[1000\]. Read only.
     Ao(u16),
-    /// Numeric register R\[1\] to R\[16384\], one signed 16-bit register each, as long as nobody assigned the area otherwise: see
+    /// Numeric register R\[1\] to R\[16384\], one signed 16-bit register each, unless the area is assigned otherwise: see
     /// [`Assignment`](crate::Assignment). The factory's assignment ends at R\[10000\].
     R(u16),
     /// Register 0 to 63 of the area for "dynamic assignment", 16385 to 16448 in Table 1. What to do with it is documented nowhere.

@@ -21,11 +21,11 @@ fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
     match framing {
         Framing::Tcp => {}
         Framing::Rtu { silence } => {
-            let about = "on a serial line, the silence between two frames";
+            let about = "on a serial line, the silence between frames";
             fields.source("SL §2.5.1.1").time("silence", SOME_TIME, about, silence);
         }
         Framing::RtuOverTcp { stall } => {
-            let about = "in RTU over TCP, a frame is cut without a byte for so long";
+            let about = "in RTU over TCP, the silence that ends a frame";
             fields.time("stall", SOME_TIME, about, stall);
         }
     }
@@ -46,15 +46,14 @@ impl Configure for ClientConfig {
             rules: _,
         } = self;
         fields.time("timeout", SOME_TIME, "from a request to its reply", timeout);
-        let about = "how many are in flight at once; no more than the client has places, on a serial line 1";
+        let about = "requests in flight at once; at most the client's slots, on a serial line 1";
         fields.whole("in_flight", 1..=16, "requests", about, in_flight);
-        fields.flag("any_unit", "take a reply from another unit than was asked", any_unit);
-        let about =
-            "unit 0 is a broadcast that nobody answers; in RTU frames it is unless this says otherwise";
+        fields.flag("any_unit", "accept a reply from another unit", any_unit);
+        let about = "unit 0 is a broadcast without replies; default true in RTU frames";
         fields.source("SL §2.2").flag("broadcast", about, broadcast);
-        let about = "how long the units of a serial line get to carry out a broadcast; there the longest frame is added";
+        let about = "the time for units to execute a broadcast; on a serial line the longest frame is added";
         fields.source("SL §2.4.1").time("turnaround", ANY_TIME, about, turnaround);
-        let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
+        let about = "assumed: in RTU frames, the latest reply after its request has timed out";
         fields.time("settle", ANY_TIME, about, settle);
         framing_of(fields, framing);
     }
@@ -63,9 +62,9 @@ impl Configure for ClientConfig {
 impl Configure for ServerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { framing, unit, broadcast, rules: _ } = self;
-        let about = "the unit that it is; any: every one";
+        let about = "its unit number; any: all";
         fields.source("SL §2.2").whole_or("unit", 0..=u8::MAX, "", "any", about, unit);
-        let about = "unit 0 is a broadcast: carried out, never answered";
+        let about = "unit 0 is a broadcast, executed without a reply";
         fields.source("SL §2.2").flag("broadcast", about, broadcast);
         framing_of(fields, framing);
     }

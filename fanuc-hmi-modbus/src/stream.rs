@@ -23,7 +23,7 @@ impl Stream {
         Self { buffer: [0; CAPACITY], start: 0, end: 0, passed: 0, finished_at: None, finished_later: None }
     }
 
-    /// Whether so many bytes fit only when what is gone has made room.
+    /// Whether this many bytes fit only when what is gone has made room.
     #[inline]
     pub(crate) const fn is_tight(&self, length: usize) -> bool {
         length > CAPACITY - self.end
@@ -100,7 +100,7 @@ impl Stream {
         self.buffer.get(self.start..self.limit()).unwrap_or_default()
     }
 
-    /// Takes so many bytes of what waits; gives their place.
+    /// Takes this many bytes of what waits; gives their place.
     #[inline]
     pub(crate) fn take(&mut self, length: usize) -> Range<usize> {
         let start = self.start;

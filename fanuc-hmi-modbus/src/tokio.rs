@@ -1,4 +1,4 @@
-//! The client in a task of its own, which connects again by itself: requests by `.await`, from any task or thread.
+//! The client in a task of its own, which reconnects automatically: requests by `.await`, from any task or thread.
 //!
 //! ```no_run
 //! use fanuc_hmi_modbus::robot_session::tokio::Tcp;
@@ -67,7 +67,7 @@ pub struct Made {
     reply: session::Reply<Result<PduBuf, Error>>,
 }
 
-/// What happened that is no outcome of a request that somebody waits for.
+/// Events that are not the outcome of an awaited request.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Event {
@@ -77,7 +77,7 @@ pub enum Event {
     Notice(ClientEvent),
 }
 
-/// A request that nobody waits for any more.
+/// A request that is no longer awaited.
 #[derive(Debug, Clone)]
 pub struct Abandoned {
     /// Whom it went to.
@@ -227,7 +227,7 @@ impl Client {
         self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
     }
 
-    /// Any request: the reply as a PDU, which is no exception. Of a broadcast, which nobody answers, the request.
+    /// Any request: the reply as a PDU, which is no exception. For a broadcast, which has no reply, the request.
     ///
     /// # Errors
     /// See [`Error`].
@@ -300,7 +300,7 @@ impl Service for Requests {
         };
         match made {
             Ok(ticket) => self.made.push((ticket, call)),
-            // Whoever is gone does not need to know that nothing was sent.
+            // A caller that is gone does not need to know that nothing was sent.
             Err(error) => drop(call.reply.send(Err(error))),
         }
     }

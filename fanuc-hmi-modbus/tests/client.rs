@@ -357,7 +357,7 @@ fn a_time_of_duration_max_never_comes() {
         client.handle_connected(MS);
         let ticket = client.request(1, &read(0, 1)).unwrap();
         client.handle_timeout(late);
-        // A serial line is drained for ever.
+        // A serial line is drained without limit.
         let requests = sent(&mut client, late).len();
         assert_eq!(requests, usize::from(!matches!(config.framing, Framing::Rtu { .. })), "{config:?}");
         assert_eq!(client.poll_timeout(), None, "{config:?}");

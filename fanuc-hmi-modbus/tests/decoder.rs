@@ -68,8 +68,8 @@ fn an_error_covers_what_no_frame_can_begin_in_any_more() {
     let crc = Err(DecodeError::Crc { expected: 0x463A, found: 0x1010, length: 25 });
     assert_eq!(line(519), [(crc.clone(), 519)]);
     assert_eq!(line(520), [(crc.clone(), 265), (noise(255), 520)]);
-    let tiles = [(crc, 265), (noise(265), 530), (noise(265), 795), (noise(265), 1060), (noise(440), 1500)];
-    assert_eq!(line(1500), tiles);
+    let items = [(crc, 265), (noise(265), 530), (noise(265), 795), (noise(265), 1060), (noise(440), 1500)];
+    assert_eq!(line(1500), items);
 }
 
 #[test]

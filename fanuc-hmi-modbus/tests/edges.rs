@@ -359,7 +359,7 @@ fn assignments_are_checked_one_by_one_and_line_by_line() {
     assert_eq!(Setting::parse("$SNPX_ASG[1] is a slot"), Ok(None));
     assert_eq!(Setting::parse("$SNPX_ASG[1].$ADDRESS = x"), Err(AssignmentError::Value { slot: 1 }));
     assert_eq!(Setting::parse("$SNPX_ASG[1].$MULTIPLY = x"), Err(AssignmentError::Value { slot: 1 }));
-    /// A writer that takes so many characters.
+    /// A writer that takes this many characters.
     struct Short(usize);
     impl core::fmt::Write for Short {
         fn write_str(&mut self, text: &str) -> core::fmt::Result {

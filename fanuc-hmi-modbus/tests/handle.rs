@@ -223,7 +223,7 @@ async fn a_server_out_of_step_is_connected_again() {
     server.abort();
 }
 
-/// Without a runtime of the caller, and with a connection that is no socket of ours.
+/// Without a runtime of the caller, and with a connection that is not one of this crate's sockets.
 #[test]
 fn a_thread_serves_callers_that_have_no_runtime() {
     let (reachable, arrived) = std::sync::mpsc::channel();

@@ -53,7 +53,7 @@ async fn four_requests_in_flight_go_through_a_pipe_of_seven_bytes() {
         }
     };
     let both = async { tokio::join!(serve, ask) };
-    let (ended, ()) = tokio::time::timeout(LONG, both).await.expect("neither end stands still");
+    let (ended, ()) = tokio::time::timeout(LONG, both).await.expect("neither end hangs");
     assert_eq!(ended, Ended::ByPeer);
 }
 
@@ -67,7 +67,7 @@ async fn a_server_that_does_not_read_times_out() {
     client.handle_connected(now());
     client.request(1, &Request::ReadHoldingRegisters { address: 0, quantity: 1 }).unwrap();
     let turn = driver.turn(&mut client, |_, event| ControlFlow::Break(event));
-    let ended = tokio::time::timeout(LONG, turn).await.expect("it does not stand still").unwrap();
+    let ended = tokio::time::timeout(LONG, turn).await.expect("it does not hang").unwrap();
     let ControlFlow::Break(Ended::ByHandler(ClientEvent::Failed { failure, .. })) = ended else {
         panic!("{ended:?}")
     };

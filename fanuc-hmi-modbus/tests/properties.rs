@@ -303,7 +303,7 @@ proptest! {
                 prop_assert!(*position > last, "an item takes no bytes");
                 last = *position;
             }
-            prop_assert_eq!(last, stream.len() as u64, "the items do not tile the stream");
+            prop_assert_eq!(last, stream.len() as u64, "the items do not cover the stream");
         }
         let pieces = || pieces(&stream, &lengths);
         prop_assert_eq!(decode(Tcp, side, pieces()), decode(Framing::Tcp, side, pieces()));

@@ -284,7 +284,7 @@ fn its_own_delay_is_no_silence_of_rtu_over_tcp() {
     server.handle_input(1000 * MS + stall - MS, tail);
     assert_eq!(transmitted(&mut server, 1500 * MS), [write(None, 1), write(None, 2)]);
     assert_eq!(server.statistics().corrupt, 0);
-    // The same without the rest: it is no frame when the server has read on for so long.
+    // The same without the rest: it is no frame when the server has read on for this long.
     server.handle_input(2000 * MS, &[&write(None, 0), &write(None, 1), head].concat());
     assert!(server.poll_transmit(3000 * MS, &mut out).is_some());
     server.handle_timeout(3000 * MS + stall);
@@ -312,7 +312,7 @@ fn a_client_is_out_of_step_where_its_requests_have_waited() {
     assert_eq!(server.poll_event(), Some(out_of_step), "once a connection");
 }
 
-/// So many bytes are kept at every time when input is wanted; a caller who gives more loses some, and is told.
+/// How many bytes are kept at every time when input is wanted; a caller who gives more loses some, and is told.
 #[test]
 fn what_arrives_is_kept_while_the_places_are_taken() {
     let most = Server::<Bank>::MAX_INPUT;

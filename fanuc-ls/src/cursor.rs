@@ -24,7 +24,7 @@ impl<'a> Cursor<'a> {
         self.rest
     }
 
-    /// Moves on by so many bytes, to where a character begins.
+    /// Moves on by this many bytes, to where a character begins.
     #[inline(always)]
     pub(crate) fn advance(&mut self, bytes: usize) {
         self.rest = self.rest.get(bytes..).unwrap_or(&[]);

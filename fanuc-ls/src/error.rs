@@ -59,7 +59,7 @@ pub enum Reason {
     #[error("the instruction is not closed with `;`, and the next line does not continue it with `:`")]
     InstructionEnd,
     /// Something follows the `;` of an instruction.
-    #[error("expected nothing after the `;`: a comment is an instruction of its own, `!text ;`")]
+    #[error("expected nothing after the `;`: write comments as `!text ;`")]
     AfterInstruction,
     /// A motion instruction without a target.
     #[error("expected a target such as `P[1]` or `PR[1]`")]
@@ -112,7 +112,7 @@ pub enum Reason {
         limit: usize,
     },
     /// Something stands behind `/END`.
-    #[error("expected nothing behind `/END`: one program is one file")]
+    #[error("expected nothing after `/END`: a file has one program")]
     Trailing,
 }
 
@@ -139,10 +139,10 @@ pub enum EncodeError {
         found: usize,
     },
     /// What two edits change overlaps, or the text that they make would not be read again.
-    #[error("the text that the edit makes would not be read again")]
+    #[error("the edited text cannot be parsed")]
     Edit,
     /// A label or a position cannot take the number of another one.
-    #[error("{item}[{number}] is there already")]
+    #[error("{item}[{number}] is already defined")]
     Taken {
         /// What it is.
         item: ItemKind,
@@ -162,7 +162,7 @@ pub enum EncodeError {
         high: u32,
     },
     /// A name that would end before its end.
-    #[error("a name has no brackets, quotes or line ends")]
+    #[error("a name must not have brackets, quotes or line ends")]
     ItemName,
     /// An attribute's name or value would not be read again as the same.
     #[error(
@@ -179,7 +179,7 @@ pub enum EncodeError {
         index: usize,
     },
     /// An instruction's text would not be read again as the same instruction.
-    #[error("instruction {line} cannot be written: its text would read as something else")]
+    #[error("instruction {line} cannot be written: its text would parse differently")]
     Instruction {
         /// The instruction's number.
         line: usize,
@@ -205,7 +205,7 @@ pub enum EncodeError {
         found: u8,
     },
     /// C goes through one point to another, every other motion to one point.
-    #[error("instruction {line}: C needs a point to go through, the other motions have none")]
+    #[error("instruction {line}: only C has a via point, and needs one")]
     Via {
         /// The instruction's number.
         line: usize,
@@ -217,7 +217,7 @@ pub enum EncodeError {
         number: u32,
     },
     /// The caller's writer failed.
-    #[error("the text could not be written out")]
+    #[error("the text cannot be written")]
     Write,
 }
 

@@ -38,7 +38,7 @@ pub enum Mistake {
         what: Expected,
     },
     /// A word that differs by one letter from an instruction or an option.
-    #[error("no instruction or option is spelled so: `{word}` is one")]
+    #[error("unknown instruction or option: did you mean `{word}`?")]
     Misspelled {
         /// The word that is one.
         word: &'static str,
@@ -50,13 +50,13 @@ pub enum Mistake {
     #[error("the motion option is not known")]
     UnknownOption,
     /// Letters and brackets that are no register, input or output that is known.
-    #[error("no register, input or output that is known is called so")]
+    #[error("unknown register, input or output")]
     UnknownItem,
     /// A name, which can be that of a macro.
-    #[error("no instruction has this name: it must be a macro's")]
+    #[error("unknown instruction: it must be a macro")]
     Macro,
     /// A call of a program that is not among those that are known.
-    #[error("there is no program of this name")]
+    #[error("no program has this name")]
     MissingProgram,
     /// A number outside its range.
     #[error("expected a number from {low} to {high}")]
@@ -78,10 +78,10 @@ pub enum Mistake {
         found: usize,
     },
     /// AND and OR in one condition without parentheses.
-    #[error("AND and OR stand in one condition without parentheses")]
+    #[error("AND and OR are mixed without parentheses")]
     MixedLogic,
     /// `...` or `Constant`: a template that has to be filled in.
-    #[error("an operand is not filled in")]
+    #[error("an operand is missing")]
     Untaught,
     /// An assignment to what a program cannot set.
     #[error("{item} cannot be set")]
@@ -96,7 +96,7 @@ pub enum Mistake {
         number: u32,
     },
     /// Two labels with one number.
-    #[error("LBL[{number}] is there already")]
+    #[error("LBL[{number}] is already defined")]
     RepeatedLabel {
         /// Its number.
         number: u32,
@@ -114,16 +114,16 @@ pub enum Mistake {
         block: Block,
     },
     /// The end of a block while one within it is open.
-    #[error("{} within it is open", block.begin())]
+    #[error("{} inside it is not closed", block.begin())]
     Crossed {
         /// The inner one.
         block: Block,
     },
     /// A second ELSE.
-    #[error("the block has an ELSE already")]
+    #[error("the block already has an ELSE")]
     RepeatedElse,
     /// FOR whose first value is beyond its last one.
-    #[error("the loop never runs: its first value is beyond its last one")]
+    #[error("the loop never runs: its first value is beyond its last")]
     EmptyLoop,
     /// A word that controllers write in capitals.
     #[error("controllers write `{word}`")]
@@ -143,13 +143,13 @@ pub enum Mistake {
         axis: AxisName,
     },
     /// Nothing leads here.
-    #[error("no line leads here")]
+    #[error("unreachable line")]
     Unreachable,
     /// A motion in a program without a motion group.
     #[error("DEFAULT_GROUP has no motion group: the program cannot move")]
     NoGroup,
     /// A position lacks a group of the program, or has one that the program does not move.
-    #[error("P[{number}] has not the motion groups of DEFAULT_GROUP")]
+    #[error("P[{number}] lacks motion groups of DEFAULT_GROUP")]
     Groups {
         /// The position's number.
         number: u32,
@@ -163,7 +163,7 @@ pub enum Mistake {
         axis: AxisName,
     },
     /// A coordinate that is there twice, or does not belong to the others.
-    #[error("{} of P[{number}] is there twice, or does not belong there", axis.name())]
+    #[error("{} of P[{number}] is duplicate or not allowed there", axis.name())]
     ForeignAxis {
         /// The position's number.
         number: u32,
@@ -185,7 +185,7 @@ pub enum Mistake {
         number: u32,
     },
     /// A motion to a position of another frame than the program has chosen.
-    #[error("P[{number}] is of UF {found}, the program has chosen UFRAME_NUM={chosen}")]
+    #[error("P[{number}] has UF {found}, but the program selected UFRAME_NUM={chosen}")]
     Frame {
         /// The position's number.
         number: u32,
@@ -195,7 +195,7 @@ pub enum Mistake {
         chosen: u16,
     },
     /// A motion to a position of another tool than the program has chosen.
-    #[error("P[{number}] is of UT {found}, the program has chosen UTOOL_NUM={chosen}")]
+    #[error("P[{number}] has UT {found}, but the program selected UTOOL_NUM={chosen}")]
     Tool {
         /// The position's number.
         number: u32,
@@ -254,7 +254,7 @@ pub enum Expected {
     Equals,
     #[error("`,` and an instruction, or `THEN`")]
     Then,
-    #[error("an instruction that may stand here, such as `JMP LBL[1]` or `CALL A`")]
+    #[error("an instruction allowed here, such as `JMP LBL[1]` or `CALL A`")]
     Action,
     #[error("`TO` or `DOWNTO`")]
     To,
@@ -332,7 +332,7 @@ impl Mistake {
             Self::Unknown | Self::UnknownItem | Self::UnknownOption => {
                 "check its spelling; an option of the controller may have it"
             }
-            Self::Capitals { .. } => "write it so: nobody knows which controllers take another spelling",
+            Self::Capitals { .. } => "use this spelling: which controllers accept another one is unknown",
             Self::SkipCondition => "add one, unless the program that calls this one has it",
             Self::EmptyLoop => "change the values, or use DOWNTO or TO instead",
             Self::Joint { .. } => "check the number",

@@ -132,7 +132,7 @@ impl Motion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum MotionKind {
-    /// `J`: every joint arrives at the same time; the path is nobody's business.
+    /// `J`: every joint arrives at the same time; the path is unspecified.
     Joint,
     /// `L`: a straight line.
     Linear,

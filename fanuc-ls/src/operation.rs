@@ -108,7 +108,7 @@ pub enum Operation {
         /// What follows as it stands, where an option's own manual has the form of it.
         text: String,
     },
-    /// `OPEN HAND 1`: a macro, or an instruction that nobody here knows.
+    /// `OPEN HAND 1`: a macro, or an unknown instruction.
     Macro {
         /// Its name.
         name: String,

@@ -40,7 +40,7 @@ pub const COMMENT_LENGTH: usize = 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Rules {
-    /// The longest name that the controller takes: 36 by default, 8 on old ones. Nobody publishes which has which.
+    /// The longest program name: 36 by default, 8 on old controllers. Which has which is not published.
     pub name_limit: usize,
     /// What to do with a comment of more than [`COMMENT_LENGTH`] characters.
     pub comment: CommentRule,

@@ -7,9 +7,9 @@ use crate::program::{CommentRule, Rules};
 impl Configure for Rules {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { name_limit, comment } = self;
-        let about = "the longest name that the controller takes; 8 on old controllers";
+        let about = "the longest program name; 8 on old controllers";
         fields.whole("name_limit", 0..=usize::MAX, "characters", about, name_limit);
         let choices = [("refuse", CommentRule::Refuse), ("truncate", CommentRule::Truncate)];
-        fields.choice("comment", &choices, "what is done with a comment that is too long", comment);
+        fields.choice("comment", &choices, "how a comment that is too long is handled", comment);
     }
 }

@@ -349,7 +349,7 @@ pub(crate) fn push_shortest(out: &mut String, value: f64) {
     }
 }
 
-/// Writes a number right-aligned in so many of ten columns, or in as many as it needs.
+/// Writes a number right-aligned in this many of ten columns, or in as many as it needs.
 pub(crate) fn push_number(out: &mut String, number: u32, columns: usize) {
     let digits = number.checked_ilog10().map_or(1, |digits| digits as usize + 1);
     out.push_str("          ".get(digits..columns).unwrap_or(""));
@@ -365,7 +365,7 @@ fn push_digits(out: &mut String, number: u64) {
     out.push_str(group(number % 1000, 1));
 }
 
-/// A number below 1000 in three digits after a point, without so many of its characters.
+/// A number below 1000 in three digits after a point, without this many of its characters.
 fn group(number: u64, without: usize) -> &'static str {
     #[expect(clippy::cast_possible_truncation, reason = "it is below 1000")]
     let at = number as usize * 4;

@@ -86,7 +86,7 @@ fn two_positions_never_get_one_number_and_no_number_is_out_of_range() {
     let onto = |number: u32| move |kind, _: u32| (kind == ItemKind::Position).then_some((kind, number));
     let taken = EncodeError::Taken { item: ItemKind::Position, number: 1 };
     assert_eq!(document.replace_items(onto(1)), Err(taken));
-    assert_eq!(taken.to_string(), "P[1] is there already");
+    assert_eq!(taken.to_string(), "P[1] is already defined");
     let range = document.replace_items(onto(40_000)).unwrap_err();
     assert_eq!(range.to_string(), "there is no P[40000]: the numbers are 1 to 32767");
     assert_eq!(document.as_str(), TEXT);

@@ -107,7 +107,7 @@ impl Codecs {
             assert_eq!(way.framed(stream, size), contents, "tokio's codec, and the decoder");
         }
         for (from, length, content) in whole.iter().map(placed) {
-            assert!(length > 0, "the decoder stands still at byte {from}");
+            assert!(length > 0, "the decoder makes no progress at byte {from}");
             if let Ok(message) = content {
                 way.check(message, &stream[from..from + length]);
             }

@@ -78,7 +78,7 @@ pub fn targets() -> impl Iterator<Item = Target> {
     OTHERS.into_iter().map(of).chain(links)
 }
 
-/// So many bytes of a seed.
+/// How many bytes of a seed.
 fn bytes(seed: u64, count: usize) -> Vec<u8> {
     let mut rng = Rng::new(seed);
     (0..count).map(|_| rng.below(256) as u8).collect()

@@ -46,7 +46,7 @@ pub enum DecodeError {
     },
     /// A good packet, but not of the eight data bytes whose meaning the source gives: the DIP switches are set another way
     /// (§4.1).
-    #[error("packet has {found} data bytes, the layout of {expected} is known")]
+    #[error("packet has {found} data bytes, only the layout of {expected} is known")]
     Layout {
         /// 8.
         expected: usize,
@@ -82,7 +82,7 @@ pub enum EncodeError {
         found: u8,
     },
     /// Only packets of eight data bytes are written.
-    #[error("{found} data bytes, only packets of {expected} are written")]
+    #[error("{found} data bytes, but only packets of {expected} can be written")]
     Layout {
         /// 8.
         expected: usize,
@@ -98,7 +98,7 @@ pub enum EncodeError {
 #[non_exhaustive]
 pub enum ConfigError {
     /// A poll and its packet do not fit the line in this period.
-    #[error("poll period {found:?} is shorter than the {minimum:?} that a poll and its packet take")]
+    #[error("poll period {found:?} is shorter than {minimum:?}, the time of a poll and its packet")]
     Period {
         /// [`timing::min_period`](crate::timing::min_period) of the baud rate.
         minimum: Duration,
@@ -106,7 +106,7 @@ pub enum ConfigError {
         found: Duration,
     },
     /// Values could become too old although nothing goes wrong.
-    #[error("the greatest age {found:?} is not above the {minimum:?} that values reach between two replies")]
+    #[error("the maximum age {found:?} must be above {minimum:?}, the age reached between two replies")]
     MaxAge {
         /// Twice the period or the reply window, whichever is longer, and one reply window more.
         minimum: Duration,

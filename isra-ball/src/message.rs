@@ -123,7 +123,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether the values are new. A status that nobody knows is not.
+    /// Whether the values are new. An unknown status is not.
     pub fn is_fresh(self) -> bool {
         self == Self::Fresh
     }

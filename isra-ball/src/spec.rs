@@ -18,12 +18,12 @@ impl Configure for HostConfig {
         let Self { baud, period, max_delay, max_age, rules: _ } = self;
         fields.source("§4.1").baud(LINE, baud);
         let about =
-            "the least from poll to poll; from an exchange, rounded up to a millisecond: 14 ms at 9600 baud";
+            "the shortest time between polls; at least an exchange, rounded up to 1 ms: 14 ms at 9600 baud";
         fields.source("§3.4").time("period", ANY_TIME, about, period);
         let about =
-            "assumed: the longest that ball, line and driver delay a packet beyond its time on the line";
+            "assumed: the longest delay of a packet by ball, line and driver, without its transmission time";
         fields.time("max_delay", ANY_TIME, about, max_delay);
-        let about = "older values are stale; above 2 · max(period, window) + window, where window is an exchange and max_delay";
+        let about = "the age at which values are stale; above 2 · max(period, window) + window, where window is an exchange and max_delay";
         fields.time("max_age", ANY_TIME, about, max_age);
     }
 }

@@ -336,16 +336,12 @@ fn a_period_or_an_age_that_cannot_be_kept_is_refused() {
             .map_err(|e| e.to_string())
     };
     let error = with(9600, MS * 13, MS * 150);
-    assert_eq!(
-        error,
-        Err("poll period 13ms is shorter than the 14ms that a poll and its packet take".into())
-    );
+    assert_eq!(error, Err("poll period 13ms is shorter than 14ms, the time of a poll and its packet".into()));
     assert_eq!(with(9600, MS * 14, MS * 150), Ok(()));
     assert_eq!(with(19_200, MS * 7, MS * 150), Ok(()));
     // Twice 28 ms from poll to poll, 27.541 ms until the reply.
     let error = with(9600, MS * 28, Duration::from_nanos(83_541_666));
-    let text =
-        "the greatest age 83.541666ms is not above the 83.541666ms that values reach between two replies";
+    let text = "the maximum age 83.541666ms must be above 83.541666ms, the age reached between two replies";
     assert_eq!(error, Err(text.into()));
     assert_eq!(with(9600, MS * 28, Duration::from_nanos(83_541_667)), Ok(()));
     assert!(with(0, MS * 28, MS * 150).is_err());
@@ -392,7 +388,7 @@ fn errors_read_as_a_sentence() {
     assert_eq!(text(DecodeError::Incomplete { expected: 12, found: 9 }), "packet ends after 9 of 12 bytes");
     assert_eq!(
         text(DecodeError::Layout { expected: 8, found: 9 }),
-        "packet has 9 data bytes, the layout of 8 is known"
+        "packet has 9 data bytes, only the layout of 8 is known"
     );
     let small = fresh(0).encode(&mut [0; 11]).unwrap_err();
     assert_eq!(small.to_string(), "output has room for 11 bytes, 12 are needed");

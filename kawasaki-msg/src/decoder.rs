@@ -30,7 +30,7 @@ pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {
     charset: Charset,
     /// How far the message is known that the buffer begins with.
     progress: Progress,
-    /// So many bytes before the buffer are in nothing that was returned.
+    /// How many bytes before the buffer are in nothing that was returned.
     skipped: u64,
     /// Why they are skipped; without it they are garbage.
     corruption: Option<DecodeError>,

@@ -376,7 +376,7 @@ impl Entry<'_> {
         Ok(())
     }
 
-    /// How many fields of a message that has so many are a job's own.
+    /// How many fields of a message that has this many are a job's own.
     fn count_of_work(&self, found: usize) -> Result<usize, MessageError> {
         if !self.fields.iter().any(|field| matches!(field, Field::Work)) {
             return Ok(0);

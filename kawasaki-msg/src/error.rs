@@ -1,4 +1,4 @@
-//! What can be wrong: with bytes from the peer, with a message from the peer, with a call of ours.
+//! Errors in bytes from the peer, in messages from the peer, and in calls of this crate.
 
 use core::fmt;
 
@@ -15,39 +15,39 @@ use crate::role::{Field, Role};
 pub enum DecodeError {
     /// Bytes between two messages.
     #[error("{length} bytes outside any message (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Garbage { offset: usize, length: usize },
     /// The name is empty.
     #[error("the message has no name (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NoName { offset: usize },
     /// The last field of the header is missing or is not a number: it is the length (thesis, section 10.1).
     #[error("the header does not end with a length (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NoLength { offset: usize },
     /// The length does not equal the bytes between the two `#` (thesis, sections 7.1 and 10.3).
     #[error("the header says {expected} bytes, the data part has {found} (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Length { offset: usize, expected: usize, found: usize },
     /// One of `<`, `>`, `#` where it cannot stand. A `<` begins the next message: this one was cut off.
     #[error("a '{}' inside the message (at byte {offset})", *found as char)]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Mark { offset: usize, found: u8 },
     /// The data part is not followed by `>`.
-    #[error("byte {found:#04x} in place of the end mark '>' (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("byte {found:#04x} instead of the end mark '>' (at byte {offset})")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NoEndMark { offset: usize, found: u8 },
     /// A byte above 127 where only ASCII is allowed.
     #[error("byte {found:#04x} is not ASCII (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotAscii { offset: usize, found: u8 },
     /// The message is, or says that it is, longer than the longest packet, or than the decoder can hold.
     #[error("the message is longer than {limit} bytes (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     TooLong { offset: usize, limit: usize },
     /// The input or the datagram ends inside a message.
     #[error("the input ends inside a message after {found} of its bytes (at byte {offset})")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Incomplete { offset: usize, found: usize },
 }
 
@@ -77,58 +77,58 @@ impl DecodeError {
 pub enum MessageError {
     /// The table has no such message.
     #[error("there is no message named '{name}'")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     UnknownName { name: Name },
     /// Fields are missing or left over.
     #[error("the message has {found} fields, not {expected}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     FieldCount { expected: usize, found: usize },
     /// A field, counted from 0, is not a whole number.
     #[error("field {field} is not a whole number")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotANumber { field: usize },
     /// A field, counted from 0, is out of range: a coordinate, for the most part.
     #[error("field {field} is {found}, not from {min} to {max}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     OutOfRange { field: usize, found: i32, min: i32, max: i32 },
     /// A field that is not the constant which the dialect has in its place, counted from 0.
     #[error("field {field} is not the constant of the table")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotTheConstant { field: usize },
     /// The header, which is not looked at where the dialect has none, is not the dialect's.
-    #[error("the header is not that of the table: value {value}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the header differs from the table: value {value}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Header { value: usize },
     /// A job's own fields are longer than those of any job.
-    #[error("the job's own fields have {found} bytes, at most {limit} can be")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the job's own fields have {found} bytes, the maximum is {limit}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     JobTooLong { found: usize, limit: usize },
     /// A field of a job's own is missing or does not fit.
     #[error("{0}")]
     Field(FieldError),
     /// The message is about an order that is not active; 0 is none.
     #[error("order {found} is not active, order {active} is")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     WrongOrder { active: u16, found: u16 },
     /// A job that is in the queue or executed already: dropped without harm.
     #[error("job {found} came again, job {expected} is the next")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Repeated { expected: u16, found: u16 },
     /// A job that leaves others out: it and the rest of the packet are discarded, and asked for again.
     #[error("job {found} came out of order, job {expected} is the next")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     OutOfOrder { expected: u16, found: u16 },
     /// The queue has no room for this job: it and the rest of the packet are discarded, and asked for later.
-    #[error("the queue is full, job {number} has no place")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the queue is full, job {number} does not fit")]
+    #[allow(missing_docs, reason = "see the error's message")]
     QueueFull { number: u16 },
     /// An order's end, though jobs before it are missing: they are asked for again.
     #[error("the end of order {order} came before job {expected}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     JobsMissing { order: u16, expected: u16 },
     /// A message that the other end never sends, or not now.
     #[error("a message of the role {role:?} is not expected here")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotExpected { role: Role },
 }
 
@@ -149,7 +149,7 @@ pub struct FieldError {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the sentences say it")]
+#[allow(missing_docs, reason = "see the error's message")]
 pub enum FieldFault {
     /// The message ends before it.
     #[error("is missing")]
@@ -164,7 +164,7 @@ pub enum FieldFault {
     #[error("has more than {places} decimals")]
     TooPrecise { places: u8 },
     /// It is in range, and none of the values that there are.
-    #[error("is {found}, which means nothing")]
+    #[error("is {found}, which has no meaning")]
     Value { found: i32 },
     /// The text is too long or too short.
     #[error("has {found} characters, not from {min} to {max}")]
@@ -231,7 +231,7 @@ impl serde::Serialize for Name {
     }
 }
 
-/// A message of ours that cannot be written.
+/// A message that cannot be encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -241,27 +241,27 @@ pub enum EncodeError {
     #[error("the message has no name")]
     NoName,
     /// One of `<`, `>`, `$`, `#` in a name or a field: nothing escapes them (thesis, section 10.1).
-    #[error("'{}' cannot stand in a name or a field", *found as char)]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("'{}' is not allowed in a name or field", *found as char)]
+    #[allow(missing_docs, reason = "see the error's message")]
     Forbidden { found: u8 },
     /// A character that the character set does not have.
     #[error("character {found:?} is not in the character set")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Character { found: char },
     /// A field of the job's own does not fit.
     #[error("{0}")]
     Field(FieldError),
     /// The message is longer than the longest packet: no later cycle will take it.
-    #[error("the message has {length} bytes, a packet at most {limit}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the message has {length} bytes, the maximum of a packet is {limit}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     TooLong { length: usize, limit: usize },
     /// The buffer is too small.
     #[error("the message needs {needed} bytes, the buffer has {available}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     BufferTooSmall { needed: usize, available: usize },
 }
 
-/// A configuration of ours that cannot work.
+/// An invalid configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -269,73 +269,73 @@ pub enum EncodeError {
 pub enum ConfigError {
     /// A role that no session can do without is missing in the dialect's table, or a role is there twice.
     #[error("the table must have the role {role:?} once")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Role { role: Role },
     /// A message of the dialect's table lacks a field that no session can do without.
     #[error("the message of the role {role:?} lacks the field {field:?}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     MissingField { role: Role, field: Field<'static> },
     /// A message of the dialect's table has a field twice, or one that is nothing in such a message.
-    #[error("the message of the role {role:?} has a field twice, or one that it cannot have")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the message of the role {role:?} has a duplicate or invalid field")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Fields { role: Role },
     /// A message of the dialect's table has too many fields.
-    #[error("the message of the role {role:?} has {found} fields, at most 16 can be")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the message of the role {role:?} has {found} fields, the maximum is 16")]
+    #[allow(missing_docs, reason = "see the error's message")]
     TooManyFields { role: Role, found: usize },
     /// A constant of the dialect's table cannot be written.
     #[error("a constant in the message of the role {role:?} cannot be written: it holds {found:?}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Constant { role: Role, found: char },
     /// A name of the dialect's table is empty, occurs twice, or holds a mark or a letter that its character set does not have.
-    #[error("the name of the role {role:?} is empty, stands twice or cannot be written")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the name of the role {role:?} is empty, duplicate or unencodable")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Name { role: Role },
     /// A limit is too small to carry a message, or a string element has no byte.
     #[error("a packet of {packet} bytes in strings of {element} cannot carry the messages of the table")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Limits { element: usize, packet: usize },
     /// The queue numbers its jobs up to another number than the configuration names.
     #[error("the queue numbers jobs up to {queue}, the configuration up to {config}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     QueueNumbers { queue: u16, config: u16 },
     /// A queue holds 1 to 9999 jobs, and has more numbers than jobs.
-    #[error("a queue cannot hold {capacity} jobs that are numbered up to {max}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("a queue of {capacity} jobs does not match job numbers up to {max}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Queue { capacity: usize, max: u16 },
     /// Job numbers are from 1 to 9999.
-    #[error("the highest job number cannot be {found}: it is from 2 to 9999")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the highest job number is {found}, not from 2 to 9999")]
+    #[allow(missing_docs, reason = "see the error's message")]
     MaxNumber { found: u16 },
     /// No value is in the range of a job's field: the least is above the greatest.
     #[error("the range of the job's field '{field}' is empty")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     EmptyRange { field: Name },
     /// A job with the longest values is longer than any can be.
-    #[error("the job's own fields can have {found} bytes, at most {limit} can be")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the job's own fields can have {found} bytes, the maximum is {limit}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     JobTooLong { found: usize, limit: usize },
     /// The type of the session can hold no message that is as long as the table's longest one with the longest values: see
     /// [`Robot::sized`](crate::Robot::sized).
     #[error("a message can have {longest} bytes, the session holds {held}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     LongMessages { longest: usize, held: usize },
     /// The type of the session cannot tell all job numbers apart, which it has to where each job is acknowledged by itself: see
     /// [`Robot::sized`](crate::Robot::sized).
-    #[error("jobs are numbered up to {max}, the session tells numbers below {numbers} apart")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("jobs are numbered up to {max}, the session only distinguishes numbers below {numbers}")]
+    #[allow(missing_docs, reason = "see the error's message")]
     TooManyNumbers { max: u16, numbers: usize },
     /// The dialect lacks this role, and the configuration needs it.
     #[error("the table lacks the role {role:?}, which the configuration needs")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Lacks { role: Role },
-    /// Over datagrams a message may come late: without this field nobody knows which order it is of.
+    /// Over datagrams a message may come late: without this field its order is unknown.
     #[error("over datagrams the message of the role {role:?} needs the number of the order")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     LateMessages { role: Role },
 }
 
-/// A call of ours that makes no sense now.
+/// A call that is invalid in this state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -343,35 +343,35 @@ pub enum ConfigError {
 pub enum SessionError {
     /// There is an order already.
     #[error("order {active} is active")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     OrderActive { active: u16 },
     /// There is no order that this could be about.
     #[error("no order is active")]
     NoOrder,
     /// An order's number is from 1.
-    #[error("0 is no order's number")]
+    #[error("the order number must be 1 or more")]
     OrderZero,
     /// No order can be so far: fewer jobs were sent than are executed, or more are in flight than job numbers can tell apart.
-    #[error("no order can have {sent} jobs sent and {executed} executed")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("an order cannot have {sent} jobs sent and {executed} executed")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotInFlight { executed: u32, sent: u32 },
     /// No job of this number is in the queue: it was never queued, or is reported again.
     #[error("job {number} is not in the queue")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     NotQueued { number: u16 },
     /// The dialect has no such command.
     #[error("the table has no command {id}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     UnknownCommand { id: u8 },
     /// The dialect has no message to ask it with.
     #[error("the table lacks the role {role:?}")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Lacks { role: Role },
     /// Events wait, and there is no room for the outcome of what is to begin: poll them.
-    #[error("too many events wait")]
+    #[error("event queue full")]
     TooManyEvents,
     /// Commands wait for their turn and no more find room.
-    #[error("{waiting} commands wait already")]
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[error("the command queue is full with {waiting} commands")]
+    #[allow(missing_docs, reason = "see the error's message")]
     TooManyCommands { waiting: usize },
 }

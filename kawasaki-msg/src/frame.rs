@@ -20,7 +20,7 @@ pub(crate) struct Frame {
 /// How far the message is known that some bytes begin with. More of them go on from here: what was looked at is not looked at again.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Progress {
-    /// So many bytes hold nothing that ends the part of the message that they are in.
+    /// How many bytes hold nothing that ends the part of the message that they are in.
     pub(crate) known: usize,
     /// What they say, from the first `#` on.
     frame: Option<Frame>,
@@ -202,7 +202,7 @@ impl Writer<'_> {
         }
     }
 
-    /// A field with a number of so many decimals.
+    /// A field with a number of this many decimals.
     pub(crate) fn number(&mut self, number: i32, places: u8) {
         let length = 1 + number::len(number, places);
         if let Some([mark, place @ ..]) = self.out.get_mut(self.length..self.length + length) {

@@ -1,4 +1,4 @@
-//! What a plant may leave out of its messages, and what nobody can promise then.
+//! What a plant may leave out of its messages, and which guarantees are lost then.
 
 use core::fmt;
 

@@ -34,7 +34,7 @@ impl<'a> Message<'a> {
     /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
     pub const MAX_LEN: usize = 4096;
 
-    /// A message of ours, with nothing between name and length.
+    /// A message to send, with nothing between name and length.
     pub const fn new(name: &'a str, fields: &'a [Value<'a>]) -> Self {
         Self { name: Value::Text(name), header: Values::NONE, fields: Values::List(fields) }
     }

@@ -8,7 +8,7 @@ use robot_work_queue::{
 
 use crate::job::{Job, Work};
 
-/// A queue of at most `N` jobs, inline: for a `static`, or for the stack of whoever has both tasks. With the feature `alloc`, [`boxed`]
+/// A queue of at most `N` jobs, inline: for a `static`, or for the stack of the owner of both tasks. With the feature `alloc`, [`boxed`]
 /// returns ends that own it.
 ///
 /// ```
@@ -53,7 +53,7 @@ impl<W, const N: usize> JobQueue<W, N> {
         self.split_with(NoWake, NoWake)
     }
 
-    /// As [`split`](Self::split), for ends that sleep: `motion` wakes the motion task, `session` whoever drives the session.
+    /// As [`split`](Self::split), for ends that sleep: `motion` wakes the motion task, `session` the driver of the session.
     pub fn split_with<M: Wake, S: Wake>(&mut self, motion: M, session: S) -> Ends<'_, W, M, S> {
         ends(self.jobs.split_with(motion, session), self.executed.split())
     }
@@ -80,7 +80,7 @@ pub fn boxed<W>(capacity: usize, max_number: u16) -> Result<Ends<'static, W>, Co
     boxed_with(capacity, max_number, NoWake, NoWake)
 }
 
-/// As [`boxed`], for ends that sleep: `motion` wakes the motion task, `session` whoever drives the session.
+/// As [`boxed`], for ends that sleep: `motion` wakes the motion task, `session` the driver of the session.
 ///
 /// # Errors
 /// As [`boxed`].

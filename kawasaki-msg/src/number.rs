@@ -9,7 +9,7 @@ pub(crate) enum Fault {
     TooPrecise,
 }
 
-/// A number of up to so many decimals, with the blanks around it left out.
+/// A number of up to this many decimals, with the blanks around it left out.
 ///
 /// No sign but `-`: AS's `VAL` knows more, but nothing in the source sends more.
 pub(crate) fn parse(text: &[u8], places: u8) -> Result<i32, Fault> {

@@ -26,8 +26,8 @@ impl Limits {
 }
 
 impl Limits {
-    /// Whether every message of a table can be written and fits, into a session that can hold so many bytes of one too, however great
-    /// its numbers are; the fields of a job's own have so many bytes at most, a separator for each counted.
+    /// Whether every message of a table can be written and fits, into a session that can hold this many bytes of one too, however great
+    /// its numbers are; the fields of a job's own have this many bytes at most, a separator for each counted.
     pub(crate) fn check(&self, dialect: &Dialect<'_>, work: usize, held: usize) -> Result<(), ConfigError> {
         let charset = dialect.charset();
         let mut longest = 0;

@@ -15,9 +15,9 @@ impl Configure for Limits {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { element, packet } = self;
         let range = 1..=Message::MAX_LEN;
-        let about = "the most of a string of the AS program";
+        let about = "the longest string of the AS program";
         fields.source("§7.4").whole("element", range.clone(), "bytes", about, element);
-        let about = "the most of a packet: all its strings; over UDP 1472";
+        let about = "the largest packet: all its strings; over UDP 1472";
         fields.source("§9.5").whole("packet", range, "bytes", about, packet);
     }
 }
@@ -29,7 +29,7 @@ impl Configure for Bounds {
         let (x, y) = (widest.min.x..=widest.max.x, widest.min.y..=widest.max.y);
         for (name, point) in [("min", min), ("max", max)] {
             fields.group(name, |fields| {
-                let about = "the end of what the robot reaches";
+                let about = "the limit of the robot's workspace";
                 fields.whole("x", x.clone(), "in 1/100 mm", about, &mut point.x);
                 fields.whole("y", y.clone(), "in 1/100 mm", about, &mut point.y);
             });
@@ -40,9 +40,9 @@ impl Configure for Bounds {
 impl Configure for RecoveryLimits {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { resends, pauses, clears } = self;
-        const NAMED: &str = "§6.3; the number ours";
+        const NAMED: &str = "§6.3; this project's value";
         let all = 0..=u16::MAX;
-        let about = "how often jobs are asked for again";
+        let about = "how often jobs are requested again";
         fields.source(NAMED).whole("resends", all.clone(), "times", about, resends);
         let about = "how often the PC is asked to pause";
         fields.source(NAMED).whole("pauses", all.clone(), "times", about, pauses);
@@ -84,8 +84,7 @@ impl Configure for RobotConfig<'_> {
         } = self;
         agreed(fields, limits, datagrams, max_number);
         acks.configure(fields);
-        let about =
-            "after a full queue, jobs are asked for when at most so many are left; half: of the queue";
+        let about = "after a full queue, request jobs when at most this many are left; half: of the queue";
         fields.source("§7").whole_or("low_water", 0..=9998, "jobs", "half", about, low_water);
         let about = "how often each step of the recovery is taken";
         fields.source("§6.3").part("recovery", "RecoveryLimits", about, recovery);
@@ -94,17 +93,17 @@ impl Configure for RobotConfig<'_> {
         fields.time("pause", ANY_TIME, "how long the recovery pauses", pause);
         let about = "how long a cycle waits for an answer before it starts again";
         fields.time("reply_timeout", ANY_TIME, about, reply_timeout);
-        let about = "the least time from packet to packet";
+        let about = "the shortest time between packets";
         fields.source("§9.4").time("exchange", ANY_TIME, about, exchange);
-        let about = "the connection is given up after so many cycles without an answer; 0: never";
+        let about = "the cycles without an answer before the connection is dropped; 0: never";
         fields.whole("silent_cycles", 0..=u16::MAX, "cycles", about, silent_cycles);
-        let about = "the wait before a lost connection is opened again";
+        let about = "the delay before a lost connection is reopened";
         fields.time("reconnect_delay", ANY_TIME, about, reconnect_delay);
-        let about = "how often at least the status is sent";
+        let about = "the longest time between two status messages";
         fields.time("status_period", ANY_TIME, about, status_period);
-        let about = "answer 0 to the start of the order that is active already and has jobs";
+        let about = "answer 0 when the active order is started again and has jobs";
         fields.flag("refuse_repeated_start", about, refuse_repeated_start);
-        let about = "end the active order when the PC's status names another one or none";
+        let about = "end the active order when the PC's status has another one or none";
         fields.source("§11.2").flag("end_foreign_order", about, end_foreign_order);
     }
 }
@@ -116,8 +115,8 @@ impl Configure for Acks {
             Self::Cumulative { every } => Some(every.get()),
             Self::Individual => None,
         };
-        let about = "every so many-th job is acknowledged, which covers those before it; or each job by itself, as it must be \
-                     where jobs may overtake one another";
+        let about = "acknowledge every Nth job, which covers earlier ones; or each job individually, required where \
+                     jobs may overtake one another";
         fields.source("§11.2").whole_or("acks", 1..=u16::MAX, "jobs", "individual", about, &mut jobs);
         *self = match jobs.and_then(NonZeroU16::new) {
             Some(every) => Self::Cumulative { every },
@@ -142,19 +141,17 @@ impl Configure for PcConfig<'_> {
             rules: _,
         } = self;
         agreed(fields, limits, datagrams, max_number);
-        let about =
-            "an acknowledgement covers the jobs before it, as it cannot where jobs may overtake one another";
+        let about = "an acknowledgement covers earlier jobs; false where jobs may overtake one another";
         fields.source("§11.2").flag("cumulative_acks", about, cumulative_acks);
-        let about = "the wait between the robot's last byte and the answer";
+        let about = "the delay between the robot's last byte and the answer";
         fields.source("§7.1").time("reply_delay", ANY_TIME, about, reply_delay);
-        let about = "without a message for so long the connection is given up";
+        let about = "the silence after which the connection is dropped";
         fields.time("silence", SOME_TIME, about, silence);
         let choices =
             [("never", Takeover::Never), ("end", Takeover::End), ("interrupt", Takeover::Interrupt)];
-        let about =
-            "what happens to another order that is active: its queue is executed, or it is interrupted";
+        let about = "what happens to another active order: its queue is executed, or it is interrupted";
         fields.source("§11.2").choice("takeover", &choices, about, takeover);
-        let about = "how often a start that is refused without an active order is tried again";
+        let about = "how often a start is retried that was refused without an active order";
         fields.whole("start_retries", 0..=u16::MAX, "times", about, start_retries);
         let about = "end the order when all its jobs are executed";
         fields.flag("end_when_done", about, end_when_done);

@@ -85,13 +85,13 @@ pub struct RobotStatistics {
     pub repeated: u64,
     /// Messages that were destroyed because one before them in the packet failed, or refused: jobs are asked for again.
     pub discarded: u64,
-    /// Pieces of corrupt bytes.
+    /// Runs of corrupt bytes.
     pub corrupt: u64,
     /// Cycles without an answer.
     pub unanswered: u64,
     /// Inputs that the state did not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody polled them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 
@@ -103,11 +103,11 @@ pub struct RobotStatistics {
 pub struct PcStatistics {
     /// Packets sent.
     pub packets: u64,
-    /// Pieces of corrupt bytes.
+    /// Runs of corrupt bytes.
     pub corrupt: u64,
     /// Inputs that the state did not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody polled them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

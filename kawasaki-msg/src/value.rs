@@ -66,7 +66,7 @@ impl Charset {
 pub enum Value<'a> {
     /// A whole number, written without blanks.
     Number(i32),
-    /// Text of ours.
+    /// Text to send.
     Text(&'a str),
     /// Text as it stood on the wire, a byte a character.
     Wire(&'a [u8]),
@@ -83,7 +83,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The number of up to so many decimals in this value, in units of the last one.
+    /// The number of up to this many decimals in this value, in units of the last one.
     pub(crate) fn decimal(&self, places: u8) -> Result<i32, number::Fault> {
         match *self {
             Value::Number(n) => number::parse(number::Text::new(n).as_bytes(), places),
@@ -220,7 +220,7 @@ impl<'a> Values<'a> {
 pub(crate) struct Left<'a>(pub(crate) Values<'a>);
 
 impl Left<'_> {
-    /// The next value as a number of up to so many decimals: it ends where its digits do.
+    /// The next value as a number of up to this many decimals: it ends where its digits do.
     #[inline(always)]
     pub(crate) fn decimal(&mut self, places: u8) -> Option<Result<i32, number::Fault>> {
         if let Values::Wire(wire) = self.0 {

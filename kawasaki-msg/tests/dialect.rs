@@ -148,6 +148,6 @@ fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
         let pc = Pc::<fn(u32) -> Supply<Line>>::new(PcConfig { dialect, ..PcConfig::TCP });
         assert_eq!(pc.err(), error, "{name}");
     }
-    let sentence = "the name of the role Job is empty, stands twice or cannot be written";
+    let sentence = "the name of the role Job is empty, duplicate or unencodable";
     assert_eq!(ConfigError::Name { role: Role::Job }.to_string(), sentence);
 }

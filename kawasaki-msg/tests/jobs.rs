@@ -367,7 +367,7 @@ fn the_recovery_ends_in_an_alarm() {
         let packet = bench.cycle(&jobs([3]));
         assert!(packet.contains("<Tila$9#50$5$2$2$#>") && !packet.contains("TyoPyynto"), "{packet}");
         assert!(bench.queued_numbers().is_empty());
-        // The motion program clears the queue when the cause is mended.
+        // The motion program clears the queue when the cause is removed.
         bench.robot.clear_queue().unwrap();
         assert!(bench.reader.take().is_none());
         bench.cycle(b"<Huuhaa$0##>");

@@ -435,7 +435,7 @@ proptest! {
     }
 }
 
-/// A number with so many decimals, and one without.
+/// A number with this many decimals, and one without.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Numbers(i32, i32);
 

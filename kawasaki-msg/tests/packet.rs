@@ -120,11 +120,11 @@ fn a_short_buffer_is_a_lower_limit() {
 #[test]
 fn errors_read_as_sentences() {
     let message = |error: EncodeError| error.to_string();
-    assert_eq!(message(EncodeError::Forbidden { found: b'$' }), "'$' cannot stand in a name or a field");
+    assert_eq!(message(EncodeError::Forbidden { found: b'$' }), "'$' is not allowed in a name or field");
     assert_eq!(message(EncodeError::Character { found: 'ä' }), "character 'ä' is not in the character set");
     assert_eq!(
         message(EncodeError::TooLong { length: 5000, limit: 4096 }),
-        "the message has 5000 bytes, a packet at most 4096"
+        "the message has 5000 bytes, the maximum of a packet is 4096"
     );
     assert_eq!(
         message(EncodeError::BufferTooSmall { needed: 21, available: 20 }),

@@ -128,5 +128,5 @@ async fn a_robot_is_reset_without_a_pc() {
 async fn a_queue_is_refused_that_cannot_be() {
     let connector = Tcp::new("127.0.0.1:1");
     let refused = robot::<Line, _>(RobotConfig::TCP, Default::default(), 0, connector).unwrap_err();
-    assert_eq!(refused.to_string(), "a queue cannot hold 0 jobs that are numbered up to 9999");
+    assert_eq!(refused.to_string(), "a queue of 0 jobs does not match job numbers up to 9999");
 }

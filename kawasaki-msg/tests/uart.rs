@@ -40,7 +40,7 @@ impl Wire {
     }
 }
 
-/// An order over a line on which a byte takes so long, to a robot that reads so many at once: the most bytes that were on their way to it.
+/// An order over a line on which a byte takes this long, to a robot that reads this many at once: the most bytes that were on their way to it.
 fn run(byte: Duration, piece: usize, config: RobotConfig<'static>) -> usize {
     let (jobs, mut motion) = boxed::<Line>(64, 9999).unwrap();
     let mut robot = Robot::new(config, jobs).unwrap();

@@ -19,7 +19,7 @@ use kawasaki_msg::robot_session::{Driver, Session as _, now};
 use kawasaki_msg::{JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, timing};
 
 const HOUR: Duration = Duration::from_secs(3600);
-/// What does not come for so long does not come.
+/// What does not come for this long does not come.
 const NEVER: Duration = Duration::from_secs(20);
 
 /// Gives the robot an order of one job; once it `holds` an answer, that waits for the channel. How many jobs are executed at the end.

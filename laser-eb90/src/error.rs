@@ -52,7 +52,7 @@ pub enum DecodeError {
         found: u16,
     },
     /// A byte that is no tag where one must be. In front of the payload it shows a false head.
-    #[error("{found:02X}h is no tag (at payload byte {offset})")]
+    #[error("{found:02X}h is not a tag (at payload byte {offset})")]
     Tag {
         /// Its place in the payload.
         offset: usize,
@@ -73,7 +73,7 @@ pub enum DecodeError {
     #[error("the payload does not begin with a command word")]
     NoWord,
     /// The line is silent, or the input ended, within a frame or in bytes without a head.
-    #[error("{held} bytes are no whole frame")]
+    #[error("{held} bytes are not a complete frame")]
     Incomplete {
         /// How many bytes.
         held: usize,
@@ -87,7 +87,7 @@ pub enum DecodeError {
 #[non_exhaustive]
 pub enum EncodeError {
     /// The buffer is too short.
-    #[error("{needed} bytes do not fit into {available}")]
+    #[error("{needed} bytes do not fit {available}")]
     BufferTooSmall {
         /// The bytes to write.
         needed: usize,
@@ -118,17 +118,17 @@ pub enum EncodeError {
 #[non_exhaustive]
 pub enum SessionError {
     /// The next frame has no room for the instruction, or it must travel alone. Send first.
-    #[error("the next frame cannot take this instruction as well")]
+    #[error("the next frame has no room for this instruction")]
     Full,
-    /// A word that is no command word.
-    #[error("{word:04X}h is no command word")]
+    /// A word that is not a command word.
+    #[error("{word:04X}h is not a command word")]
     UnknownWord {
         /// The word.
         word: u16,
     },
     /// A single short among the parameters of an interpreted instruction would begin the next one; among those of another
     /// instruction it would if it is a command word.
-    #[error("a parameter that is a single short reads as the next command word")]
+    #[error("a single short as a parameter would be read as the next command word")]
     LoneShort,
     /// An answer, but no instruction is being executed, or its event has not been taken.
     #[error("no instruction is being executed")]
@@ -139,14 +139,14 @@ pub enum SessionError {
     Encode(EncodeError),
 }
 
-/// A configuration that cannot work.
+/// An invalid configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// A frame of no instruction.
-    #[error("a batch holds at least one instruction")]
+    #[error("a batch must hold at least one instruction")]
     NoBatch,
     /// A line on which a frame never ends.
     #[error("the baud rate is 0")]

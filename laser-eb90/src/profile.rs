@@ -157,7 +157,7 @@ impl TryFrom<TagBytes> for Tags {
     type Error = &'static str;
 
     fn try_from(t: TagBytes) -> Result<Self, Self::Error> {
-        Self::new(t.f32, t.i16, t.u8, t.char).ok_or("two types of values have the same tag")
+        Self::new(t.f32, t.i16, t.u8, t.char).ok_or("two value types have the same tag")
     }
 }
 

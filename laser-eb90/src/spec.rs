@@ -23,7 +23,7 @@ impl Configure for Profile {
         fields.source("§3(2); ours").choice("checksum", &choices, "the width of the checksum", checksum);
         let about = "the checksum is the two's complement of the sum";
         fields.flag("checksum_negated", about, checksum_negated);
-        let about = "the sum counts the frame flag, too";
+        let about = "the sum includes the frame flag";
         fields.flag("checksum_with_flag", about, checksum_with_flag);
         let choices = [("little", ByteOrder::Little), ("big", ByteOrder::Big)];
         fields.choice("byte_order", &choices, "the order of the bytes of a value", byte_order);
@@ -34,19 +34,19 @@ impl Configure for Profile {
 impl Configure for ErrorCodes {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { bad_checksum, bad_frame, unknown_command, bad_batch, bad_parameters, queue_full } = self;
-        const NAMED: &str = "§3(5); the number ours";
+        const NAMED: &str = "§3(5); this project's value";
         let all = 0..=u16::MAX;
-        let about = "of a wrong checksum; all codes are different, and none is a command word";
+        let about = "for a wrong checksum; all codes differ, and none is a command word";
         fields.source(NAMED).whole("bad_checksum", all.clone(), "", about, bad_checksum);
-        let about = "of a frame without a head, or with another fault";
+        let about = "for a frame without a head, or with another fault";
         fields.source(NAMED).whole("bad_frame", all.clone(), "", about, bad_frame);
-        let about = "of a command word that the controller does not know";
+        let about = "for an unknown command word";
         fields.whole("unknown_command", all.clone(), "", about, unknown_command);
-        let about = "of more instructions than a frame may hold, or one that is not interpreted among others";
+        let about = "for too many instructions, or a non-interpreted one among others";
         fields.whole("bad_batch", all.clone(), "", about, bad_batch);
-        let about = "of parameters that the instruction does not take, or an execution that failed";
+        let about = "for invalid parameters, or a failed execution";
         fields.whole("bad_parameters", all.clone(), "", about, bad_parameters);
-        let about = "of a frame that the queue has no room for";
+        let about = "for a frame that does not fit the queue";
         fields.source(NAMED).whole("queue_full", all, "", about, queue_full);
     }
 }
@@ -55,8 +55,8 @@ impl Configure for ErrorCodes {
 fn instructions(fields: &mut impl Fields, words: &mut Words, batch: &mut u8) {
     let shape = "{commands: [{first, last, class}], errors: {bad_checksum, …}}";
     let about = "command words by class in up to 32 ranges (by default 0100h to 01FFh interpreted, 0200h to 02FFh immediate, 0300h to 03FFh query), and error codes";
-    fields.source("§2; the numbers ours").parsed("words", shape, about, words);
-    let about = "the most interpreted instructions in a frame";
+    fields.source("§2; this project's values").parsed("words", shape, about, words);
+    let about = "the maximum of interpreted instructions in a frame";
     fields.source("§3(6)").whole("batch", 1..=u8::MAX, "instructions", about, batch);
 }
 
@@ -71,8 +71,7 @@ impl Configure for ControllerConfig {
         instructions(fields, words, batch);
         let about = "the controller's cycle, at whose end answers are sent";
         fields.source("§4.1").time("tick", ANY_TIME, about, tick);
-        let about =
-            "without a byte for so long corrupt bytes are answered and an incomplete frame is dropped";
+        let about = "the silence after which corrupt bytes are answered and an incomplete frame is dropped";
         fields.time("silence", ANY_TIME, about, silence);
         profile_of(fields, profile);
     }
@@ -101,29 +100,29 @@ impl Configure for HostConfig {
         } = self;
         fields.baud(LINE, baud);
         instructions(fields, words, batch);
-        let about = "how often a frame is sent again that an error code answers";
+        let about = "how often a frame is resent after an error code";
         fields.whole("resends", 0..=u8::MAX, "times", about, resends);
-        let about = "send a frame again without an answer: it may then be executed several times";
+        let about = "resend a frame without an answer: it may be executed several times";
         fields.flag("resend_on_silence", about, resend_on_silence);
-        let about = "how long the answer of interpreted instructions is awaited; longer below 9600 baud, by what 11 bytes take longer";
+        let about = "the timeout for the answer of interpreted instructions; longer below 9600 baud, by the extra time of 11 bytes";
         fields.time("answer_timeout", ANY_TIME, about, answer_timeout);
         let about =
             "assumed: the longest execution of an immediate instruction or a query; longer below 9600 baud";
         fields.time("execution_timeout", ANY_TIME, about, execution_timeout);
-        let about = "assumed: no answer comes later than this after what it answers; longer below 9600 baud";
+        let about = "assumed: the latest answer after its frame; longer below 9600 baud";
         fields.time("settle", ANY_TIME, about, settle);
-        let about = "assumed: the longest that PC and line pause within a frame";
+        let about = "assumed: the longest pause of PC and line within a frame";
         fields.time("max_pause", ANY_TIME, about, max_pause);
         let about = "assumed: the longest from the controller's decision to the end of its answer; longer below 9600 baud";
         fields.time("reply_time", ANY_TIME, about, reply_time);
         let about = "assumed: the longest frame that a host on this line sends";
         fields.whole("longest_frame", 0..=Frame::MAX_LEN, "bytes", about, longest_frame);
-        let about = "assumed: how long what an earlier host has sent may still be executed";
+        let about = "assumed: how long instructions of an earlier host may still be executed";
         fields.time("earlier_execution", ANY_TIME, about, earlier_execution);
-        let about = "the controller drops what it holds of a frame when it answers an error code";
+        let about = "the controller drops a partial frame when it answers an error code";
         fields.flag("controller_drops_partial", about, controller_drops_partial);
-        fields.time("backoff", ANY_TIME, "the wait when the queue is full", backoff);
-        let about = "after so long with a full queue the frame counts as refused";
+        fields.time("backoff", ANY_TIME, "the delay when the queue is full", backoff);
+        let about = "how long the queue may be full before a frame counts as refused";
         fields.time("full_timeout", ANY_TIME, about, full_timeout);
         profile_of(fields, profile);
     }

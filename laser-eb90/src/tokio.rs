@@ -87,25 +87,25 @@ pub enum Error {
     /// Error codes to the end. The first `taken` instructions were taken, and no others.
     #[error("the controller refuses: {refusal:?}; {taken} instructions of the run were taken before")]
     Refused {
-        /// So many.
+        /// The number.
         taken: usize,
         /// The last error code.
         refusal: Refusal,
     },
-    /// The first `taken` instructions were taken; of the `count` after them nobody knows; the others were not.
+    /// The first `taken` instructions were queued; the outcome of the next `count` is unknown; the others were not queued.
     #[error(
         "whether {count} instructions after the first {taken} of the run were taken is unknown: {reason:?}"
     )]
     Unknown {
-        /// So many.
+        /// The number.
         taken: usize,
-        /// Of so many nobody knows.
+        /// The number of instructions with unknown outcome.
         count: usize,
         /// Why.
         reason: UnknownReason,
     },
-    /// A run before this one has failed, and nothing of this one was sent: somebody has to look first.
-    #[error("a run before this one has failed, and nothing of this one was sent")]
+    /// An earlier run failed, and nothing of this one was sent: check the machine first.
+    #[error("an earlier run failed; nothing of this one was sent")]
     NotSent,
     /// There is no connection, and the attempt to make one has failed; nothing was sent.
     #[error("not connected: {0}")]
@@ -196,7 +196,7 @@ pub struct Run {
     commands: Vec<Command>,
     /// The first that was not submitted.
     next: usize,
-    /// So many were taken, the first ones.
+    /// How many were taken, the first ones.
     taken: usize,
     unfit: Option<Error>,
     reply: Reply<Result<(), Error>>,
@@ -264,14 +264,14 @@ impl Instructions {
         true
     }
 
-    /// The first run has an outcome. That nobody waits for it any more its events say.
+    /// The first run has an outcome. If it is no longer awaited, its events report it.
     fn end_run(&mut self, outcome: Result<(), Error>) {
         if let Some(Run { reply, unfit, .. }) = self.runs.pop_front() {
             let _ = reply.send(unfit.map_or(outcome, Err));
         }
     }
 
-    /// So many instructions, which were one frame, have an outcome.
+    /// How many instructions, which were one frame, have an outcome.
     fn taken(&mut self, session: &mut Host, count: u8, answer: &[u8]) {
         for _ in 0..count {
             match self.submitted.pop_front().flatten() {
@@ -289,7 +289,7 @@ impl Instructions {
         self.fill(session);
     }
 
-    /// A frame of so many instructions was not taken, or nobody knows.
+    /// A frame of this many instructions was not queued, or its outcome is unknown.
     fn failed(&mut self, session: &mut Host, count: u8, error: impl FnOnce(usize) -> Error) {
         let mut is_of_run = false;
         let mut single = None;

@@ -174,7 +174,7 @@ fn a_byte_that_may_begin_a_head_does_not_end_the_rest() {
     );
 }
 
-/// A byte is lost, and parameters read as a frame: nobody has asked for it.
+/// A byte is lost, and parameters read as a frame, which is unsolicited.
 #[test]
 fn nothing_is_executed_out_of_the_middle_of_a_corrupt_frame() {
     let inner = echo(CUT);

@@ -61,7 +61,7 @@ fn json_that_is_no_message_says_what_it_should_be() {
     let mut buffer = [0; 64];
     let mut payload = Payload::new(&mut buffer, &Profile::default());
     let error = payload.deserialize(serde_json::json!({"items": [{"f32": vec![0; 16]}]})).unwrap_err();
-    assert_eq!(error.to_string(), "66 bytes do not fit into 64");
+    assert_eq!(error.to_string(), "66 bytes do not fit 64");
     assert!(payload.as_bytes().is_empty());
 }
 
@@ -90,7 +90,7 @@ fn four_tags_differ_in_code_and_in_json() {
         assert_eq!(Tags::new(f32, i16, u8, char), None);
     }
     let error = serde_json::from_str::<Tags>(&json.replace('4', "1")).unwrap_err();
-    assert!(error.to_string().starts_with("two types of values have the same tag"), "{error}");
+    assert!(error.to_string().starts_with("two value types have the same tag"), "{error}");
 }
 
 #[test]

@@ -284,7 +284,7 @@ fn the_values_of_a_query_stay_until_the_next_is_answered() {
         let mut payload = Payload::new(&mut buffer, &Profile::default());
         payload.word(WHERE).unwrap().f32(&[value]).unwrap();
         host.handle_input(now + MS, &encoded(&payload));
-        host.handle_input(now + MS, &echo(WHERE)); // nobody asked for this one
+        host.handle_input(now + MS, &echo(WHERE)); // an unsolicited one
         assert_eq!(events(host), [HostEvent::Answer { ticket }, HostEvent::Unasked { word: WHERE }]);
         match host.answer().next() {
             Some(Ok(Item::F32(values))) => values.array().unwrap(),
@@ -318,7 +318,7 @@ fn parameters_that_read_as_a_command_word_are_refused() {
     assert_eq!(host.submit(CUT, |p| p.u8(&[0; 255]).map(drop)), Err(SessionError::Full), "512 bytes");
     assert_eq!(host.take_back(), 1);
     assert!(host.is_idle());
-    assert_eq!(host.submit(STOP, |p| p.i16(&[1]).map(drop)), Ok(1), "1 is no command word");
+    assert_eq!(host.submit(STOP, |p| p.i16(&[1]).map(drop)), Ok(1), "1 is not a command word");
 }
 
 /// On a slow line an answer takes longer; on a fast one nothing is quicker than the controller.

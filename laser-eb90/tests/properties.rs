@@ -96,7 +96,7 @@ fn encode(items: &[Owned], profile: &Profile) -> Vec<u8> {
     out
 }
 
-/// Frames as items, errors as they are; checks that they tile the stream.
+/// Frames as items, errors as they are; checks that they cover the stream.
 fn decode(stream: &[u8], cuts: &[usize], profile: &Profile) -> Vec<Result<Vec<Owned>, DecodeError>> {
     fn drain(decoder: &mut Decoder, found: &mut Vec<Result<Vec<Owned>, DecodeError>>) -> bool {
         let count = found.len();

@@ -45,7 +45,7 @@ pub struct Once {
 pub enum By<'a> {
     /// A call that is not refused.
     Call(&'a str),
-    /// An event; one with a `count` counts so often.
+    /// An event; one with a `count` counts this often.
     Event(&'a str),
     /// An event that ends whatever there is.
     All(&'a str),
@@ -60,7 +60,7 @@ pub enum By<'a> {
 /// How much may have begun that has not ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
-    /// So much.
+    /// The amount.
     Most(u64),
     /// One, until whose end nothing is sent.
     Silent,
@@ -279,7 +279,7 @@ pub(crate) fn done<T>(_: T) -> Called {
     Ok(Ok(()))
 }
 
-/// Until when something may be used, in nanoseconds; nothing if it is for ever.
+/// Until when something may be used, in nanoseconds; `None` if without limit.
 pub(crate) fn live_until(until: Option<Duration>) -> Option<(&'static str, String)> {
     let until = until.filter(|until| *until < Duration::MAX)?;
     Some(("live_until", until.as_nanos().to_string()))

@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 use crate::given::Given;
 use crate::settings::Configure;
 
-/// Whoever looks at one conversation of a link.
+/// An observer of one conversation of a link.
 pub trait Shadow {
     /// What has happened. Never called with an earlier time than before.
     fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>);
@@ -73,7 +73,7 @@ pub enum Seen<'a> {
         /// Why.
         error: &'a Value,
     },
-    /// So many bytes passed, and were not seen: what an end knows is not known any more.
+    /// How many bytes passed, and were not seen: what an end knows is not known any more.
     Missed {
         /// The end that sent them.
         from: &'static str,
@@ -154,7 +154,7 @@ impl Watcher {
         Self { shadow, complaints: Vec::new(), now: Duration::ZERO }
     }
 
-    /// Something has happened; returns what is wrong with it. A clock that goes back stands still.
+    /// Something has happened; returns what is wrong with it. A clock that goes back counts as stopped.
     pub fn see(&mut self, at: Duration, seen: &Seen<'_>) -> Vec<Complaint> {
         self.now = self.now.max(at);
         let mut report = Report { now: self.now, complaints: &mut self.complaints };

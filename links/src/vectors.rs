@@ -14,7 +14,7 @@ use crate::link::{Accepted, Link};
 /// A vector.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Vector {
-    /// Unique in its file, for ever: a vector that is withdrawn takes its number with it.
+    /// Unique in its file: the number of a withdrawn vector is never reused.
     pub id: u32,
     /// What it shows.
     pub comment: String,
@@ -103,10 +103,7 @@ impl Vector {
                 ensure!(is_same == (self.result == Outcome::Valid), "encodes to {encoded:02X?}");
                 let written = encoded.as_deref().ok();
                 let accepted = Accepted { settings: &self.options, message, bytes: &self.bytes, written };
-                ensure!(
-                    link.accepts(&accepted),
-                    "the link says that there is no other way than {encoded:02X?}"
-                );
+                ensure!(link.accepts(&accepted), "the link's only encoding is {encoded:02X?}");
             }
             (None, Some(error)) if self.result == Outcome::Invalid => {
                 let fits = first.value()?.is_err_and(|found| includes(&found, error));

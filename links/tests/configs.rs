@@ -199,7 +199,7 @@ fn what_else_decides_is_no_setting() {
 #[test]
 fn a_configuration_is_part_of_a_program_s_own() {
     #[derive(serde::Deserialize)]
-    struct Hall {
+    struct Site {
         robot: kawasaki_msg::RobotConfig<'static>,
         plc: fanuc_hmi_modbus::ClientConfig,
         arm: val2_alter::HostConfig,
@@ -214,7 +214,7 @@ fn a_configuration_is_part_of_a_program_s_own() {
         [arm]
         baud = 19200
     "#;
-    let Hall { robot, plc, arm } = toml::from_str(file).unwrap();
+    let Site { robot, plc, arm } = toml::from_str(file).unwrap();
     assert_eq!(robot.patience, Duration::from_secs(90));
     assert_eq!((plc.timeout, plc.settle), (Duration::from_millis(250), Duration::MAX));
     assert_eq!((arm.baud, arm.mode), (19_200, val2_alter::HostConfig::default().mode));

@@ -17,7 +17,7 @@ pub type Decoder = LineDecoder<{ Line::MAX_LEN }>;
 pub struct LineDecoder<const N: usize> {
     dialect: Dialect,
     buffer: StreamBuffer<N>,
-    /// So many of the bytes hold no end of a line.
+    /// How many of the bytes hold no end of a line.
     searched: usize,
     /// The stream offset after what was given last: what is between it and the buffer is the beginning of a line that is too long.
     position: u64,

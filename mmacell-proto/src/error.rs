@@ -8,7 +8,7 @@ use core::fmt;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// No line of this protocol is so long. All of it, up to its end, is dropped.
+    /// No line of this protocol is this long. All of it, up to its end, is dropped.
     #[error("no end of the line within {limit} bytes")]
     TooLong {
         /// The longest line that is looked at, its end included.
@@ -18,7 +18,7 @@ pub enum DecodeError {
     #[error("the stream ends within a line")]
     Incomplete,
     /// The first three characters name no command (§4).
-    #[error("no command is called {:?}", Text(found))]
+    #[error("there is no command {:?}", Text(found))]
     UnknownCommand {
         /// The first three characters.
         found: [u8; 3],
@@ -48,7 +48,7 @@ pub enum DecodeError {
         expected: Expected,
     },
     /// The line goes on after its last field.
-    #[error("the line goes on at byte {offset}, where its end is expected")]
+    #[error("expected the end of the line at byte {offset}")]
     Trailing {
         /// The first byte too many.
         offset: usize,
@@ -126,7 +126,7 @@ impl fmt::Display for Expected {
 #[non_exhaustive]
 pub enum EncodeError {
     /// The buffer is too small.
-    #[error("{needed} bytes do not fit into {found}")]
+    #[error("{needed} bytes do not fit {found}")]
     Buffer {
         /// The length of the message.
         needed: usize,
@@ -165,7 +165,7 @@ pub enum EncodeError {
 #[non_exhaustive]
 pub enum SessionError {
     /// A command is not finished, or its outcome has not been polled.
-    #[error("the last command is not finished: one command is outstanding at a time")]
+    #[error("the last command has no outcome yet: only one can be outstanding")]
     Busy,
     /// There is no connection, or it has ended.
     #[error("there is no connection")]
@@ -174,7 +174,7 @@ pub enum SessionError {
     #[error("this order is not pending")]
     NotPending,
     /// The order has become impossible since it was asked for, and is refused.
-    #[error("the order is not possible any more, and is refused")]
+    #[error("the order is no longer possible and is refused")]
     NotPossible,
     /// The command has no form on the wire.
     #[error(transparent)]

@@ -23,15 +23,20 @@ impl Configure for Dialect {
 
 /// The fields `accepts` and `writes`, which both ends have.
 fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialect) {
-    fields.source("§4").part("accepts", "Dialect", "what is read beside the source's own", accepts);
-    fields.source("§4").part("writes", "Dialect", "what is written instead of the source's own", writes);
+    fields.source("§4").part("accepts", "Dialect", "variants that are read beside the source's", accepts);
+    fields.source("§4").part(
+        "writes",
+        "Dialect",
+        "variants that are written instead of the source's",
+        writes,
+    );
 }
 
 impl Configure for DeviceConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { accepts, writes, refusal, rules: _ } = self;
         let mut number = i32::from(*refusal);
-        let about = "the error number of what the protocol itself refuses; not 0";
+        let about = "the error number for refusals by the protocol; not 0";
         fields.source("§5").whole("refusal", -32768..=32767, "", about, &mut number);
         *refusal = ErrorCode::from(number);
         dialects(fields, accepts, writes);
@@ -42,9 +47,9 @@ impl Configure for CentralConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { accepts, writes, timeout, settle, tolerance, rules: _ } = self;
         fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
-        let about = "a status asked for sooner after the start of a motion may be older than it";
+        let about = "how long after a motion's start a status may be from before it";
         fields.time("settle", ANY_TIME, about, settle);
-        let about = "how far from its target a device has arrived: 1 µm, 0.1 mrad";
+        let about = "the distance from the target that counts as arrived: 1 µm, 0.1 mrad";
         fields.whole("tolerance", 0..=u32::MAX, "units", about, tolerance);
         dialects(fields, accepts, writes);
     }

@@ -1,4 +1,4 @@
-//! The central controller's end of a device in a task of its own, which connects again by itself: commands by `.await`.
+//! The central controller's end of a device in a task of its own, which reconnects automatically: commands by `.await`.
 //!
 //! ```no_run
 //! use mmacell_proto::robot_session::tokio::Tcp;
@@ -68,15 +68,15 @@ pub enum Error {
     #[error("the device refuses the command: {0:?}")]
     Refused(ErrorCode),
     /// The connection has ended before the command was sent.
-    #[error("the connection has ended before the command was sent: {0:?}")]
+    #[error("the connection ended before the command was sent: {0:?}")]
     NotSent(Closing),
     /// The connection has ended before the reply.
-    #[error("whether the command was executed is unknown, the connection has ended: {0:?}")]
+    #[error("outcome of the command unknown: the connection ended: {0:?}")]
     Unknown(Closing),
     /// The motion has ended elsewhere.
     #[error("the motion has not arrived: {0:?}")]
     Missed(Miss),
-    /// Somebody has stopped the motion.
+    /// The motion was stopped by another client.
     #[error("the motion was stopped")]
     Stopped,
     /// The task has ended. Whether the command was executed is unknown.
@@ -162,7 +162,7 @@ pub struct Commands<P> {
 }
 
 impl<P: Pose> Commands<P> {
-    /// The outcome of the outstanding command; that nobody waits for it any more its event says.
+    /// The outcome of the outstanding command; if it is no longer awaited, it is an event.
     fn end(&mut self, outcome: Outcome<P>) {
         if let Some(asked) = self.asked.take() {
             let _ = asked.reply.send(outcome);
@@ -193,7 +193,7 @@ impl<P: Pose> Commands<P> {
         }
     }
 
-    /// What a status means for the motion that somebody waits for.
+    /// What a status means for the awaited motion.
     fn moved(&mut self, status: Status<P>, progress: Progress) {
         match progress {
             Progress::Arrived => self.end_motion(Ok(Some((status, progress)))),
@@ -273,7 +273,7 @@ impl<P: Pose + Send + 'static> Service for Commands<P> {
     }
 
     fn refuse(&mut self, call: Asked<P>, why: &Arc<io::Error>) {
-        // Whoever is gone does not need to know that nothing was sent.
+        // A caller that is gone does not need to know that nothing was sent.
         let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
     }
 }

@@ -17,12 +17,12 @@ impl Length {
     /// The largest length that fits its field; the smallest is its negative.
     pub const MAX: Self = Self(999_999);
 
-    /// A length of so many micrometres.
+    /// A length of this many micrometres.
     pub const fn from_um(um: i32) -> Self {
         Self(um)
     }
 
-    /// The nearest length to so many millimetres, halves away from zero. What is not a number, or is too large for
+    /// The nearest length to this many millimetres, halves away from zero. What is not a number, or is too large for
     /// any length, becomes a length that encoding refuses.
     pub fn from_mm(mm: f64) -> Self {
         Self(nearest(mm * 1000.0))
@@ -55,12 +55,12 @@ impl Angle {
     /// The largest angle that fits its field; the smallest is its negative.
     pub const MAX: Self = Self(999_999);
 
-    /// An angle of so many tenths of a milliradian (0.0057° each).
+    /// An angle of this many tenths of a milliradian (0.0057° each).
     pub const fn from_tenths_mrad(tenths: i32) -> Self {
         Self(tenths)
     }
 
-    /// The nearest angle to so many radians, halves away from zero. What is not a number, or is too large for any
+    /// The nearest angle to this many radians, halves away from zero. What is not a number, or is too large for any
     /// angle, becomes an angle that encoding refuses.
     pub fn from_rad(rad: f64) -> Self {
         Self(nearest(rad * 10_000.0))

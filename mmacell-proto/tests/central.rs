@@ -133,7 +133,7 @@ fn anything_but_one_good_reply_of_the_right_kind_ends_the_connection() {
     let status = "OKF+000.000+000.000+000.000+00.0000T+00100+00000\r\n";
     let mismatch = |unfinished| closed(Closing::Mismatch, unfinished);
     let mut c = central();
-    assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), mismatch(Unfinished::Nothing), "nobody asked");
+    assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), mismatch(Unfinished::Nothing), "unsolicited");
     let mut c = central();
     send(&mut c, ZERO, Command::Status);
     assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), mismatch(Unfinished::Unknown(Command::Status)));

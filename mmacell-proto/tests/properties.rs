@@ -327,7 +327,7 @@ fn a_range_is_refused_with_a_clear_sentence() {
             "an error reply needs a number other than 0"
         );
     }
-    assert_eq!(refusal(Command::<NoPose>::Status.encode(&mut buffer[..4])), "5 bytes do not fit into 4");
+    assert_eq!(refusal(Command::<NoPose>::Status.encode(&mut buffer[..4])), "5 bytes do not fit 4");
 }
 
 #[test]
@@ -335,10 +335,10 @@ fn a_decode_error_reads_as_one_clear_sentence() {
     let command = |line: &[u8]| {
         Command::<PlatformPose>::decode(Line::new(line), &Dialect::STRICT).unwrap_err().to_string()
     };
-    assert_eq!(command(b"P\n\xFF"), r#"no command is called "P\n\xff""#);
+    assert_eq!(command(b"P\n\xFF"), r#"there is no command "P\n\xff""#);
     assert_eq!(command(b"MOVA+00.5"), "the line ends at byte 9, where a digit is expected");
     assert_eq!(command(b"MOVA+00,5000-00.2500"), "',' at byte 7, where a decimal point is expected");
-    assert_eq!(command(b"STPP"), "the line goes on at byte 3, where its end is expected");
+    assert_eq!(command(b"STPP"), "expected the end of the line at byte 3");
     assert_eq!(command(b"ACQ+40000"), "the integer 40000 at byte 3 is outside −32768 to 32767");
     assert_eq!(command(b"OVR+00101"), "the override 101 % at byte 3 is outside 0 to 100 %");
     let reply =

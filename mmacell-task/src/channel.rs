@@ -77,7 +77,7 @@ impl Channel {
         match motion {
             Progress::Starting | Progress::Moving | Progress::Stopping => self.at_rest = false,
             Progress::Arrived => (self.at_rest, self.travels) = (true, false),
-            // It is at rest somewhere, and nobody knows that it should be there.
+            // It is at rest somewhere, and it is unknown whether it should be there.
             Progress::Still if self.travels => return Err(Failure::Missed(Miss::Elsewhere)),
             Progress::Still => self.at_rest = true,
             Progress::Missed(miss) => return Err(Failure::Missed(miss)),

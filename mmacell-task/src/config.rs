@@ -25,7 +25,7 @@ pub struct TaskConfig {
     pub blow: Duration,
     /// How often a part is picked at most, until [`Step::Unpicked`](crate::Step::Unpicked); 0 counts as 1. Default: 3.
     pub attempts: u32,
-    /// How long it may take until all devices are ready. Default: for ever.
+    /// How long it may take until all devices are ready. Default: no timeout.
     pub ready_timeout: Duration,
     /// How long a step may take that waits for replies, a picture or the vacuum switch. Default: 10 s.
     pub order_timeout: Duration,

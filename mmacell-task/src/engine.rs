@@ -180,7 +180,7 @@ impl Task {
                 }
                 (Trigger::TimedOut, step) => {
                     self.fault = Some(Fault::Timeout { step });
-                    // Nobody else ends these: a connection's session ends the others.
+                    // Only this ends these: a connection's session ends the others.
                     self.channel(Device::Vision).answered();
                     self.channel(Device::Gripper).answered();
                 }
@@ -228,7 +228,7 @@ impl Task {
             Wait::Replies => Some(self.config.order_timeout),
             Wait::Motion => Some(self.config.motion_timeout),
         };
-        // For ever is not a time that comes.
+        // `Duration::MAX` means no timeout.
         self.overdue = limit.and_then(|limit| now.checked_add(limit)).filter(|at| *at < Duration::MAX);
         match step {
             Step::VacuumOn => self.risen = false,

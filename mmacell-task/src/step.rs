@@ -275,7 +275,7 @@ impl Step {
             Self::Resetting => {
                 &[(T::Failed, Self::Faulted), (T::AtRest, Self::ServosOn), (T::TimedOut, Self::Faulted)]
             }
-            // At the end nobody is missed.
+            // At the end a missing device does not matter.
             Self::Closing => &[(T::Answered, Self::Finished), (T::TimedOut, Self::Finished)],
             Self::Finished => &[],
         }

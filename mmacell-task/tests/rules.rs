@@ -17,7 +17,7 @@ fn a_camera_that_sees_nothing_waits_for_its_caller() {
     for step in [Step::FindPart, Step::FindSlot] {
         let mut task = task_at(step);
         task.handle_event(ZERO, Event::NotFound);
-        assert_eq!(task.step(), step, "nobody has asked yet");
+        assert_eq!(task.step(), step, "before the first request");
         poll(&mut task, ZERO);
         task.handle_event(ZERO, Event::NotFound);
         assert_eq!(poll(&mut task, ZERO), [Output::Entered(Step::NothingFound)]);
@@ -234,7 +234,7 @@ fn every_step_has_a_timeout() {
             step,
             Step::Placed | Step::Unpicked | Step::NothingFound | Step::Faulted | Step::Finished
         );
-        // For devices to be switched on it waits for ever, unless a setting limits it.
+        // It waits for devices to be switched on without a timeout, unless a setting limits it.
         let passes = matches!(step, Step::DevicesReady | Step::CheckGrip | Step::Resetting | Step::Closing);
         if waits_for_the_caller || passes || step == Step::AwaitDevices {
             continue;

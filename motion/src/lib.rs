@@ -1,4 +1,4 @@
-//! Motion: where an arm is, what a recording shows of it, how far it was from the plan, and whether an operator may move it.
+//! Motion: kinematics, planning, recordings compared with plans, and an operator's latch.
 
 mod bounds;
 pub mod dpm;

@@ -160,7 +160,7 @@ pub enum LimitError {
         max: f64,
     },
     /// A joint that would have to be faster than it can.
-    #[error("J{joint} has to move at {value:.0}°/s up to {time:.3} s: the robot's limit is {limit}°/s")]
+    #[error("J{joint} moves at {value:.0}°/s until {time:.3} s: the robot's limit is {limit}°/s")]
     Speed {
         /// The joint, from 1.
         joint: u8,

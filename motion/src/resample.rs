@@ -7,14 +7,14 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules, Speed, Termination};
 use super::kinematics::{Kinematics, Pose};
 use super::trajectory::{JointSample, Trajectory};
 
-/// When a new point begins.
+/// How points are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sampling {
     /// When the tool has gone so far, in mm.
     Distance(f64),
     /// When the tool has turned so far, in degrees.
     Angle(f64),
-    /// After so many seconds.
+    /// After this many seconds.
     Time(f64),
     /// After `max` seconds where nothing accelerates, after `min` seconds where the acceleration is greatest, and in
     /// proportion between: dense where the motion changes. The source finds this way best. The acceleration is taken over
@@ -55,7 +55,7 @@ pub enum SpeedStep {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Resampling {
-    /// When a new point begins.
+    /// How points are chosen.
     pub sampling: Sampling,
     /// How finely speeds are written. None is below 1 mm/s.
     pub speed: SpeedStep,
@@ -264,7 +264,7 @@ impl Report {
 #[non_exhaustive]
 pub enum ResampleError {
     /// A step that is not above zero, or a shortest step that is longer than the longest.
-    #[error("a step must be above zero, and the shortest no longer than the longest")]
+    #[error("steps must be above zero, and the shortest not longer than the longest")]
     Step,
     /// More points than a program can hold.
     #[error("the step is too short: more than {MAX_POINTS} points")]

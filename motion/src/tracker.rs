@@ -44,7 +44,7 @@ struct Last {
 #[non_exhaustive]
 pub enum Observation {
     /// The first block: there is nothing to compare it with. (The controller's own first speeds are differences from
-    /// registers that nobody has set.)
+    /// unset registers.)
     First,
     /// The life counter has not moved: the same run, read twice.
     Repeated,
@@ -161,7 +161,7 @@ fn rates<const N: usize>(from: [f64; N], mut to: [f64; N], seconds: f64) -> [f64
     to
 }
 
-/// So many periods; there are more of them than a `u32` counts before a controller is switched off.
+/// How many periods; there are more of them than a `u32` counts before a controller is switched off.
 fn span(period: Duration, runs: u64) -> Duration {
     let nanos = period.as_nanos().saturating_mul(u128::from(runs));
     Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))

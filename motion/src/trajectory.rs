@@ -139,10 +139,10 @@ pub enum TrajectoryReason {
     #[error("expected a number such as `-108.435`")]
     Number,
     /// Not later than the sample before it.
-    #[error("expected a time that is later than the one before")]
+    #[error("expected a time later than the previous one")]
     Time,
     /// Fewer than two samples.
-    #[error("expected two samples at least")]
+    #[error("expected at least two samples")]
     Short,
 }
 

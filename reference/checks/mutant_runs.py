@@ -294,7 +294,7 @@ class Command:
         return answers is None or len(answers) < len(cases)
 
     def answers(self, link: Link, cases: list[int]) -> list[dict] | None:
-        """What the testee answers; None: it fails, or goes on for ever."""
+        """What the testee answers; None: it fails, or does not end."""
 
         def limits() -> None:
             resource.setrlimit(resource.RLIMIT_CPU, (COMMAND_LOOP, COMMAND_LOOP))

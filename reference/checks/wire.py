@@ -399,7 +399,7 @@ REAL_TIME = {alter_host, alter_controller, viewer_workstation}
 
 
 def tried(scene, source):
-    """What keeps real time is tried three times: a machine may have stood still."""
+    """What keeps real time is tried three times: the host may have stalled."""
     for _ in range(3 if scene in REAL_TIME else 1):
         wrong = run(scene, source)
         if wrong is None:

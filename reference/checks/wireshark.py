@@ -28,7 +28,7 @@ CLIENTS = {
     "laser-eb90": ["host"], "mmacell-proto": ["central"], "fanuc-hmi-modbus": ["client"], "val2-alter": ["host"],
     "kawasaki-msg": ["robot"],
 }
-# Requests of a client of the connection and the server's answers, or the other way round: the first begins.
+# Requests of a client of the connection and the server's answers, or vice versa: the first begins.
 PAIRS = {
     "val2-alter": [("server", "101002A0171003B7"), ("client", "10100200100300")],
     "val2-viewer": [("client", "05"), ("server", b"$POSE,0,0,0,0,0,0,0,0,0,0,0,0,0*15\r\n".hex())],

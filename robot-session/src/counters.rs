@@ -7,7 +7,7 @@ pub trait Counters: Copy + Default + Debug + PartialEq {
     /// Inputs that the machine's state did not allow.
     fn unexpected(&mut self) -> &mut u64;
 
-    /// Notices that were dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     fn dropped_notices(&mut self) -> &mut u64;
 }
 

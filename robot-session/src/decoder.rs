@@ -6,9 +6,9 @@
 /// if `push` did not take everything. At the end of the stream, or when the line is silent, call [`finish`](Self::finish) and
 /// `next_frame` again.
 ///
-/// - Frames and errors tile the stream: every byte belongs to exactly one of them, and [`position`](Self::position) says where
+/// - Frames and errors cover the stream without gaps: every byte belongs to exactly one of them, and [`position`](Self::position) says where
 ///   each ends. An error covers the bytes up to where the next frame may begin, so a valid frame after an error is not lost.
-/// - How the stream is cut into pieces changes nothing.
+/// - Chunking of the stream has no effect.
 /// - Incomplete input is `None`, never an error; only `finish` makes it one.
 /// - After an error, calling again makes progress: a finite input gives finitely many frames and errors.
 pub trait Decoder {
@@ -17,7 +17,7 @@ pub trait Decoder {
     where
         Self: 'a;
 
-    /// Why bytes are no frame: the fault of the peer or of the line.
+    /// Why bytes are not a frame: a fault of the peer or of the line.
     type Error: core::error::Error;
 
     /// Takes bytes; returns how many. If it takes none, its buffer is full and `next_frame` returns something.
@@ -27,7 +27,7 @@ pub trait Decoder {
     /// The next frame or error; `None` if more bytes are needed.
     fn next_frame(&mut self) -> Option<Result<Self::Frame<'_>, Self::Error>>;
 
-    /// The stream or datagram has ended, or the line is silent: what is not whole becomes an error.
+    /// The stream or datagram has ended, or the line is silent: an incomplete frame becomes an error.
     fn finish(&mut self);
 
     /// The stream offset just after what `next_frame` returned last.

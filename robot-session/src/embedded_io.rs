@@ -94,7 +94,7 @@ impl<C: Fn() -> Duration> Clock for Now<C> {
     }
 }
 
-/// A port of which nobody waits for anything.
+/// A port without waits.
 #[derive(Debug)]
 struct Ready<P>(P);
 

@@ -2,7 +2,7 @@
 
 /// A message that can be written as bytes.
 pub trait Encode {
-    /// Why a message cannot be written: the fault of the caller.
+    /// Why a message cannot be encoded: a fault of the caller.
     type Error: core::error::Error;
 
     /// The bytes that [`encode`](Self::encode) writes.

@@ -5,7 +5,7 @@ use core::time::Duration;
 use crate::event::Events;
 use crate::{Counters, Decoder, Expiry, Input, Machine, Session, Unexpected};
 
-/// What every end consists of.
+/// The parts of every end.
 #[derive(Debug, Clone)]
 pub struct Core<M: Machine, D, Q, S> {
     /// What it works with.
@@ -18,14 +18,14 @@ pub struct Core<M: Machine, D, Q, S> {
     pub events: Q,
     /// What it has counted.
     pub statistics: S,
-    /// Frames may wait in the decoder: reading has stopped.
+    /// Reading has stopped; frames may wait in the decoder.
     held: bool,
-    /// What the machine was given, if somebody has asked for it: time, state and input.
+    /// A record of the machine's inputs, if enabled: time, state and input.
     #[cfg(feature = "model")]
     pub moves: Option<std::vec::Vec<(Duration, M, M::Input)>>,
 }
 
-/// For how many outcomes the event queue must have room. What may have more of them does not begin.
+/// The number of outcomes for which the event queue must have room. Otherwise the step does not begin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Room {
     /// Before a connection begins; without room the session stays without one.
@@ -37,7 +37,7 @@ pub struct Room {
 }
 
 /// One end of a link: what its frames mean, what its actions report, how its messages are written. It decides nothing: an `if` about
-/// a rule of the protocol belongs into its [`Machine`].
+/// a rule of the protocol belongs in its [`Machine`].
 ///
 /// Whatever implements this is a [`Session`].
 pub trait End: Sized {
@@ -49,10 +49,10 @@ pub trait End: Sized {
     type Events: Events;
     /// [`Session::Statistics`].
     type Statistics: Counters;
-    /// What a frame carries that the machine does not look at.
+    /// The data of a frame that the machine does not use.
     type Payload;
 
-    /// [`Session::MAX_INPUT`]. Where the machine may stop to read, so many bytes fit the decoder beside the beginning of a frame.
+    /// [`Session::MAX_INPUT`]. Where the machine may stop to read, this many bytes fit the decoder beside the beginning of a frame.
     const MAX_INPUT: usize;
     /// [`Session::MAX_TRANSMIT`].
     const MAX_TRANSMIT: usize;
@@ -68,11 +68,11 @@ pub trait End: Sized {
     /// The next frame as an input. Corrupt bytes and frames that are no input are reported here.
     fn next_input(&mut self) -> Option<(InputOf<Self>, Option<Self::Payload>)>;
 
-    /// Does what the machine says.
+    /// Executes an action of the machine.
     fn act(&mut self, now: Duration, action: ActionOf<Self>, payload: Option<Self::Payload>);
 
-    /// Writes what is due; returns its length, and the input which says that it was sent. `None` if `out` is too short: nothing has
-    /// changed then. A length of zero: it cannot be sent, and the input says why.
+    /// Encodes the due message; returns its length, and the input to give when it is sent. `None` if `out` is too short, and nothing has
+    /// changed. A length of zero: it cannot be sent, and the input says why.
     fn write(
         &mut self,
         now: Duration,
@@ -83,7 +83,7 @@ pub trait End: Sized {
     /// The event of an input that the state does not allow.
     fn unexpected(unexpected: Unexpected) -> EventOf<Self>;
 
-    /// Bytes have come and are not decoded yet. False: they are not read.
+    /// Bytes have arrived, and are not yet decoded. False: they are not read.
     #[inline]
     fn begin_input(&mut self, _now: Duration) -> bool {
         true
@@ -93,7 +93,7 @@ pub trait End: Sized {
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
-    /// What else there is to see than bytes and time, as the queue that a robot fills: after what came due. Whoever changes it wakes the
+    /// Reads other inputs, such as the queue that a robot fills, after expired deadlines. The code that changes such an input wakes the
     /// caller, see [`Session`].
     #[inline]
     fn look(&mut self, _now: Duration) {}
@@ -104,7 +104,7 @@ pub trait End: Sized {
         self.reads() && !self.core().held
     }
 
-    /// More bytes have come than fit while nothing is read: they are lost, but for what fits after this.
+    /// More bytes have arrived than fit while reading is stopped: they are lost, except for those that fit after this.
     fn overrun(&mut self, _now: Duration) {}
 
     /// [`Session::handle_transmitted`].
@@ -116,7 +116,7 @@ pub trait End: Sized {
         self.core_mut().events.pop()
     }
 
-    /// Gives the machine an input, and does what it says.
+    /// Gives the machine an input, and executes its action.
     #[inline(always)] // where the input is known, little of the machine is left
     fn advance(&mut self, now: Duration, input: InputOf<Self>, payload: Option<Self::Payload>) {
         match self.core_mut().on(now, input) {
@@ -125,7 +125,7 @@ pub trait End: Sized {
         }
     }
 
-    /// Gives the machine what the caller wants, after what came due where that comes first.
+    /// Gives the machine an input of the caller, after expired deadlines where these come first.
     #[inline]
     fn request(&mut self, now: Duration, input: InputOf<Self>) {
         expire_first(self, now);
@@ -157,7 +157,7 @@ pub trait End: Sized {
         self.core_mut().held = true;
     }
 
-    /// Gives up what is no whole frame, and reads what there is behind its beginning.
+    /// Gives up an incomplete frame, and reads the frames after its beginning.
     fn finish(&mut self, now: Duration) {
         self.core_mut().decoder.finish();
         read_on(self, now);
@@ -177,7 +177,7 @@ pub type TransmitOf<E> = <<E as End>::Machine as Machine>::Transmit;
 pub type EventOf<E> = <<E as End>::Events as Events>::Event;
 
 impl Room {
-    /// For none: everything that happens is a notice.
+    /// None: every event is a notice.
     pub const NONE: Self = Self { connect: 0, read: 0, transmit: 0 };
 }
 
@@ -296,7 +296,7 @@ impl<E: End> Session for E {
         }
         let (length, sent) = self.write(now, what, out)?;
         self.advance(now, sent, None);
-        // At once: whoever polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
+        // At once: a caller that polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
         read_held(self, now);
         (length > 0).then_some(length)
     }

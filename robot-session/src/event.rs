@@ -46,7 +46,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         self.append(event, true);
     }
 
-    /// Whether so many outcomes can be added.
+    /// Whether this number of outcomes can be added.
     pub const fn has_room(&self, outcomes: usize) -> bool {
         N - self.outcomes >= outcomes
     }
@@ -64,7 +64,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         event
     }
 
-    /// No event waits.
+    /// Whether the queue is empty.
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -114,7 +114,7 @@ impl<E, const N: usize> Default for EventQueue<E, N> {
     }
 }
 
-/// What a session does with its events, however many it holds: an [`EventQueue`] of any length.
+/// An [`EventQueue`] of any length.
 pub trait Events: Default {
     /// What has happened.
     type Event;

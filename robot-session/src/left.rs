@@ -46,7 +46,7 @@ impl Left {
         self.begin < self.end
     }
 
-    /// Nothing, from a port that may take none for so long.
+    /// Nothing, from a port that may take none for this long.
     pub(crate) const fn with_stall(stall: Duration) -> Self {
         Self { stall, ..Self::NOTHING }
     }

@@ -9,21 +9,21 @@ use crate::unexpected::Unexpected;
 /// The state machine of one end of a link: everything that decides what happens next, without bytes, buffers or a clock.
 ///
 /// The state is a value: equal states behave equally. Every time in it is a deadline that is compared with `now` and with nothing
-/// else, so that the states are finitely many and a model can visit all of them. `Duration::MAX` is never.
+/// else, so that the states are finitely many and a model can visit all of them. `Duration::MAX` means never.
 pub trait Machine: Clone + Eq + Hash + Debug {
     /// The end's name.
     const END: &'static str;
 
-    /// What else of the same moment waits until what came due is done.
+    /// Which inputs wait until an expired deadline is handled.
     const EXPIRY: Expiry;
 
-    /// What happens to the end.
+    /// The inputs of the end.
     type Input: Input;
 
-    /// What the end does about it.
+    /// The reactions of the end.
     type Action: Debug;
 
-    /// What the end has to send.
+    /// The messages that the end sends.
     type Transmit: Debug;
 
     /// Its limits and options.
@@ -40,13 +40,13 @@ pub trait Machine: Clone + Eq + Hash + Debug {
         config: &Self::Config,
     ) -> Result<Self::Action, Unexpected>;
 
-    /// What is to be sent now. It stays due until an input says that it was sent.
+    /// The message to send now. It stays due until an input says that it was sent.
     fn transmit(&self, now: Duration, config: &Self::Config) -> Option<Self::Transmit>;
 
-    /// When [`Input::TIMEOUT`] or something to send is due; `None` if only bytes or the caller can make something happen.
+    /// When [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.
     fn deadline(&self) -> Option<Duration>;
 
-    /// Whether [`Input::TIMEOUT`] has something to do now. Each time that it comes, it does one thing.
+    /// Whether [`Input::TIMEOUT`] is due now. Each one handles one deadline.
     fn expires(&self, now: Duration) -> bool;
 
     /// Whether the bytes that are held are given up, and so read as what they are, before [`Input::TIMEOUT`] comes. Not where it comes
@@ -56,7 +56,7 @@ pub trait Machine: Clone + Eq + Hash + Debug {
         false
     }
 
-    /// Whether frames are read now; what comes meanwhile waits.
+    /// Whether frames are read now; otherwise bytes wait.
     #[inline]
     fn reads(&self) -> bool {
         true
@@ -75,18 +75,18 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     }
 }
 
-/// What waits until what came due at the same moment is done.
+/// Which inputs wait until an expired deadline is handled.
 ///
 /// Where input does not wait, a reply that a late caller reads after its deadline still counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expiry {
-    /// Everything waits: what comes late is worthless.
+    /// Everything waits: late input is worthless.
     First,
-    /// Bytes wait: after a silence they do not go on with what came before it.
+    /// Bytes wait: after a silence they do not continue an earlier frame.
     BeforeInput,
-    /// What is to be sent waits: it depends on what came due.
+    /// Sending waits: the message depends on the deadline.
     BeforeTransmit,
-    /// Both wait; what the caller wants does not.
+    /// Both wait; calls do not.
     BeforeBytes,
     /// Nothing waits: time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
     Last,
@@ -106,7 +106,7 @@ pub trait Input: Clone + Debug {
 }
 
 /// Implements [`Input`](trait@crate::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and with those that
-/// are listed: each is called what its variant is, or as it is said `as`.
+/// are listed. The name of an input is that of its variant, or the one after `as`.
 ///
 /// ```
 /// #[derive(Debug, Clone)]
@@ -147,7 +147,7 @@ macro_rules! inputs {
     };
 }
 
-/// Whether a deadline has come; `Duration::MAX` is never.
+/// Whether a deadline has passed; `Duration::MAX` means never.
 #[inline]
 pub fn is_due(deadline: Duration, now: Duration) -> bool {
     now >= deadline && deadline < Duration::MAX

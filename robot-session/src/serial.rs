@@ -11,7 +11,7 @@ use crate::{Received, Sent, Transport, Wait};
 
 /// A serial port, as `serialport::new(path, baud).open()` gives it, as a [`Transport`].
 ///
-/// A [`Waker`](crate::Waker) does not end its wait, which is for something else than a descriptor on some systems: whoever needs one
+/// A [`Waker`](crate::Waker) does not end its wait, which is for something else than a descriptor on some systems: a caller that needs one
 /// limits the turn.
 #[allow(missing_debug_implementations, reason = "a port is not")]
 pub struct Serial(pub Box<dyn SerialPort>);

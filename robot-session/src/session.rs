@@ -6,22 +6,22 @@ use core::time::Duration;
 ///
 /// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) and
 /// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`settle`](crate::settle) does it), then sleep until bytes arrive or
-/// [`poll_timeout`](Self::poll_timeout) is reached. No other order loses anything; calling too often or too late changes only
-/// what the protocol's own deadlines change.
+/// [`poll_timeout`](Self::poll_timeout) is reached. Other orders of calls lose nothing; calling too often or too late affects only
+/// the protocol's own deadlines.
 ///
-/// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stand still. All arithmetic
-///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it is never.
-/// - **Life.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
+/// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stop. All arithmetic
+///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it means never.
+/// - **Connections.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
 ///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
-///   connection. Nothing of a connection leaks into the next, except what its machine keeps on purpose.
+///   connection. No state of a connection carries over to the next, except what the machine keeps on purpose.
 /// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
 ///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
-/// - **Wakes.** Nothing is looked at now and then. What a session works with beside bytes and time, as the queue that a robot fills,
-///   it sees in [`handle_timeout`](Self::handle_timeout). Whoever changes that wakes the caller, who hands over what he was woken for
-///   and calls it. The drivers have a `waker` for it: a turn ends when they are woken, and the next one calls it without a wait.
+/// - **Wakes.** Nothing is polled. Other inputs of a session, such as the queue that a robot fills,
+///   are read in [`handle_timeout`](Self::handle_timeout). The code that changes such an input wakes the caller,
+///   which then calls it. The drivers have a `waker`: a turn ends when it is used, and the next one calls `handle_timeout` at once.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
-///   unasked messages) is: of too many the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
-/// - **Statistics.** Plain counters; inputs that the machine did not expect are counted.
+///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
+/// - **Statistics.** Counters, including one of inputs that the machine did not expect.
 pub trait Session {
     /// What the session reports: small and owned, so that a handler may call the session.
     type Event;
@@ -29,10 +29,10 @@ pub trait Session {
     /// Plain counters since the session was made.
     type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
 
-    /// The most bytes that [`handle_input`](Self::handle_input) is given at once: the length of a driver's buffer.
+    /// The maximum of bytes for one [`handle_input`](Self::handle_input): the length of a driver's buffer.
     const MAX_INPUT: usize;
 
-    /// The longest that [`poll_transmit`](Self::poll_transmit) writes at once, in bytes.
+    /// The maximum of bytes that one [`poll_transmit`](Self::poll_transmit) writes.
     const MAX_TRANSMIT: usize;
 
     /// A connection was made, or the port was opened.
@@ -42,14 +42,14 @@ pub trait Session {
     fn handle_disconnected(&mut self, now: Duration);
 
     /// Bytes have arrived, up to [`MAX_INPUT`](Self::MAX_INPUT) while [`wants_input`](Self::wants_input) is true: all of them are taken.
-    /// Of more, a session that stops reading may lose some, and reports that. On a transport of datagrams they are one datagram.
+    /// If there are more, a session that stops reading can lose some, and reports that. On a datagram transport they are one datagram.
     fn handle_input(&mut self, now: Duration, bytes: &[u8]);
 
     /// Time has passed, or what the session works with has changed.
     fn handle_timeout(&mut self, now: Duration);
 
-    /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Only a driver that knows this for
-    /// certain may say so, and none has to.
+    /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Optional: only for drivers that know this
+    /// for certain.
     fn handle_transmitted(&mut self, _now: Duration) {}
 
     /// Whether bytes are to be read from the transport now. False while the session waits for its caller or for something to be sent
@@ -65,8 +65,8 @@ pub trait Session {
     /// [`MAX_TRANSMIT`](Self::MAX_TRANSMIT) bytes are always enough.
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize>;
 
-    /// When [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit) are to be called at the latest;
-    /// `None` if only bytes, the caller or a wake can make something happen.
+    /// The latest time to call [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit);
+    /// `None` if nothing happens without bytes, a call or a wake.
     fn poll_timeout(&self) -> Option<Duration>;
 
     /// The counters.

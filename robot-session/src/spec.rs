@@ -14,7 +14,7 @@
 //!         // Without `..`: a field that has no line does not compile.
 //!         let Self { resends, timeout } = self;
 //!         fields.whole("resends", 0..=u8::MAX, "times", "how often a frame is sent again", resends);
-//!         fields.source("§3.4").time("timeout", ANY_TIME, "how long a reply is awaited", timeout);
+//!         fields.source("§3.4").time("timeout", ANY_TIME, "the reply timeout", timeout);
 //!     }
 //! }
 //! ```
@@ -119,7 +119,7 @@ pub trait Fields {
     /// A value with parts, in the shape that its `serde` form has.
     fn parsed<T: Serialize + DeserializeOwned>(&mut self, name: &str, shape: Str, about: Str, field: &mut T);
 
-    /// What is given in code alone: no value can be read, and `default` names that of a configuration that nobody has changed.
+    /// What is given in code alone: no value can be read, and `default` names that of an unchanged configuration.
     fn code(&mut self, name: &str, shape: Str, default: Str, about: Str);
 
     /// A field that is a configuration of its own, of the type `of`.

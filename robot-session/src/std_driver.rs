@@ -23,7 +23,7 @@ pub trait Transport {
 
     /// Reads what has arrived, or waits until something does, but no longer than `wait`: [`Wait::readable`] is that wait for all that
     /// has a socket. A transport that waits for something else than a descriptor, and looks at [`Wait::limit`] alone, is not woken by
-    /// a [`Waker`]: what its driver is woken for is done when the wait has ended, and whoever cannot wait so long limits the turn.
+    /// a [`Waker`]: what its driver is woken for is done when the wait has ended, and a caller that cannot wait this long limits the turn.
     ///
     /// # Errors
     /// The transport's own. Nothing in time is no error: [`Received::Nothing`].
@@ -49,7 +49,7 @@ pub trait Transport {
 /// What [`Transport::receive`] brought.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Received {
-    /// So many bytes.
+    /// How many bytes.
     Bytes(usize),
     /// Nothing in time.
     Nothing,
@@ -60,7 +60,7 @@ pub enum Received {
 /// Where the bytes are when [`Transport::send`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sent {
-    /// So many of them, perhaps none, are in a buffer of the system: there is no room for the others. They are given again.
+    /// How many of them, perhaps none, are in a buffer of the system: there is no room for the others. They are given again.
     Part(usize),
     /// All of them are in a buffer of the system.
     Buffered,
@@ -310,7 +310,7 @@ impl Transport for TcpStream {
     }
 }
 
-/// Datagrams to and from the peer that the socket is connected to. One that is lost is no error, nor that nobody is there.
+/// Datagrams to and from the peer that the socket is connected to. A lost datagram and a missing peer are not errors.
 impl Transport for UdpSocket {
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if !wait.readable(&*self)? {
@@ -358,7 +358,7 @@ pub(crate) fn is_silence(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
-/// What a UDP socket says of one datagram and not of itself: that it has reached nobody, or was longer than any message. Systems have words of
+/// What a UDP socket says of one datagram and not of itself: that it was not delivered, or was longer than any message. Systems have words of
 /// their own for that: Windows resets, and refuses to cut what is too long.
 pub fn is_lost_datagram(error: &io::Error) -> bool {
     /// `WSAEMSGSIZE`, which has no kind.

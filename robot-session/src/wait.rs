@@ -134,7 +134,7 @@ pub struct Waker(Arc<Wakeup>);
 
 #[derive(Debug)]
 struct Wakeup {
-    /// Connected to itself: a descriptor that any system can wait for, and nobody else can send to.
+    /// Connected to itself: a descriptor that any system can wait for, and that no other socket can send to.
     socket: UdpSocket,
     /// A datagram is on its way.
     pending: AtomicBool,

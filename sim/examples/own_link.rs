@@ -157,7 +157,7 @@ impl Service for Weighing {
     }
 
     fn refuse(&mut self, reply: Reply<Weighed>, _: &Arc<io::Error>) {
-        // Nobody is there to be told.
+        // No peer is left to inform.
         let _ = reply.send(Err(NoWeight::Disconnected));
     }
 }

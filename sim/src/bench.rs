@@ -9,9 +9,9 @@ use crate::device::{Device, Executed};
 use crate::faults::Faults;
 use crate::simulator::{Simulator, Told};
 
-/// So long there is no connection after one has ended, by default.
+/// How long there is no connection after one has ended, by default.
 const RECONNECT: Duration = Duration::from_millis(100);
-/// So long a byte is on its way, by default.
+/// How long a byte is on its way, by default.
 const LATENCY: Duration = Duration::from_millis(1);
 
 /// What is between the two ends.
@@ -172,7 +172,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         self.events.pop_front()
     }
 
-    /// The events of the session that nobody has taken.
+    /// The events of the session that were not fetched.
     pub fn take_events(&mut self) -> impl Iterator<Item = S::Event> + use<'_, S, D> {
         self.events.drain(..)
     }
@@ -191,7 +191,7 @@ impl<S: Session, D: Device> Bench<S, D> {
                 self.work();
                 return true;
             }
-            // What was called is seen before time passes; what is overdue is no reason to stand still.
+            // What was called is seen before time passes; what is overdue does not stop it.
             self.work();
             let next = self.next().map_or(end, |at| at.max(self.now + Duration::from_micros(1)));
             if self.now >= end {

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub enum Fault {
     /// The message is lost.
     Drop,
-    /// The message, and all behind it, come so much later.
+    /// The message, and all later ones, are delayed by this time.
     Delay(Duration),
     /// A bit of the message is turned over.
     Corrupt,
@@ -20,9 +20,9 @@ pub enum Fault {
     Close,
     /// The message comes twice.
     Twice,
-    /// The device neither reads nor sends for so long, beginning with the message. What it executes goes on.
+    /// The device neither reads nor sends for this time, beginning with the message. Execution continues.
     Freeze(Duration),
-    /// The device loses its power, and is there again after so long. The message is lost, and the connection ends.
+    /// The device loses power, and restarts after this time. The message is lost, and the connection ends.
     Restart(Duration),
     /// The device loses what it holds and has not executed. The message is carried, and the connection goes on.
     Forget,
@@ -33,7 +33,7 @@ pub enum Fault {
 enum When {
     /// To the answer of this number, from 1, or to the first one after it.
     Answer(u64),
-    /// To every so many answers.
+    /// To every this many answers.
     EveryAnswer(u64),
     Request(u64),
     EveryRequest(u64),
@@ -121,7 +121,7 @@ struct State {
     happened: Vec<(Duration, Fault)>,
     /// What has happened to the whole device, and on which of its connections first.
     whole: Vec<(usize, Duration, Fault)>,
-    /// Of so many connections.
+    /// Of this many connections.
     connections: usize,
     random: fastrand::Rng,
 }
@@ -163,7 +163,7 @@ impl Faults {
         self.next_answer(Fault::Drop);
     }
 
-    /// The next message of the device comes so much later.
+    /// The next message of the device is delayed by this time.
     pub fn delay_next(&self, by: Duration) {
         self.next_answer(Fault::Delay(by));
     }
@@ -183,7 +183,7 @@ impl Faults {
         self.next_answer(Fault::Twice);
     }
 
-    /// The device neither reads nor sends from now on, for so long.
+    /// The device neither reads nor sends from now on, for this long.
     pub fn freeze(&self, time: Duration) {
         self.now(Fault::Freeze(time));
     }

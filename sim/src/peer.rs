@@ -61,6 +61,6 @@ where
         self.session = self.new.clone();
     }
 
-    /// What it holds nobody knows here.
+    /// Its contents are unknown here.
     fn forget(&mut self, _: Duration) {}
 }

@@ -16,7 +16,7 @@ use crate::device::{Device, Error, Executed};
 use crate::faults::Faults;
 use crate::simulator::{Simulator, Told};
 
-/// A fault that was asked for, a new connection and the end are looked for so often.
+/// How often a fault that was asked for, a new connection and the end are looked for.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A device in a thread, which ends when this is dropped.

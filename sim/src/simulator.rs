@@ -30,7 +30,7 @@ pub struct Simulator<D: Device> {
     connected: bool,
     /// Why the connection is to be closed.
     closing: Option<&'static str>,
-    /// Somebody asks for what was executed.
+    /// The executed commands are fetched.
     keeps: bool,
     /// Which of the device's connections it is, and how much of what has happened to the whole device it knows.
     connection: usize,
@@ -87,7 +87,7 @@ impl<D: Device> Simulator<D> {
         Some(Self { keeps, frozen, off, ..Self::with(device, self.faults.clone()) })
     }
 
-    /// The same, where nobody asks for [what was executed](Self::poll_executed): it is not kept.
+    /// The same, without [executed commands](Self::poll_executed), which are not kept.
     #[must_use]
     pub fn keeping_nothing(mut self) -> Self {
         self.keeps = false;

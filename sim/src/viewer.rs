@@ -53,7 +53,7 @@ pub struct Drawn {
     pub damaged: u64,
     /// Times that the picture was stale.
     pub stale: u64,
-    /// Times that the operator paused a picture that stood still, which makes it ask again (§9.4).
+    /// How often the operator paused a frozen picture, which makes it request again (§9.4).
     pub pauses: u64,
     /// The most poses that came between two pictures: more than one is a backlog.
     pub most_at_once: u64,

@@ -81,7 +81,7 @@ fn an_hour_of_cutting_with_lost_answers() {
     let cut: Vec<u32> = cut.collect();
     assert!(cut.windows(2).all(|two| two[0] < two[1]), "nothing is cut twice");
     assert!(taken > 40_000 && unknown > 100, "{taken} {unknown}");
-    // Of what nobody knows some was cut, and some was refused by a full queue.
+    // Of the unknown ones some were cut, and some were refused by a full queue.
     assert!((taken..=taken + unknown).contains(&(cut.len() as u64)), "{taken} {unknown} {}", cut.len());
 }
 

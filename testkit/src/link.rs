@@ -116,7 +116,7 @@ impl Link {
         self.receive_part(at, now, usize::MAX)
     }
 
-    /// The same, at most so many bytes at once.
+    /// The same, at most this many bytes at once.
     pub fn receive_part(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
         let direction = match at {
             End::A => &mut self.to_a,

@@ -12,7 +12,7 @@ pub trait Carrier {
     /// Takes bytes from an end.
     fn send(&mut self, from: End, now: Duration, bytes: &[u8]);
 
-    /// What has arrived at an end by `now`, at most so many bytes at once: to be called until it returns `None`.
+    /// What has arrived at an end by `now`, at most this many bytes at once: to be called until it returns `None`.
     fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery>;
 }
 

@@ -64,7 +64,7 @@ fn a_clean_line_gives_new_values_each_period() {
     }
 }
 
-/// The thesis's ball repeats its values while its processor has no new ones (§4.2): nothing may follow them for ever.
+/// The thesis's ball repeats its values while its processor has no new ones (§4.2): nothing may follow them without limit.
 #[test]
 fn a_ball_that_cannot_measure_is_stale_until_it_can() {
     let mut link = Link::new(1, Faults::NONE.at_baud(9600));

@@ -288,7 +288,7 @@ fn a_clock_that_runs_for_hours(change: Option<Change>) {
     assert!(bench.robot.real("x.t.over") - ready > 0.9, "{ready}");
 }
 
-/// A late answer is taken for the cycle that it belongs to: the next ones are not one behind for ever.
+/// A late answer is taken for the cycle that it belongs to: the next ones do not stay one late.
 fn a_late_answer(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(b"");

@@ -126,7 +126,7 @@ fn an_exploration_that_is_cut_off_says_so() {
             "limit {limit}"
         );
     }
-    // Standing still is not judged by half of the states.
+    // Stalls are not judged by half of the states.
     let mut system = line();
     system.steps.extend([(1, 7, 0), (7, 7, 1)]);
     let graph = explore(&system, &Options { limit: 3, ..Options::default() });
@@ -267,11 +267,11 @@ impl Drawn for Door {}
 
 /// The door alone. With `early` its timer is asked before it is due, which is unexpected.
 #[derive(Debug, Clone)]
-struct House {
+struct Doorway {
     early: bool,
 }
 
-impl System for House {
+impl System for Doorway {
     type State = (Door, bool);
     type Act = Option<DoorInput>;
 
@@ -333,7 +333,7 @@ impl System for House {
 
 #[test]
 fn the_states_are_finitely_many_though_time_goes_on() {
-    let graph = explore(&House { early: false }, &Options::default());
+    let graph = explore(&Doorway { early: false }, &Options::default());
     assert!(graph.holds());
     // Four that are shut, and three times three that are open.
     assert_eq!(graph.states, 13);
@@ -342,14 +342,14 @@ fn the_states_are_finitely_many_though_time_goes_on() {
 
 #[test]
 fn what_is_unexpected_is_a_property() {
-    let system = House { early: true };
+    let system = Doorway { early: true };
     let graph = explore(&system, &Options::default());
     let path = graph.path(graph.broken["nothing is unexpected"]);
     assert_eq!(path, [Some(DoorInput::Push), Some(DoorInput::Timeout)]);
-    let case = MustFail::new("the timer waits", "nothing is unexpected", "a house", system.clone());
+    let case = MustFail::new("the timer waits", "nothing is unexpected", "a doorway", system.clone());
     let caught = case.caught(&Options::default()).unwrap();
     assert_eq!((caught.steps, caught.trace.as_str()), (2, "0: Some(Push), Some(Timeout); 0."));
-    let case = MustFail::new("the timer waits", "something else", "a house", system);
+    let case = MustFail::new("the timer waits", "something else", "a doorway", system);
     assert!(case.caught(&Options::default()).is_none());
 }
 
@@ -365,7 +365,7 @@ fn time_never_goes_below_zero_and_never_stays_never() {
 
 #[test]
 fn the_walks_visit_every_state_and_take_every_transition() {
-    let system = House { early: false };
+    let system = Doorway { early: false };
     let graph = explore(&system, &Options { edges: true, ..Options::default() });
     let (mut states, mut edges, mut walks) = (BTreeSet::new(), Vec::new(), 0);
     for walk in graph.walks() {
@@ -386,7 +386,7 @@ fn the_walks_visit_every_state_and_take_every_transition() {
 
 #[test]
 fn a_diagram_shows_what_can_happen() {
-    let edges = Setting::new("a house", House { early: false }).edges();
+    let edges = Setting::new("a doorway", Doorway { early: false }).edges();
     assert_eq!(
         mermaid(&edges, "door"),
         "```mermaid\nstateDiagram-v2\n    Open --> Shut: Timeout\n    Shut --> Open: Push / Ring\n```\n"

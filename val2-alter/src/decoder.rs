@@ -29,7 +29,7 @@ pub struct Received<M> {
 /// names ([`Message::is_plausible`]). The work is bounded: a byte is looked at once for each start mark in the
 /// [`Frame::MAX_LEN`] bytes before it.
 ///
-/// Frames and errors tile the stream: an error covers the bytes from the start mark of a corrupt frame to where the next frame
+/// Frames and errors cover the stream without gaps: an error covers the bytes from the start mark of a corrupt frame to where the next frame
 /// may begin, which may be inside of it. Where that is shows when the next start mark comes; that something is wrong is certain
 /// earlier, and [`corruption`](Self::corruption) returns it then.
 #[derive(Debug, Clone)]
@@ -47,7 +47,7 @@ pub struct Decoder<M> {
     spare_dles: usize,
     /// `buffer[start]` is the checksum of the frame before: counted there, but perhaps the first DLE of the next start mark.
     lent: bool,
-    /// So many bytes from `start` on have been read as a corrupt frame: a frame that begins there is a second reading.
+    /// How many bytes from `start` on have been read as a corrupt frame: a frame that begins there is a second reading.
     read_before: usize,
     /// The frame at `start`, as far as it was read.
     reading: Reading,
@@ -346,7 +346,7 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
     }
 }
 
-/// So many bytes, or as many as the machine counts.
+/// How many bytes, or as many as the machine counts.
 fn whole(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

@@ -11,7 +11,7 @@ use crate::message::ErrorCode;
 #[non_exhaustive]
 pub enum DecodeError {
     /// Bytes without a start mark before them (§3.2).
-    #[error("{length} bytes at byte {offset} belong to no frame")]
+    #[error("{length} bytes at byte {offset} are not part of a frame")]
     StartMark {
         /// The first of them.
         offset: usize,
@@ -63,7 +63,7 @@ pub enum DecodeError {
         found: u8,
     },
     /// No message of this side has that many data bytes (§3.2.1, §3.2.2).
-    #[error("{found} data bytes in the frame at byte {offset} fit no message")]
+    #[error("{found} data bytes in the frame at byte {offset} do not match any message")]
     Length {
         /// The frame's first byte.
         offset: usize,
@@ -79,7 +79,7 @@ pub enum DecodeError {
         found: u8,
     },
     /// The select byte sets bit 6 or 7, which name no axis (§3.3.2).
-    #[error("select byte {found:#04x} of the frame at byte {offset} sets bits that name no axis")]
+    #[error("select byte {found:#04x} of the frame at byte {offset} sets bits without an axis")]
     Select {
         /// The frame's first byte.
         offset: usize,
@@ -87,7 +87,7 @@ pub enum DecodeError {
         found: u8,
     },
     /// The reply does not hold one word for each bit of its select byte (§3.3.2).
-    #[error("reply at byte {offset} selects {expected} data bytes and has {found}")]
+    #[error("reply at byte {offset} selects {expected} data bytes but has {found}")]
     ReplyLength {
         /// The frame's first byte.
         offset: usize,
@@ -191,19 +191,19 @@ pub enum SessionError {
     #[error("ALTER is not running")]
     NotRunning,
     /// The exception before this one has not been sent yet.
-    #[error("exception {pending} has not been sent yet")]
+    #[error("exception {pending} is not yet sent")]
     ExceptionPending {
         /// The code that is pending.
         pending: u8,
     },
     /// ALTER runs already.
-    #[error("ALTER has been started already")]
+    #[error("ALTER is already started")]
     AlreadyStarted,
     /// The port is not open.
     #[error("not connected")]
     NotConnected,
     /// Outcomes wait to be fetched, and there is no room for another.
-    #[error("events wait to be fetched")]
+    #[error("there are events to fetch")]
     EventsFull,
 }
 
@@ -224,7 +224,7 @@ pub enum ConfigError {
         mode: u8,
     },
     /// A controller counts as lost after two cycles at the earliest: messages are a cycle apart.
-    #[error("lost after {found} cycles without a message: messages are one cycle apart")]
+    #[error("the loss timeout of {found} cycles is too short: messages are one cycle apart")]
     SilenceCycles {
         /// The configured number.
         found: u32,

@@ -19,7 +19,7 @@ impl Configure for Framing {
         fields.source("§3.2").flag("negated_sum", about, negated_sum);
         let about = "a checksum of 10h is doubled like a DLE of the data";
         fields.source("§3.2").flag("stuffed_checksum", about, stuffed_checksum);
-        let about = "read a reply that sets bits 6 and 7 of its select byte as if they were clear";
+        let about = "ignore bits 6 and 7 of the select byte of a reply";
         fields.flag("ignore_spare_select", about, ignore_spare_select);
     }
 }
@@ -28,9 +28,9 @@ impl Configure for Limits {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { velocity, acceleration } = self;
         let (unit, range) = ("units a cycle (1.116 mm/s, 0.196 °/s)", 0..=u16::MAX);
-        let about = "the most that a value moves each axis in one cycle; above 32767 counts as 32767";
+        let about = "the largest motion of each axis in one cycle; above 32767 counts as 32767";
         fields.wholes("velocity", range.clone(), unit, about, velocity);
-        let about = "the most by which that changes from cycle to cycle, braking included; above 32767 counts as 32767";
+        let about = "the largest change of that per cycle, also when braking; above 32767 counts as 32767";
         fields.wholes("acceleration", range, unit, about, acceleration);
     }
 }
@@ -46,7 +46,7 @@ fn line(fields: &mut impl Fields, baud: &mut u32, mode: &mut Mode) {
 
 /// The field `gap`, which both ends have.
 fn gap_of(fields: &mut impl Fields, gap: &mut Option<Duration>) {
-    let about = "a longer silence inside a frame ends it; off where reads are far apart though bytes are not";
+    let about = "the longest silence inside a frame; off if reads are further apart than bytes";
     fields.time_or("gap", ANY_TIME, "off", about, gap);
 }
 
@@ -61,13 +61,13 @@ impl Configure for ControllerConfig {
         line(fields, baud, mode);
         let shape = "[up to 14 numbers of -32768 to 32767]";
         fields.source("§3").parsed("data", shape, "the data list of the ALTER instruction", data);
-        let about = "the ALTER instruction names an exception subroutine";
+        let about = "the ALTER instruction has an exception subroutine";
         fields.source("§10.4").flag("subroutine", about, subroutine);
         let about = "start messages sent before giving up";
         fields.source("§3.2").whole("attempts", 1..=u8::MAX, "", about, attempts);
         let choices =
             [("by_mode", Unselected::ByMode), ("hold", Unselected::Hold), ("zero", Unselected::Zero)];
-        let about = "what a value means that a reply does not transmit";
+        let about = "the meaning of a value that a reply omits";
         fields.source("§3.3.2").choice("unselected", &choices, about, unselected);
         gap_of(fields, gap);
         framing_of(fields, framing);
@@ -92,20 +92,21 @@ impl Configure for HostConfig {
             rules: _,
         } = self;
         line(fields, baud, mode);
-        fields.part("limits", "Limits", "what each axis may do", limits);
-        let about = "the robot's program names an exception subroutine, for the gripper";
+        fields.part("limits", "Limits", "the limits of each axis", limits);
+        let about = "the robot's program has an exception subroutine for the gripper";
         fields.source("§10.4").flag("subroutine", about, subroutine);
         let choices = [("accept", Policy::Accept), ("refuse", Policy::Refuse), ("ignore", Policy::Ignore)];
         fields.source("§10.6").choice("policy", &choices, "how start messages are answered", policy);
-        let about = "how often in a row a corrupt start message is asked for again";
+        let about = "how often in a row a corrupt start message is requested again";
         fields.source("§3.2").whole("repeats", 0..=u8::MAX, "times", about, repeats);
-        let about = "without a message for so long the controller counts as lost";
+        let about = "the silence after which the controller counts as lost";
         fields.whole("silence_cycles", 2..=u32::MAX, "cycles of 28 ms", about, silence_cycles);
         gap_of(fields, gap);
         fields.time("target_timeout", ANY_TIME, "how long a target holds", target_timeout);
-        let about = "what must be left of the window when another axis begins to move; at most what one value leaves of it";
+        let about =
+            "the time left in the window when another axis begins to move; at most what one value leaves";
         fields.time("reserve", ANY_TIME, about, reserve);
-        let about = "assumed: the longest that reading a message and sending its reply are late together";
+        let about = "assumed: the longest total delay of reading a message and sending its reply";
         fields.time("max_delay", ANY_TIME, about, max_delay);
         framing_of(fields, framing);
     }

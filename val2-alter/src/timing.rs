@@ -47,7 +47,7 @@ pub(crate) const fn transmission_nanos(bytes: usize, baud: u32) -> u64 {
     (bytes as u64).saturating_mul(10_000_000_000) / baud as u64
 }
 
-/// So many nanoseconds after `now`: within the same second, as most deadlines are, no carry and no division is needed.
+/// This many nanoseconds after `now`: within the same second, as most deadlines are, no carry and no division is needed.
 pub(crate) fn after(now: Duration, nanos: u64) -> Duration {
     match u32::try_from(u64::from(now.subsec_nanos()).saturating_add(nanos)) {
         Ok(nanos) if nanos < 1_000_000_000 => Duration::new(now.as_secs(), nanos),

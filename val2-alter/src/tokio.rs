@@ -12,7 +12,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! A reply is due 15 ms after its message: where other tasks may compute for so long, [`Task::thread`] gives this one a thread.
+//! A reply is due 15 ms after its message: where other tasks may compute for this long, [`Task::thread`] gives this one a thread.
 
 use core::time::Duration;
 use std::io;
@@ -141,7 +141,7 @@ pub struct Moving {
     reach: Option<Reach>,
     to: watch::Receiver<Option<Target>>,
     odometer: watch::Sender<[i32; AXES]>,
-    /// So many replies are in the odometer.
+    /// How many replies are in the odometer.
     replies: u64,
     stops: Vec<Reply<Result<(), Error>>>,
     exception: Option<Reply<Result<ExceptionOutcome, Error>>>,

@@ -10,9 +10,9 @@ use crate::message::PosePacket;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: StreamBuffer<256>,
-    /// So many of the bytes neither end what the first one begins, nor begin a line after it.
+    /// How many of the bytes neither end what the first one begins, nor begin a line after it.
     searched: usize,
-    /// So many bytes are an item, whatever they are: [`PosePacket::MAX_LEN`], and one once the stream has ended.
+    /// How many bytes are an item, whatever they are: [`PosePacket::MAX_LEN`], and one once the stream has ended.
     limit: usize,
 }
 

@@ -10,7 +10,7 @@ use core::time::Duration;
 #[non_exhaustive]
 pub enum DecodeError {
     /// A line with something else where the format has a fixed byte.
-    #[error("byte {offset} of the line is not what the format has there")]
+    #[error("byte {offset} of the line does not match the format")]
     Format {
         /// The place in the line.
         offset: usize,
@@ -86,13 +86,13 @@ pub enum ConfigError {
     #[error("the interval between two packets is zero")]
     Interval,
     /// A pose would be too old as soon as it is set.
-    #[error("the greatest age of a pose is zero")]
+    #[error("the maximum age of a pose is zero")]
     MaxAge,
     /// No XOFF would hold anything.
     #[error("the longest hold of the line is zero")]
     MaxHold,
     /// Every display cycle would be taken for a pause, and would send a request.
-    #[error("a pause of {found:?} is not above the {minimum:?} of a display cycle")]
+    #[error("a pause of {found:?} must be longer than the display cycle of {minimum:?}")]
     Pause {
         /// [`timing::CYCLE`](crate::timing::CYCLE).
         minimum: Duration,
@@ -100,7 +100,7 @@ pub enum ConfigError {
         found: Duration,
     },
     /// The picture would be reported as stale between two poses of a host that does nothing wrong.
-    #[error("a picture that is stale after {found:?} does not last for the {minimum:?} of a display cycle")]
+    #[error("the stale time {found:?} must be longer than the display cycle of {minimum:?}")]
     StaleAfter {
         /// [`timing::CYCLE`](crate::timing::CYCLE).
         minimum: Duration,

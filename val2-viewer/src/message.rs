@@ -49,7 +49,7 @@ impl PosePacket {
         }
     }
 
-    /// How many packets the host has sent between one with the count `last` and this one: so many were lost. A host that was
+    /// How many packets the host has sent between one with the count `last` and this one: this many were lost. A host that was
     /// restarted counts from 0.
     pub const fn lost_since(&self, last: u16) -> u16 {
         self.count.wrapping_sub(last).wrapping_sub(1)

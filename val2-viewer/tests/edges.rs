@@ -190,7 +190,7 @@ fn errors_read_as_a_sentence() {
     assert_eq!(
         texts,
         [
-            "byte 3 of the line is not what the format has there",
+            "byte 3 of the line does not match the format",
             "the number at byte 6 of the line is missing or out of range",
             "checksum is 0x30, the line gives 0x31",
             "line has more than 100 bytes",

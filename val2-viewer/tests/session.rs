@@ -335,7 +335,7 @@ fn what_cannot_work_is_refused() {
             .map_err(|e| e.to_string())
     };
     assert_eq!(host(Duration::ZERO, MS), Err("the interval between two packets is zero".into()));
-    assert_eq!(host(MS, Duration::ZERO), Err("the greatest age of a pose is zero".into()));
+    assert_eq!(host(MS, Duration::ZERO), Err("the maximum age of a pose is zero".into()));
     assert_eq!((host(MS, MS), host(Duration::MAX, Duration::MAX)), (Ok(()), Ok(())));
     let workstation = |pause, stale_after| {
         let config = WorkstationConfig { pause, stale_after, ..WorkstationConfig::default() };
@@ -344,13 +344,10 @@ fn what_cannot_work_is_refused() {
     let minimum = 200 * MS;
     let pause = ConfigError::Pause { minimum, found: minimum };
     assert_eq!(workstation(minimum, 201 * MS), Err(pause));
-    assert_eq!(pause.to_string(), "a pause of 200ms is not above the 200ms of a display cycle");
+    assert_eq!(pause.to_string(), "a pause of 200ms must be longer than the display cycle of 200ms");
     let stale = ConfigError::StaleAfter { minimum, found: minimum };
     assert_eq!(workstation(201 * MS, minimum), Err(stale));
-    assert_eq!(
-        stale.to_string(),
-        "a picture that is stale after 200ms does not last for the 200ms of a display cycle"
-    );
+    assert_eq!(stale.to_string(), "the stale time 200ms must be longer than the display cycle of 200ms");
     assert_eq!(workstation(201 * MS, 201 * MS), Ok(()));
     assert_eq!(workstation(Duration::MAX, Duration::MAX), Ok(()));
 }
@@ -368,7 +365,7 @@ fn the_longest_time_is_never() {
     patient.handle_connected(MS);
     assert!(asks(&mut patient, 1));
     patient.draw(Duration::MAX);
-    assert_eq!(patient.poll_transmit(Duration::MAX, &mut [0]), None, "a pause for ever is never over");
+    assert_eq!(patient.poll_transmit(Duration::MAX, &mut [0]), None, "an unlimited pause never ends");
     let config = HostConfig { max_age: Duration::MAX, ..HostConfig::default() };
     let mut host = Host::new(config).unwrap();
     host.handle_connected(MS);

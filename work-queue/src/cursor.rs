@@ -1,6 +1,6 @@
 //! The place of an end in the endless sequence of jobs.
 //!
-//! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after so many laps that no two positions which are
+//! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after this many laps that no two positions which are
 //! compared are half of that apart.
 
 /// What a queue was made with. The highest number is above the capacity.
@@ -29,7 +29,7 @@ impl Limits {
         0 < distance && distance < self.wrap() / 2
     }
 
-    /// A position so many jobs later, at most a lap.
+    /// A position this many jobs later, at most a lap.
     #[inline(always)]
     pub(crate) const fn after(self, position: u32, jobs: u32) -> u32 {
         let after = position + jobs;

@@ -13,7 +13,7 @@ pub struct Full;
 #[non_exhaustive]
 pub enum NumberError {
     /// The job that was queued last was sent again. The caller can ignore it.
-    #[error("job {number} was queued already")]
+    #[error("job {number} is already queued")]
     Repeated {
         /// The number of the job queued last.
         number: u16,

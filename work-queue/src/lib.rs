@@ -16,7 +16,7 @@
 //!                  free    executing, then waiting           free
 //! ```
 //!
-//! One [`Writer`], one [`Reader`]; neither ever waits for the other, and nothing is allocated after creation.
+//! One [`Writer`], one [`Reader`]; neither waits for the other, and nothing is allocated after creation.
 //!
 //! ```
 //! use robot_work_queue::{NumberError, WorkQueue};
@@ -37,9 +37,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Jobs arrive in packets and leave one by one. So the two ends share an index each, and no slot has a stamp of its own: the jobs of a
-//! packet are published by one store ([`Writer::claim_batch`]), and a slot is as large as its job. The cost is one more cache line
-//! that goes to and fro where jobs are queued singly.
+//! Jobs arrive in packets and leave one by one. So the two ends share one index each instead of a stamp per slot: the jobs of a
+//! packet are published by one store ([`Writer::claim_batch`]), and a slot is as large as its job. The cost is one more shared cache line
+//! when jobs are queued singly.
 //!
 //! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it, `boxed` returns ends that own their storage.
 #![no_std]

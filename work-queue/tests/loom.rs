@@ -75,7 +75,7 @@ fn model(run: impl Fn() + Send + Sync + 'static) {
     model_with(None, run);
 }
 
-/// With at most so many preemptions: every interleaving of a longer model takes minutes to hours.
+/// With at most this many preemptions: every interleaving of a longer model takes minutes to hours.
 fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static) {
     let mutant = std::env::var("WEAKEN").ok().map(|index| order::MUTANTS[index.parse::<usize>().unwrap()]);
     order::weaken(mutant);

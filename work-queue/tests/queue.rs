@@ -102,7 +102,7 @@ fn numbers_wrap_to_one_and_repeats_are_recognised_across_the_wrap() {
         assert_eq!(execute(&mut reader), Some(number));
         last = Some(number);
     }
-    assert_eq!(NumberError::Repeated { number: 3 }.to_string(), "job 3 was queued already");
+    assert_eq!(NumberError::Repeated { number: 3 }.to_string(), "job 3 is already queued");
     assert_eq!(NumberError::Unexpected { expected: 2, found: 9 }.to_string(), "expected job 2, found job 9");
 }
 

@@ -24,7 +24,7 @@ impl Shadow for Asked {
             Seen::Closed | Seen::Missed { .. } => *self = Self::Unknown,
             Seen::Message { from: "host", .. } => *self = Self::Once,
             Seen::Message { from, .. } if *self == Self::Never => {
-                report.rule(from, "XX-6", "a reply, and nobody has asked");
+                report.rule(from, "XX-6", "an unsolicited reply");
             }
             Seen::Message { .. } | Seen::Bytes { .. } | Seen::Corrupt { .. } => {}
         }
@@ -35,7 +35,7 @@ impl Shadow for Asked {
     fn state(&self) -> String {
         match self {
             Self::Unknown => "the beginning was not seen",
-            Self::Never => "nobody has asked",
+            Self::Never => "unsolicited",
             Self::Once => "the host has asked",
         }
         .into()

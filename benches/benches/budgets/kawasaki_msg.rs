@@ -67,7 +67,7 @@ const COUNTS: &[Count] = &[
     per_byte(QUEUE_SHORT_BY_HAND, None, SHORT_BYTES, |rounds| by_hand::queue::<Short>(rounds, packet(short))),
     per_byte(FIND, None, BYTES, find_messages),
     per_byte(FIND_BY_HAND, None, BYTES, find_by_hand),
-    per_byte("the longest message, which comes byte by byte", Some(200.0), 4096.0, grow_a_message),
+    per_byte("the longest message, received byte by byte", Some(200.0), 4096.0, grow_a_message),
     per_byte(BUILD_LINES, None, BYTES, |rounds| build_packets(rounds, line)),
     per_byte(BUILD_LINES_BY_HAND, None, BYTES, |rounds| build_by_hand(rounds, line)),
     per_byte(BUILD_PALLETS, None, PALLET_BYTES, |rounds| build_packets(rounds, pallet_move)),

@@ -19,7 +19,7 @@ use tokio_modbus::client::{Context, Reader, tcp};
 use crate::race::race;
 
 const N: u16 = 38;
-/// So many callers of one handle at once: of a server that takes one request at a time they take turns.
+/// How many callers of one handle at once: of a server that takes one request at a time they take turns.
 const CALLERS: u64 = 16;
 
 pub(crate) fn races() {

@@ -26,7 +26,7 @@ pub(crate) fn race<const N: usize>(work: &str, contenders: [Contender; N]) {
         }
     }
     let medians = samples.map(|mut samples| median(&mut samples).unwrap_or(f64::NAN));
-    let mut table = table([work, "time", "of ours"]);
+    let mut table = table([work, "time", "relative"]);
     for ((name, _), time) in contenders.iter().zip(medians) {
         table.add_row([(*name).to_owned(), format!("{time:.1} ns"), format!("{:.2} ×", time / medians[0])]);
     }

@@ -22,13 +22,13 @@ use tokio::runtime::Builder;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 
-/// So many messages wait for the socket.
+/// How many messages wait for the socket.
 const ROOM: usize = 256;
-/// The longest packet that is read: a broker keeps a longer one to itself, and tells nobody. So this is far above what is taken.
+/// The longest packet that is read: a broker keeps a longer one silently. So this is far above what is taken.
 const LONGEST: u32 = 16 << 20;
 /// The reason code "packet too large": of PUBACK no code of the standard, and sent nevertheless, by mosquitto.
 const TOO_LARGE: u8 = 0x95;
-/// So many messages are in flight; a broker may ask for fewer.
+/// How many messages are in flight; a broker may ask for fewer.
 const IN_FLIGHT: u16 = 1000;
 
 /// Where the broker is, and who connects.
@@ -44,11 +44,11 @@ pub struct Options {
     pub client: String,
     /// Name and password.
     pub login: Option<(String, Password)>,
-    /// Without it everybody on the way reads along.
+    /// Without it the connection is not encrypted.
     pub tls: Option<Tls>,
     /// The protocol's version.
     pub version: Version,
-    /// Without a message for one and a half times so long the broker counts the client as gone.
+    /// After 1.5 times this without a message the broker considers the client disconnected.
     pub keep_alive: Duration,
     /// What the broker publishes then: a topic and its message, with QoS 1.
     pub will: (String, Vec<u8>),
@@ -82,7 +82,7 @@ pub struct Tls {
 /// What has happened on a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Happened {
-    /// The broker has accepted it, and takes packets of so many bytes, if it says so.
+    /// The broker has accepted it, and takes packets of this many bytes, if it says so.
     Connected(Option<u32>),
     /// The broker has accepted every subscription.
     Subscribed,
@@ -92,7 +92,7 @@ pub enum Happened {
         topic: String,
         /// Its content.
         payload: Vec<u8>,
-        /// Its sender has asked the broker to keep it for whoever comes later, or it was kept.
+        /// It is retained, or its sender has asked for that.
         is_retained: bool,
     },
     /// The broker has this message; with QoS 0, the socket has.
@@ -254,7 +254,7 @@ fn transport(options: &Options) -> Option<Transport> {
         #[cfg(feature = "websocket")]
         (Some(tls), Some(_)) => Some(Transport::Wss(tls)),
         #[cfg(not(feature = "websocket"))]
-        (_, Some(_)) => None, // the hall's file was refused
+        (_, Some(_)) => None, // the site file was refused
     }
 }
 
@@ -270,10 +270,10 @@ impl Options {
 /// When there is none, or one that cannot be read.
 pub fn check_certificates(text: &str) -> Result<()> {
     let mut certificates = CertificateDer::pem_slice_iter(text.as_bytes()).peekable();
-    ensure!(certificates.peek().is_some(), "it has no BEGIN CERTIFICATE in PEM form");
+    ensure!(certificates.peek().is_some(), "no BEGIN CERTIFICATE in PEM format");
     certificates
         .try_for_each(|certificate| certificate.map(drop))
-        .context("a certificate in it is not in PEM form")
+        .context("a certificate is not in PEM format")
 }
 
 impl fmt::Debug for Password {
@@ -380,21 +380,20 @@ fn refusal(reason: PubAckReason) -> Refusal {
 const CERTIFICATES: [(&str, &str); 5] = [
     (
         "CaUsedAsEndEntity",
-        "the broker shows the certificate of an authority, as a self-signed one is: make a certificate that it signs, \
-         see \"Certificates\" in docs/bridge.md",
+        "the broker's certificate is that of an authority, such as a self-signed one: make a certificate signed by it, see \"Certificates\" in docs/bridge.md",
     ),
     (
         "UnsupportedCertVersion",
-        "the broker's certificate has version 1, without names: make one of version 3, with subjectAltName, see \
+        "the broker's certificate has version 1 without names: make one of version 3 with subjectAltName, see \
          \"Certificates\" in docs/bridge.md",
     ),
     (
         "UnknownIssuer",
-        "tls.ca is not the authority that has signed the broker's certificate, or that one is self-signed: see \
+        "the broker's certificate is self-signed, or not signed by tls.ca: see \
          \"Certificates\" in docs/bridge.md",
     ),
-    ("Expired", "the broker's certificate is too old, or the clock of this machine is wrong"),
-    ("NotValidForName", "address has another name than the broker's certificate"),
+    ("Expired", "the broker's certificate has expired, or this machine's clock is wrong"),
+    ("NotValidForName", "the broker's certificate does not have the name in address"),
 ];
 
 fn certificate_advice(error: &str) -> String {
@@ -407,19 +406,19 @@ fn explain(error: &ConnectionError) -> String {
     match error {
         ConnectionError::ConnectionRefused(code) => {
             format!(
-                "the broker refuses the connection: {code:?}: see user and password_file, and who may connect there"
+                "the broker refuses the connection: {code:?}: check user, password_file and the broker's access control"
             )
         }
         ConnectionError::Tls(error) => certificate_advice(&error.to_string()),
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
         ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(
             TOO_LARGE,
-        ))) => "the broker does not take a message that is so long: see its limit of a message".into(),
+        ))) => "the message is too long for the broker: see its message size limit".into(),
         ConnectionError::MqttState(StateError::Deserialization(Malformed::OutgoingPacketTooLarge {
             pkt_size,
             max,
         })) => {
-            format!("a birth of {pkt_size} bytes, and the broker takes {max}: see its limit of a packet")
+            format!("a birth of {pkt_size} bytes exceeds the broker's packet limit of {max}")
         }
         ConnectionError::MqttState(StateError::ServerDisconnect { reason_code, .. }) => {
             format!("the broker ends the connection: {reason_code:?}")

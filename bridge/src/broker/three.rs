@@ -80,7 +80,7 @@ fn explain(error: &ConnectionError) -> String {
     match error {
         ConnectionError::ConnectionRefused(code) => {
             format!(
-                "the broker refuses the connection: {code:?}: see user and password_file, and who may connect there"
+                "the broker refuses the connection: {code:?}: check user, password_file and the broker's access control"
             )
         }
         ConnectionError::Tls(error) => certificate_advice(&error.to_string()),

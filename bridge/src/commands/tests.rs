@@ -52,7 +52,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
     let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-    let why = "a unknown: the bridge has ended before the outcome";
+    let why = "a unknown: the bridge ended before the outcome";
     let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
     assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
     for (cell, outcome_then) in [("cell", why), ("other", "a done: ")] {
@@ -86,7 +86,7 @@ fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
     // Two days too late, and right again.
     commands.forget(1_000_000 + 2 * DAY, &mut batch);
     store.write(&batch, &|_| Vec::new()).unwrap();
-    let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a flood, a clock was wrong, or another bridge had the cell";
+    let why = "a refused: its timestamp 1000000 is not after 1000000, up to which commands are forgotten: a flood, a wrong clock, or another bridge had the cell";
     let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
     assert_eq!(outcome(&again), ("forgotten", why.into()));
     drop(commands);
@@ -107,23 +107,23 @@ fn what_is_no_command_is_refused_with_advice() {
         let (kind, text) = outcome(&commands.decide(write, 100_000, &mut batch));
         format!("{kind} {text}")
     };
-    let id = "strange Command/Request has no \"id\": give a text of 1 to 64 bytes, each once";
+    let id = "strange Command/Request has no \"id\": give a unique string of 1 to 64 bytes";
     assert_eq!(decide(&write("{}", 100_000), true), id);
     assert_eq!(decide(&write(r#"{"id":""}"#, 100_000), true), id);
     assert!(
-        decide(&write("[]", 100_000), true).starts_with("strange Command/Request is no object of JSON: ")
+        decide(&write("[]", 100_000), true).starts_with("strange Command/Request is not a JSON object: ")
     );
-    assert_eq!(decide(&Payload::default(), true), "strange write the metric Command/Request, and no other");
+    assert_eq!(decide(&Payload::default(), true), "strange write only the metric Command/Request");
     let mut none = write(r#"{"id":"none"}"#, 0);
     (none.metrics[0].timestamp, none.timestamp) = (None, None);
-    assert_eq!(decide(&none, true), "no_time none refused: it has no time");
-    let allowed = "not_allowed no refused: the hall's file does not allow commands to this cell";
+    assert_eq!(decide(&none, true), "no_time none refused: the command has no timestamp");
+    let allowed = "not_allowed no refused: the site file does not allow commands to this cell";
     assert_eq!(decide(&write(r#"{"id":"no"}"#, 100_000), false), allowed);
     let late = "late late refused: its time 69999 is more than 30 s before now, 100000: too late, or a clock is wrong";
     assert_eq!(decide(&write(r#"{"id":"late"}"#, 69_999), true), late);
     let early = decide(&write(r#"{"id":"early"}"#, 130_001), true);
     assert!(
-        early.starts_with("early early refused: its time 130001 is more than 30 s ahead of now, 100000"),
+        early.starts_with("early early refused: timestamp 130001 is more than 30 s ahead of 100000"),
         "{early}"
     );
     assert_eq!(decide(&write(r#"{"id":"b"}"#, 70_000), true), "give b accepted: ");
@@ -169,7 +169,7 @@ fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
         let given = ids.filter(|id| {
             let payload = write(&format!(r#"{{"id":"{id}"}}"#), now);
             let (kind, text) = outcome(&commands.decide(to(cell, &payload), now, &mut batch));
-            let why = "refused: this cell takes 2 commands a second, 5 at once: see commands.rate";
+            let why = "refused: this cell accepts 2 commands per second, 5 at once: see commands.rate";
             assert!(kind == "give" || kind == "rate" && text.ends_with(why), "{text}");
             kind == "give"
         });
@@ -217,7 +217,7 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
         .map(|it| outcome(&Decision::Report(it)).1)
         .collect();
     taken.sort_unstable();
-    let why = "unknown: other had the cell, and has it no more, before the outcome";
+    let why = "unknown: other lost the cell before the outcome";
     assert_eq!(taken, [format!("begun {why}"), format!("both {why}")]);
     assert_eq!(outcome(&commands.decide(to("c", &order("new", now + 500)), now, &mut batch)).0, "forgotten");
     assert_eq!(outcome(&commands.decide(to("c", &order("newer", now + 501)), now, &mut batch)).0, "give");

@@ -29,7 +29,6 @@ use super::bucket::Rate;
 use super::cell::Cell;
 use super::commands::{Commands, Decision, Interrupted, Write};
 use super::compact::Words;
-use super::hall::{Broker, Hall};
 use super::health::{BrokerHealth, Figures, Health};
 use super::latest;
 use super::links::Client;
@@ -41,24 +40,25 @@ use super::refusals::Apart;
 use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
 use super::share::{self, Share};
+use super::site::{Broker, Site};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire::io::interrupt;
 use sharing::Told;
 
-/// So many reports wait for the hub.
+/// How many reports wait for the hub.
 const ROOM: usize = 10_000;
 /// What comes within this time is written at once: a disk takes some hundred writes a second.
 const GATHER: Duration = Duration::from_millis(20);
-/// So much is written at once.
+/// How much is written at once.
 const MOST: usize = 5_000;
-/// Health and interrupts are looked at so often.
+/// How often health and interrupts are looked at.
 const TICK: Duration = Duration::from_millis(200);
-/// Old commands are forgotten so often.
+/// How often old commands are forgotten.
 const FORGET: Duration = Duration::from_secs(3600);
-/// At the end the broker gets so long to take what it was sent.
+/// How long the broker gets at the end to acknowledge records.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// So many reasons are logged: who sends another one each time fills no disk.
+/// How many reasons are logged: who sends another one each time fills no disk.
 const REASONS: usize = 200;
 
 /// The hub.
@@ -66,14 +66,14 @@ const REASONS: usize = 200;
 pub struct Hub<'a> {
     cells: Vec<Cell>,
     places: Places,
-    /// What the store has of every cell, also of those that are not in the hall's file.
+    /// What the store has of every cell, also of those that are not in the site file.
     numbers: HashMap<String, u64>,
     /// The name of the store.
     identity: String,
     /// What the cells that begin report to.
     sender: SyncSender<Input>,
-    hall: Hall,
-    /// The hall's file is to be read anew.
+    site: Site,
+    /// The site file is to be read anew.
     reload: Arc<AtomicBool>,
     store: Store,
     words: Words,
@@ -113,19 +113,19 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// When the store cannot be opened, or the system has no room for a thread.
     pub fn start(
-        hall: Hall,
+        site: Site,
         clients: Vec<Client>,
         health: Arc<Health>,
         reload: Arc<AtomicBool>,
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
-        let mut store = Store::open(&hall.store.file, hall.store.bytes)?;
+        let mut store = Store::open(&site.store.file, site.store.bytes)?;
         let mut turn = Turn::default();
         let mut words = Words::open(&store)?;
-        for (name, client) in hall.cell.keys().zip(&clients) {
+        for (name, client) in site.cell.keys().zip(&clients) {
             words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
         }
-        let Broker { address, group, node, .. } = &hall.broker;
+        let Broker { address, group, node, .. } = &site.broker;
         let broker = BrokerHealth {
             address: address.to_string(),
             group: group.clone(),
@@ -134,16 +134,15 @@ impl<'a> Hub<'a> {
         };
         let mut figures = Figures { broker, ..Figures::default() };
         if store.is_older()? {
-            Remembered::migrate(&store, hall.cell.keys(), &mut turn.batch)?;
+            Remembered::migrate(&store, site.cell.keys(), &mut turn.batch)?;
             let names = core::mem::take(&mut turn.batch.names);
             figures.dropped_orphans = store.upgrade(names, |record| earlier::convert(record, &words))?;
         }
         let mut numbers = records::numbers_of(&mut store, &words)?;
         if power::is_lost(&store, &mut turn.batch)? {
-            let why = "the machine has ended without the bridge: what was reported in the last moments before may be lost, and the \
-                       numbers of records have a gap";
+            let why = "the machine stopped without ending the bridge: the last records may be lost, and record numbers have a gap";
             log(json!({"store": "power", "why": why}));
-            hall.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::JUMP);
+            site.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::JUMP);
         }
         let identity = match store.get("store")? {
             Some(identity) => identity,
@@ -153,14 +152,14 @@ impl<'a> Hub<'a> {
                 identity
             }
         };
-        let rate = Rate { per_second: hall.commands.rate, burst: hall.commands.burst };
-        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, rate, &mut turn.batch)?;
+        let rate = Rate { per_second: site.commands.rate, burst: site.commands.burst };
+        let (commands, unknown) = Commands::open(&store, site.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let uplink = Uplink::new(&hall.broker, hall.share.is_some(), bd_seq, sender.clone())?;
+        let uplink = Uplink::new(&site.broker, site.share.is_some(), bd_seq, sender.clone())?;
         let share =
-            |with: &share::Settings| Share::new(&hall.broker.node, &with.bridges, hall.commands.max_age);
-        let share = hall.share.as_ref().map(share);
+            |with: &share::Settings| Share::new(&site.broker.node, &with.bridges, site.commands.max_age);
+        let share = site.share.as_ref().map(share);
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
             cells: Vec::new(),
@@ -168,7 +167,7 @@ impl<'a> Hub<'a> {
             numbers,
             identity,
             sender,
-            hall,
+            site,
             reload,
             store,
             words,
@@ -189,7 +188,7 @@ impl<'a> Hub<'a> {
             show_at,
             notify: Notify::from_environment(),
         };
-        for ((name, cell), client) in hub.hall.cell.clone().iter().zip(clients) {
+        for ((name, cell), client) in hub.site.cell.clone().iter().zip(clients) {
             hub.begin(name, cell, client)?;
         }
         for Interrupted { cell, report } in unknown {
@@ -204,7 +203,7 @@ impl<'a> Hub<'a> {
     /// Runs until it is interrupted.
     ///
     /// # Errors
-    /// When the store cannot be read or written, or nobody takes the log.
+    /// When the store cannot be read or written, or standard output is closed.
     pub fn run(mut self) -> Result<()> {
         self.notify.say("READY=1");
         while !interrupt::requested() {
@@ -276,7 +275,7 @@ impl<'a> Hub<'a> {
         let (orphans, apart) = self.uplink.prepare(ends, &mut turn.batch);
         apart.into_iter().for_each(|apart| self.refused(apart));
         if orphans > 0 && self.figures.dropped_orphans == 0 {
-            let why = "it has records of cells that the hall's file has no more: they are dropped";
+            let why = "records of cells that are no longer in the site file are dropped";
             (self.log)(json!({"store": "orphans", "why": why}));
         }
         self.figures.dropped_orphans += orphans;
@@ -396,8 +395,7 @@ impl<'a> Hub<'a> {
 
     fn held(&mut self, place: usize, why: &str) {
         if let Some(cell) = self.cells.get(place) {
-            let advice = "they wait in the store, and one of them is tried each minute: see the broker's access control for this \
-                          cell's topics, and held_records";
+            let advice = "its records are held and one is retried each minute: check the broker's access control for this cell's topics, and held_records";
             (self.log)(json!({"cell": cell.name, "records": "held", "why": why, "advice": advice}));
         }
     }
@@ -407,8 +405,7 @@ impl<'a> Hub<'a> {
         if self.refused.insert((place, why.clone()))
             && let Some(cell) = self.cells.get(place)
         {
-            let advice = "it is dropped, and so is each after it that the broker refuses so: see its limits, and \
-                          dropped_total{why=\"refused\"}";
+            let advice = "this and similar records are dropped: check the broker's limits, and dropped_total{why=\"refused\"}";
             (self.log)(json!({"cell": cell.name, "record": "refused", "why": why, "advice": advice}));
         }
     }
@@ -417,10 +414,10 @@ impl<'a> Hub<'a> {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
-            return self.strange(format!("a command for {device}, which is no cell"));
+            return self.strange(format!("a command for {device}, which is not a cell"));
         };
         if cell.is_gone() {
-            return self.strange(format!("a command for {device}, which is a cell no more"));
+            return self.strange(format!("a command for {device}, which is no longer a cell"));
         }
         let unfit = unfit.or_else(|| self.is_elsewhere(cell));
         let mut payload = payload;

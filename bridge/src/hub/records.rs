@@ -20,7 +20,7 @@ use cellwire::io::interrupt;
 
 /// In the store, before the name of a cell: the number of its last record.
 const NUMBERS: &str = "number/";
-/// A disk that takes nothing is tried again so often.
+/// How often a failed write to the disk is retried.
 const RETRY: Duration = Duration::from_secs(1);
 
 impl Hub<'_> {
@@ -77,7 +77,7 @@ impl Hub<'_> {
                 Err(error) => format!("{error:#}"),
             };
             if error != logged {
-                let advice = "nothing is taken or published until this is mended";
+                let advice = "nothing is accepted or published until this is fixed";
                 (self.log)(json!({"store": "stuck", "why": error, "advice": advice}));
                 logged = error;
             }
@@ -97,7 +97,7 @@ impl Hub<'_> {
             (self.log)(json!({"store": "written"}));
         }
         if dropped > 0 && self.figures.dropped_full == 0 {
-            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.bytes"}));
+            (self.log)(json!({"store": "full", "why": "the oldest records are dropped: see store.bytes"}));
         }
         if dropped > 0 {
             let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);

@@ -1,4 +1,4 @@
-//! Cells begin, and end: at the start, and when the hall's file is read anew.
+//! Cells begin, and end: at the start, and when the site file is read anew.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,16 +11,16 @@ use serde_json::json;
 use super::{Hub, Turn};
 use crate::cell::{Cell, Next};
 use crate::end::{End, Stop};
-use crate::hall::{self, Hall};
 use crate::links::{self, Client};
 use crate::metric::{self, CONNECTED, NUMBER, STORE};
 use crate::payload::Value;
 use crate::share::Share;
+use crate::site::{self, Site};
 use crate::uplink;
 
 impl Hub<'_> {
     /// Begins a cell: in its place, if it had one before. One that bridges share is not begun before it is this one's.
-    pub(super) fn begin(&mut self, name: &str, settings: &hall::Cell, client: Client) -> Result<()> {
+    pub(super) fn begin(&mut self, name: &str, settings: &site::Cell, client: Client) -> Result<()> {
         self.begin_with(name, settings, client, !settings.shared)
     }
 
@@ -28,7 +28,7 @@ impl Hub<'_> {
     pub(super) fn begin_with(
         &mut self,
         name: &str,
-        settings: &hall::Cell,
+        settings: &site::Cell,
         client: Client,
         is_here: bool,
     ) -> Result<()> {
@@ -86,14 +86,14 @@ impl Hub<'_> {
         over.map(|(place, _)| place).collect()
     }
 
-    /// Reads the hall's file anew if that is asked for, and begins cells in places that are [over](Self::over): everything that their
+    /// Reads the site file anew if that is asked for, and begins cells in places that are [over](Self::over): everything that their
     /// threads have reported was taken.
     pub(super) fn renew(&mut self, over: Vec<usize>, turn: &mut Turn) -> Result<()> {
         if self.reload.swap(false, Ordering::Relaxed)
             && let Err(error) = self.reload(turn)
         {
             (self.log)(
-                json!({"hall": "refused", "why": format!("{error:#}"), "advice": "nothing has changed"}),
+                json!({"site": "refused", "why": format!("{error:#}"), "advice": "nothing was changed"}),
             );
         }
         for place in over {
@@ -102,9 +102,11 @@ impl Hub<'_> {
             let rest =
                 if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
             let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, rest));
-            for report in
-                self.commands.interrupt(&name, "the cell was changed before the outcome", &mut turn.batch)
-            {
+            for report in self.commands.interrupt(
+                &name,
+                "the cell was reconfigured before the outcome",
+                &mut turn.batch,
+            ) {
                 self.is_unknown(place, report, turn);
             }
             if let Next::Another(next) = next {
@@ -117,18 +119,18 @@ impl Hub<'_> {
 
     /// What differs is begun and ended; the other cells do not notice. Only a file that is right as a whole changes anything.
     fn reload(&mut self, turn: &mut Turn) -> Result<()> {
-        let hall = Hall::read(self.hall.path())?;
-        let clients = links::clients(&hall)?;
-        if let Some(table) = self.hall.differs(&hall) {
-            return Err(hall.located(table, anyhow!("[{table}] differs: it is read at the start only")));
+        let site = Site::read(self.site.path())?;
+        let clients = links::clients(&site)?;
+        if let Some(table) = self.site.differs(&site) {
+            return Err(site.located(table, anyhow!("[{table}] differs: it is only read at the start")));
         }
         let (mut added, mut changed, mut removed) = (Vec::new(), Vec::new(), Vec::new());
-        for ((name, cell), client) in hall.cell.iter().zip(clients) {
-            if self.hall.cell.get(name) == Some(cell) {
+        for ((name, cell), client) in site.cell.iter().zip(clients) {
+            if self.site.cell.get(name) == Some(cell) {
                 continue;
             }
             self.words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
-            match self.hall.cell.contains_key(name) {
+            match self.site.cell.contains_key(name) {
                 true => changed.push(name.clone()),
                 false => added.push(name.clone()),
             }
@@ -140,7 +142,7 @@ impl Hub<'_> {
                 None => self.begin(name, cell, client)?,
             }
         }
-        for name in self.hall.cell.keys().filter(|name| !hall.cell.contains_key(*name)) {
+        for name in self.site.cell.keys().filter(|name| !site.cell.contains_key(*name)) {
             if let Some(cell) = self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
                 cell.stop.store(true, Ordering::Relaxed);
                 cell.next = Next::Gone;
@@ -148,11 +150,11 @@ impl Hub<'_> {
             }
         }
         // The node's birth says how many there are.
-        if hall.cell.len() != self.hall.cell.len() {
+        if site.cell.len() != self.site.cell.len() {
             self.uplink.bear_again();
         }
-        (self.log)(json!({"hall": "read", "added": added, "changed": changed, "removed": removed}));
-        self.hall = hall;
+        (self.log)(json!({"site": "read", "added": added, "changed": changed, "removed": removed}));
+        self.site = site;
         Ok(())
     }
 }

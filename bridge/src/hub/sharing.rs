@@ -34,14 +34,14 @@ impl Hub<'_> {
             } else if cell.is_here() && (is_lapsed || share.must_give(&cell.name, now)) {
                 cell.stop.store(true, Ordering::Relaxed);
                 cell.next = Next::Away;
-                let why = if is_lapsed { "the broker was not heard" } else { "another bridge takes it" };
+                let why = if is_lapsed { "no messages from the broker" } else { "another bridge takes it" };
                 (self.log)(json!({"cell": cell.name, "share": "let go", "why": why}));
             }
         }
         self.not_given(lapsed.unwrap_or_default(), turn);
         for (place, until) in takes {
             let Some(name) = self.cells.get(place).map(|cell| cell.name.clone()) else { continue };
-            let Some(settings) = self.hall.cell.get(&name).cloned() else { continue };
+            let Some(settings) = self.site.cell.get(&name).cloned() else { continue };
             for report in self.commands.take(&name, until, &mut turn.batch) {
                 self.is_unknown(place, report, turn);
             }
@@ -113,7 +113,7 @@ impl Hub<'_> {
             let Some(cell) = self.cells.get(place) else { continue };
             let (name, at) = (cell.name.clone(), metric::now());
             let why =
-                "the broker was lost, or the cell, before the other bridges knew of it: it was not executed";
+                "not executed: the broker or the cell was lost before the other bridges knew of the command";
             self.latest.note(&name, &id, at, Outcome::Refused, why);
             let named = self.commands.finish(&name, &id, Outcome::Refused, why.into(), &mut turn.batch);
             self.count(Outcome::Refused.name());
@@ -125,15 +125,15 @@ impl Hub<'_> {
     /// Why a command for the cell cannot be obeyed here, if it is not here.
     pub(super) fn is_elsewhere(&self, cell: &Cell) -> Option<String> {
         if matches!(cell.next, Next::Another(_)) {
-            return Some("the cell is being changed: order anew".into());
+            return Some("the cell is being reconfigured: send the command again".into());
         }
         if cell.is_here() {
             return None;
         }
         let owner = self.share.as_ref().and_then(|share| share.owner(&cell.name, now()));
         Some(match owner {
-            Some(owner) => format!("{owner} has this cell: order there, with another id"),
-            None => "no bridge has this cell at present: order anew when it is born".into(),
+            Some(owner) => format!("{owner} has this cell: send the command there, with another id"),
+            None => "no bridge has this cell now: send the command again after its birth".into(),
         })
     }
 }

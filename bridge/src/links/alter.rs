@@ -10,10 +10,10 @@ use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
 use super::client::{self, Adapter, Silence};
 use super::paced::Paced;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, Named, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::Command;
+use crate::site::Cell;
 
 const METRICS: [Definition; 6] = [
     define("Motion/Phase", Kind::String),
@@ -80,7 +80,7 @@ impl Adapter for Alter {
     }
 
     fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
-        Err("an arm under ALTER is moved by `cellwire alter` alone, where a hand can stop it".into())
+        Err("only `cellwire alter` moves an arm under ALTER, where an operator can stop it".into())
     }
 }
 

@@ -10,10 +10,10 @@ use serde_json::json;
 use super::client::{self, Adapter, Silence};
 use super::paced::Paced;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::Command;
+use crate::site::Cell;
 
 const METRICS: [Definition; 8] = [
     define("Force/X", Kind::Int64),
@@ -69,7 +69,7 @@ impl Adapter for Ball {
     }
 
     fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
-        Err("a ball takes no commands".into())
+        Err("a ball has no commands".into())
     }
 }
 

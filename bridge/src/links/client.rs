@@ -8,24 +8,24 @@ use robot_session::{Driver, Ended, Session, now};
 
 use super::Client;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire::io::port::AnyPort;
 use cellwire_links::settings::Fields;
 
-/// A connection may take so long to open.
+/// How long a connection may take to open.
 const CONNECT: Duration = Duration::from_secs(5);
 /// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
-/// Commands and the end of the bridge are looked at so often.
+/// How often commands and the end of the bridge are looked at.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// When a device that does not answer counts as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Silence {
-    /// After so long; zero: never, it counts as alive while it is connected.
+    /// After this long; zero: never, it counts as alive while it is connected.
     pub time: Duration,
     /// It answers what it is asked, and has not seen who asks if it does not: then the connection is begun anew. Another one speaks by
     /// itself, and may begin at any time.
@@ -38,7 +38,7 @@ impl Silence {
         Self { time, is_asked: false }
     }
 
-    /// Of a device that is asked so often: three questions at least are without an answer.
+    /// For a device polled with this period: at least three requests without an answer.
     pub(super) fn of_asked(time: Duration, every: Duration) -> Self {
         let time = if time.is_zero() { time } else { time.max(every.saturating_mul(3)) };
         Self { time, is_asked: true }
@@ -47,7 +47,7 @@ impl Silence {
     /// Its setting.
     pub(super) fn configure(fields: &mut impl Fields, time: &mut Duration) {
         let range = Duration::ZERO..=Duration::from_secs(3600);
-        let about = "after so long without an answer the device is dead, three requests at least; 0s: while it is connected it is not";
+        let about = "the silence, of at least three requests, after which the device is dead; 0s: never while connected";
         fields.time("silence", range, about, time);
     }
 }
@@ -105,10 +105,10 @@ where
     let place = cell
         .address
         .clone()
-        .context("this link's device does not connect by itself: give address instead of listen")?;
+        .context("this link's device does not connect to the bridge: give address instead of listen")?;
     ensure!(
         baud.is_some() || !AnyPort::is_serial(&place),
-        "{place} would be a serial port, and this link has none: give HOST:PORT"
+        "{place} looks like a serial port, but this link uses TCP: give HOST:PORT"
     );
     let device = Device { place, baud: baud.unwrap_or_default(), silence };
     Ok(Client::new(metrics, move |end| run(adapter, session, &device, end)))
@@ -196,7 +196,7 @@ fn connection<A: Adapter>(
         match turn {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(Ended::ByHandler(why))) => return why,
-            Ok(ControlFlow::Break(Ended::ByPeer)) => return "the device has closed it".into(),
+            Ok(ControlFlow::Break(Ended::ByPeer)) => return "the device closed the connection".into(),
             Ok(ControlFlow::Break(Ended::Stalled)) => return "the device does not read".into(),
             Err(error) => return error.to_string(),
         }

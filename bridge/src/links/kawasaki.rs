@@ -9,10 +9,10 @@ use serde_json::{Map, Value as Json, json};
 
 use super::order;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, EVENT, Named, define, text, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::device::Endpoint;
 use cellwire::links::kawasaki_msg::meeting::Meeting;
@@ -22,9 +22,9 @@ use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{Configure, Fields};
 
-/// A connection may take so long to open.
+/// How long a connection may take to open.
 const CONNECT: Duration = Duration::from_secs(5);
-/// What could not be opened is tried again so often.
+/// How often a failed open is retried.
 const RETRY: Duration = Duration::from_secs(5);
 /// The most jobs of a command.
 const MOST: usize = 10_000;
@@ -203,13 +203,13 @@ impl Kawasaki<'_> {
             texts.push(match (given.get(&field.name), field.default) {
                 (Some(Json::String(text)), _) => text.clone(),
                 (Some(Json::Number(number)), _) => number.to_string(),
-                (Some(_), _) => return Err(format!("{} is a number or a text", field.name)),
+                (Some(_), _) => return Err(format!("{} must be a number or a string", field.name)),
                 (None, Some(default)) => {
                     let mut work = AnyWork::default();
                     work.set(place, default);
                     self.layout.show(place, &work)
                 }
-                (None, None) => return Err(format!("it has no {}", field.name)),
+                (None, None) => return Err(format!("missing: {}", field.name)),
             });
         }
         let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
@@ -244,20 +244,20 @@ impl Kawasaki<'_> {
                 self.end.finish(Outcome::Done, format!("{executed} jobs"));
             }
             PcEvent::OrderOver { executed: 0, .. } => {
-                self.end.finish(Outcome::Refused, "the order was ended before its first job");
+                self.end.finish(Outcome::Refused, "the order ended before its first job");
             }
             PcEvent::OrderOver { executed, .. } => {
                 let all = self.jobs;
                 self.end.finish(
                     Outcome::Partial,
-                    format!("{executed} of {all} jobs, the rest will not be executed"),
+                    format!("{executed} of {all} jobs were executed; the rest will not be"),
                 );
             }
             PcEvent::OutcomeUnknown { executed, sent, .. } => {
                 self.end.finish(
                     Outcome::Unknown,
                     format!(
-                        "the jobs from {} to {sent}; those before are executed, those after not",
+                        "jobs {} to {sent} are unknown; earlier ones are executed, later ones are not",
                         executed + 1
                     ),
                 );

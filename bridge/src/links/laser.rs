@@ -11,10 +11,10 @@ use serde_json::{Value as Json, json};
 use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire::links::laser_eb90::controller::STATUS;
 use cellwire_links::settings::{self, Configure, Fields};
 
@@ -53,7 +53,7 @@ impl Configure for Settings {
             query,
         );
         let range = Duration::from_millis(100)..=Duration::from_secs(3600);
-        fields.time("poll", range, "the time from one query to the next", poll);
+        fields.time("poll", range, "the polling period of the query", poll);
         Silence::configure(fields, silence);
         session.configure(fields);
     }
@@ -131,7 +131,7 @@ impl Adapter for Laser {
         let (first, outcome, why) = match event {
             HostEvent::Done { first, unanswered, .. } => {
                 let why = if unanswered > 0 {
-                    format!("after {unanswered} tries without an answer")
+                    format!("no answer after {unanswered} attempts")
                 } else {
                     String::new()
                 };
@@ -147,7 +147,7 @@ impl Adapter for Laser {
             }
             HostEvent::Refused { first, refusal, .. } => {
                 host.resume();
-                (first, Outcome::Refused, format!("the controller answers {refusal:?}"))
+                (first, Outcome::Refused, format!("the controller refuses: {refusal:?}"))
             }
             HostEvent::Unknown { first, reason, .. } => {
                 host.resume();
@@ -176,7 +176,7 @@ impl Adapter for Laser {
     fn command(&mut self, _: &mut Host, command: Command) -> Result<(), String> {
         let order: Order = order(&command.order)?;
         if order.instructions.is_empty() {
-            return Err("it has no instructions".into());
+            return Err("there are no instructions".into());
         }
         self.order = Some(order);
         Ok(())
@@ -199,11 +199,11 @@ impl Order {
             match ticket {
                 Ok(ticket) => drop(first.get_or_insert(ticket)),
                 Err(SessionError::Full) => {
-                    return Err("more than fits one frame, or of more than one class".into());
+                    return Err("more instructions than fit a frame, or of different classes".into());
                 }
                 Err(error) => return Err(format!("instruction {word:#06x}: {error}")),
             }
         }
-        first.ok_or_else(|| "it has no instructions".into())
+        first.ok_or_else(|| "there are no instructions".into())
     }
 }

@@ -16,10 +16,10 @@ use serde_json::{Value as Json, json};
 use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire_links::settings::{Configure, Fields};
 
 const AXES: [&str; 4] = ["Status/Axes/1", "Status/Axes/2", "Status/Axes/3", "Status/Axes/4"];
@@ -58,7 +58,7 @@ impl Configure for Settings {
         let about = "the device: the robot has four axes, the platform two";
         fields.choice("device", &[("robot", false), ("platform", true)], about, is_platform);
         let range = Duration::from_millis(20)..=Duration::from_secs(3600);
-        fields.time("poll", range, "the time from one request for the status to the next", poll);
+        fields.time("poll", range, "the polling period of the status", poll);
         Silence::configure(fields, silence);
         session.configure(fields);
     }

@@ -19,8 +19,8 @@ use serde_json::{Map, Value as Json};
 
 use super::bands::Bands;
 use super::end::End;
-use super::hall::{Cell, Hall};
 use super::metric::{COMMON, Definition};
+use super::site::{Cell, Site};
 use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
@@ -58,7 +58,7 @@ impl Client {
 ///
 /// # Errors
 /// With the line of what is wrong.
-pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
+pub fn clients(site: &Site) -> Result<Vec<Client>> {
     let of_cell = |(name, cell): (&String, &Cell)| {
         client(cell).map_err(|error| {
             let place = match error.downcast_ref::<Refused>() {
@@ -66,10 +66,10 @@ pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
                 None if error.is::<WrongBand>() => format!("cell.{name}.dead_band"),
                 None => format!("cell.{name}"),
             };
-            hall.located(&place, error.context(format!("cell {name}")))
+            site.located(&place, error.context(format!("cell {name}")))
         })
     };
-    hall.cell.iter().map(of_cell).collect()
+    site.cell.iter().map(of_cell).collect()
 }
 
 /// The client of a cell's link, with the cell's settings. It connects when it is run.
@@ -79,11 +79,11 @@ pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
 pub fn client(cell: &Cell) -> Result<Client> {
     ensure!(
         cell.address.is_some() != cell.listen.is_some(),
-        "give address (HOST:PORT, or the path of a serial port), or listen where the device connects to the PC"
+        "give address (HOST:PORT or a serial port), or listen if the device connects to the PC"
     );
     let name = cellwire_links::Link::by_name(&cell.link)?.name;
     let link = links().into_iter().find(|link| link.name == name);
-    let mut client = (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)?;
+    let mut client = (link.with_context(|| format!("the bridge does not support {name}"))?.client)(cell)?;
     if let Some(given) = &cell.dead_band {
         let definitions: Vec<_> = client.definitions().collect();
         client.bands = Some(Bands::of(given, &definitions).context(WrongBand)?);

@@ -14,10 +14,10 @@ use super::client::{self, Adapter, Silence};
 use super::order;
 use super::telemetry::{Read, Telemetry};
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{Configure, Fields};
 
@@ -75,7 +75,7 @@ impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { poll, silence, unit, register, word_order, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
-        fields.time("poll", range, "the time from one request for the telemetry to the next", poll);
+        fields.time("poll", range, "the polling period of the telemetry", poll);
         Silence::configure(fields, silence);
         fields.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
         fields.whole(
@@ -90,7 +90,7 @@ impl Configure for Settings {
             ("low_first", Some(WordOrder::LowFirst)),
             ("high_first", Some(WordOrder::HighFirst)),
         ];
-        let about = "which register of a 32-bit value comes first; auto: found by the life counter and by what can be";
+        let about = "word order of 32-bit values; auto: detected from the life counter and from plausibility";
         fields.choice("word_order", &orders, about, word_order);
         ClientSettings(session).configure(fields);
     }
@@ -179,7 +179,7 @@ impl Adapter for Modbus {
                 }
             }
             ClientEvent::Announced { ticket } if self.writing.take_if(|it| *it == ticket).is_some() => {
-                end.finish(Outcome::Unknown, "it was sent to every unit: nobody replies");
+                end.finish(Outcome::Unknown, "sent as a broadcast, which has no reply");
             }
             ClientEvent::Failed { ticket, failure } => {
                 if self.writing.take_if(|writing| *writing == ticket).is_some() {
@@ -193,7 +193,7 @@ impl Adapter for Modbus {
                 end.event(&json!({"event": "failed", "why": failure.to_string()}));
                 // The rest of a reply that was cut would be taken from the next one.
                 if session.pending() > 0 {
-                    return Err("a reply was cut".into());
+                    return Err("a reply was truncated".into());
                 }
             }
             ClientEvent::Stray { unit, function, .. } => {

@@ -17,7 +17,7 @@ impl<C: Configure> Configure for Paced<C> {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { report, silence, session } = self;
         let range = Duration::ZERO..=Duration::from_secs(3600);
-        fields.time("report", range, "the least time from one report to the next", report);
+        fields.time("report", range, "the shortest time between reports", report);
         Silence::configure(fields, silence);
         session.configure(fields);
     }

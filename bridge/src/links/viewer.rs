@@ -11,10 +11,10 @@ use val2_viewer::{Host, HostConfig, HostEvent, timing};
 use super::client::{self, Adapter, Silence};
 use super::order;
 use crate::end::End;
-use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
+use crate::site::Cell;
 use cellwire_links::settings::{Configure, Fields, LINE};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
@@ -45,7 +45,7 @@ impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { report, silence, baud, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
-        fields.time("report", range, "the time from one report to the next", report);
+        fields.time("report", range, "the time between reports", report);
         Silence::configure(fields, silence);
         fields.baud(LINE, baud);
         session.configure(fields);
@@ -92,7 +92,7 @@ impl Adapter for Viewer {
             end.values(vec![("Viewer/Requests", whole(seen.asked)), ("Viewer/Sent", whole(seen.sent))]);
         }
         if self.until.take_if(|until| now >= *until).is_some() {
-            end.finish(Outcome::Refused, "the workstation has asked for no pose before it was too old");
+            end.finish(Outcome::Refused, "the workstation did not request a pose before it was too old");
         }
         Some(self.next.saturating_sub(now))
     }

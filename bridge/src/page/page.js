@@ -62,7 +62,7 @@ function cell(now, it) {
   if (!rates.has(it.name)) rates.set(it.name, new Rate());
   const rate = rates.get(it.name).add(now, it.number);
   const [state, level] = !it.alive ? ["dead", "bad"] : it.held ? ["held", "warn"] : ["alive", "good"];
-  const why = it.held ? `the broker refuses its topic: ${whole.format(it.held)} records wait` : it.alive ? "" : it.why;
+  const why = it.held ? `the broker refuses its topic: ${whole.format(it.held)} records held` : it.alive ? "" : it.why;
   const last = it.last ? `${age(now - it.last)} ago` : "none yet";
   const texts = [it.name, `${state} ${it.since ? age(now - it.since) : ""}`, it.link, last, rated(rate), whole.format(it.number), why];
   return { key: it.name, mark: level, texts };
@@ -70,7 +70,7 @@ function cell(now, it) {
 
 function show(view) {
   const { now, broker, store, commands, shared } = view;
-  const where = shared ? `; shared cells: ${shared.here} here, ${shared.elsewhere} elsewhere, ${shared.nobody} nobody's` : "";
+  const where = shared ? `; shared cells: ${shared.here} here, ${shared.elsewhere} elsewhere, ${shared.nobody} without owner` : "";
   document.title = `${broker.group} / ${broker.node}`;
   say(at("name"), document.title);
   say(at("broker-state"), broker.online ? "online" : "offline");
@@ -81,7 +81,7 @@ function show(view) {
   const level = store.limit ? 100 * store.bytes / store.limit : 0;
   at("store-level").value = level;
   const lost = store.dropped ? `; ${whole.format(store.dropped)} dropped` : "";
-  say(at("store-why"), store.stuck ? "the disk takes nothing" : `${size(store.bytes)} of ${size(store.limit)}${lost}`);
+  say(at("store-why"), store.stuck ? "the store cannot be written" : `${size(store.bytes)} of ${size(store.limit)}${lost}`);
   mark(at("store"), `tile ${store.stuck || store.dropped ? "bad" : level > 50 ? "warn" : "good"}`);
   const shown = view.cells.map((it) => cell(now, it)).sort((a, b) => WORST[a.mark] - WORST[b.mark] || (a.key < b.key ? -1 : 1));
   cells.show(shown);
@@ -110,5 +110,5 @@ events.onmessage = ({ data }) => {
 setInterval(() => {
   const silence = Date.now() - heard, stale = silence > 4000;
   document.body.classList.toggle("stale", stale);
-  say(at("news"), stale ? `no news from the bridge for ${age(silence)}` : "live");
+  say(at("news"), stale ? `no data from the bridge for ${age(silence)}` : "live");
 }, 500);

@@ -20,13 +20,13 @@ use message::{Alive, Message, What};
 pub use settings::Share as Settings;
 pub(crate) use settings::check;
 
-/// So often a bridge says that it lives.
+/// How often a bridge announces itself.
 const EVERY: Duration = Duration::from_millis(1500);
-/// So long its cells are its own, from when it said what has come back to it.
+/// How long its cells are its own, from the time of a message that came back to it.
 pub const LEASE: Duration = Duration::from_secs(6);
 /// A thread lets its device go within this time, and clocks go as fast as one another to within the rest.
 const MARGIN: Duration = Duration::from_secs(4);
-/// A bridge that was not heard for so long has no cell. Its lease, and that of the one who judges: what came back to that one last was
+/// A bridge that was not heard for this long has no cell. Its lease, and that of the one who judges: what came back to that one last was
 /// said so long ago at the most, and what the broker has had since then may not have come yet.
 const SILENT: Duration = Duration::from_secs(2 * LEASE.as_secs() + MARGIN.as_secs());
 
@@ -156,14 +156,16 @@ impl Share {
     pub fn hear(&mut self, from: &str, payload: &[u8], now: Duration) -> Option<Heard> {
         let message: Message = match serde_json::from_slice(payload) {
             Ok(message) => message,
-            Err(error) => return Some(Heard::Strange(format!("what {from} says of shared cells: {error}"))),
+            Err(error) => {
+                return Some(Heard::Strange(format!("message of {from} about shared cells: {error}")));
+            }
         };
         if from == self.node {
             return self.came_back(message.number, now);
         }
         let Some(peer) = self.peers.get_mut(from) else {
             return Some(Heard::Strange(format!(
-                "{from} shares cells of this group, and share.bridges does not have it: name every bridge in every file"
+                "{from} shares cells of this group but is not in share.bridges: list every bridge in every site file"
             )));
         };
         match message.what {

@@ -1,10 +1,10 @@
-//! What the hall's file says of cells that bridges share.
+//! What the site file says of cells that bridges share.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use crate::hall::{Broker, Cell, check_name};
+use crate::site::{Broker, Cell, check_name};
 use cellwire::io::port::AnyPort;
 
 /// The bridges that share cells.
@@ -28,19 +28,17 @@ pub(crate) fn check(
     let mut shared = cells.iter().filter(|(_, cell)| cell.shared).peekable();
     let Some(Share { bridges }) = share else {
         return match shared.next() {
-            Some((name, _)) => {
-                wrong(&format!("cell.{name}.shared"), "there is no [share] that says with whom")
-            }
+            Some((name, _)) => wrong(&format!("cell.{name}.shared"), "there is no table [share]"),
             None => Ok(()),
         };
     };
     if shared.peek().is_none() {
-        return wrong("share", "no cell is shared: give shared = true to those that are");
+        return wrong("share", "no cell is shared: set shared = true for shared cells");
     }
     if !bridges.contains(&broker.node) || bridges.iter().all(|name| *name == broker.node) {
         return wrong(
             "share.bridges",
-            "give the nodes of all bridges that share cells: broker.node and others",
+            "list the nodes of all bridges that share cells, including broker.node",
         );
     }
     if let Some(Err(error)) = bridges.iter().map(|name| check_name(name)).find(Result::is_err) {
@@ -49,14 +47,14 @@ pub(crate) fn check(
     if broker.address.all().len() > 1 {
         return wrong(
             "broker.address",
-            "bridges that share cells have to be at one broker: give one address, of a cluster the one of all its nodes",
+            "bridges that share cells must use one broker: give one address, that of the whole cluster",
         );
     }
     for (name, cell) in shared {
         if cell.address.as_deref().is_none_or(AnyPort::is_serial) {
             return wrong(
                 &format!("cell.{name}.shared"),
-                "another bridge reaches its device at the same HOST:PORT only: no serial port, and no listen",
+                "a shared device needs HOST:PORT, not a serial port or listen",
             );
         }
     }

@@ -10,7 +10,7 @@ use crate::report::{Command, Outcome};
 const STEP: Duration = Duration::from_millis(50);
 const NAMES: [&str; 3] = ["bridge-1", "bridge-2", "bridge-3"];
 const CELLS: [&str; 6] = ["handling", "painter", "cutter", "assembly", "arm", "ball"];
-/// So long a thread may go on with what it has begun, at the most.
+/// How long a thread may go on with what it has begun, at the most.
 const THREAD: Duration = Duration::from_secs(2);
 
 fn milliseconds(count: u64) -> Duration {
@@ -29,7 +29,7 @@ struct Bridge {
     /// What is on its way to the broker and back, and when it arrives; nothing to go by is a subscription.
     up: VecDeque<(Duration, Option<Vec<u8>>)>,
     down: VecDeque<(Duration, Option<Said>)>,
-    /// Its process, or its network, stands still until then.
+    /// Its process or its network is stopped until then.
     frozen: Duration,
     jam: Duration,
     dead_until: Option<Duration>,
@@ -122,7 +122,7 @@ impl World {
 
     fn bridge(&mut self, at: usize, is_broker_there: bool) {
         let now = self.now;
-        // The threads of its cells go on while the hub stands still, as long as the lease lasts. Who is told to end begins nothing.
+        // The threads of its cells go on while the hub is stopped, as long as the lease lasts. Who is told to end begins nothing.
         let cells = self.bridges[at].cells.iter().filter(|(_, ends)| ends.is_none());
         let cells: Vec<usize> = cells.map(|(cell, _)| *cell).collect();
         if self.bridges[at].share.lease.holds_at(now) {

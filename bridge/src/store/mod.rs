@@ -28,11 +28,11 @@ const RING: &str = "ring";
 
 /// What the database is read through, in bytes.
 const CACHE: usize = 16 << 20;
-/// So many bytes of the ring may be of no use before they are written over.
+/// How many bytes of the ring may be of no use before they are written over.
 const WASTE: u64 = 1 << 20;
 
 const ADVICE: &str =
-    "move it and the file of its records away, and new ones are made; what waits in them is lost";
+    "move it and its .records file away to start with an empty store; the waiting records are lost";
 
 /// Names and values.
 pub type Names = Vec<(String, Option<String>)>;
@@ -67,7 +67,7 @@ pub struct Batch {
 /// What a write has done.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Written {
-    /// So many old records had to make room.
+    /// How many old records had to make room.
     pub dropped: u64,
     /// The names of before the batch are kept, or those with it.
     pub kept: Option<Kept>,
@@ -105,7 +105,7 @@ impl Store {
         let format = get(&database, FORMAT_NAME)?.and_then(|text| text.parse().ok()).unwrap_or(1);
         if format > FORMAT {
             bail!(
-                "{what} has format {format}, and this bridge knows up to {FORMAT}: run the bridge that has written it, or {ADVICE}"
+                "{what} has format {format}, but this bridge supports up to {FORMAT}: use a newer bridge, or {ADVICE}"
             );
         }
         let records = beside(path);
@@ -186,11 +186,11 @@ impl Store {
     }
 
     fn both(&mut self) -> Result<(&mut Database, &mut Ring)> {
-        self.open.as_mut().map(|(database, ring)| (database, ring)).context("it could not be opened again")
+        self.open.as_mut().map(|(database, ring)| (database, ring)).context("cannot reopen the store")
     }
 
     fn database(&self) -> Result<&Database> {
-        self.open.as_ref().map(|open| &open.0).context("it could not be opened again")
+        self.open.as_ref().map(|open| &open.0).context("cannot reopen the store")
     }
 
     /// The key that the next record gets: each is more than the one before.
@@ -235,7 +235,7 @@ impl Store {
             commit(database, ring, more(Kept::Before))?;
             written.kept = Some(Kept::Before);
         }
-        // More than the half of the file at once is no batch of a hall.
+        // More than the half of the file at once is no batch of a site.
         let mut append = batch.append.as_slice();
         let mut frames = ring.frames(append, &removed, is_bound);
         while frames.iter().map(|frame| frame.len() as u64).sum::<u64>() > most / 2 {
@@ -316,7 +316,7 @@ impl Store {
 
 impl fmt::Display for Busy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is open in another process: one bridge, one store", self.0)
+        write!(f, "{} is open in another process: each bridge needs its own store", self.0)
     }
 }
 
@@ -376,7 +376,7 @@ fn open(path: &Path) -> Result<Database, redb::Error> {
     Ok(database)
 }
 
-/// The file, which nobody else can read, also where an earlier version has made it.
+/// The file, readable for its owner alone, also if an earlier version has made it.
 fn private(path: &Path) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create(true).truncate(false);

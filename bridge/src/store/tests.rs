@@ -46,7 +46,7 @@ fn records_are_there_until_they_are_removed_and_keys_are_not_used_again() {
     write(&mut store, &Batch { remove: vec![3, 2], ..Batch::default() });
     assert_eq!((store.len(), texts(&mut store)), (2, keyed(&[(1, "b"), (4, "e")])));
     let busy = Store::open(&path, MOST).err().unwrap().to_string();
-    assert!(busy.ends_with("is open in another process: one bridge, one store"), "{busy}");
+    assert!(busy.ends_with("is open in another process: each bridge needs its own store"), "{busy}");
     // As after a kill.
     drop(store);
     let mut store = Store::open(&path, MOST).unwrap();
@@ -139,7 +139,7 @@ fn a_file_of_an_earlier_format_is_upgraded_and_one_of_a_later_refused() {
     let later = Batch { names: vec![("format".into(), Some("4".into()))], ..Batch::default() };
     write(&mut store, &later);
     drop(store);
-    let why = "has format 4, and this bridge knows up to 3: run the bridge that has written it, or move it";
+    let why = "has format 4, but this bridge supports up to 3: use a newer bridge, or move it";
     assert!(fault(&path).contains(why), "{}", fault(&path));
 }
 

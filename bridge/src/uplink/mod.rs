@@ -11,7 +11,6 @@ use anyhow::Result;
 
 use super::cell::Cell;
 use super::compact::Words;
-use super::hall::{Broker, Place};
 use super::holds::{Holds, Refused};
 use super::metric::{self, whole};
 use super::node::{Node, Publication, Received};
@@ -19,11 +18,12 @@ use super::payload::Value;
 use super::reconnect::Reconnect;
 use super::refusals::{Apart, Refusals};
 use super::report::Input;
+use super::site::{Broker, Place};
 use crate::broker::{Happened, Options, Refusal, Session};
 use crate::store::{Batch, Store};
 pub use event::Event;
 
-/// An attempt that has come to nothing for so long is given up.
+/// An attempt that has come to nothing for this long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
 /// What a host application says of itself may be dated so far ahead: no two clocks agree. What is dated further ahead would hide what it
 /// says by the right time.
@@ -55,7 +55,7 @@ pub struct Uplink {
     node: Node,
     /// The number of the next connection in its births and deaths.
     bd_seq: u8,
-    /// The number of the connection: what an earlier one reports later is nobody's.
+    /// The number of the connection: later reports of an earlier one are ignored.
     generation: u64,
     phase: Phase,
     reconnect: Reconnect,
@@ -83,13 +83,13 @@ pub struct Uplink {
 /// What an uplink counts.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Counts {
-    /// Connections that the broker has accepted.
+    /// Accepted connections to the broker.
     pub connections: u64,
     /// Records that were published, again or for the first time.
     pub published: u64,
-    /// Records that the broker has.
+    /// Records that the broker has acknowledged.
     pub acknowledged: u64,
-    /// How often the broker has not taken a record.
+    /// Refusals of records by the broker.
     pub rejected: u64,
     /// Records that it refuses for good: they are dropped.
     pub refused: u64,
@@ -247,7 +247,7 @@ impl Uplink {
             Happened::Published(key) => self.published(key, batch),
             Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
             Happened::NotTaken(why) => {
-                Event::Strange(format!("the broker does not take a message that is no record: {why}"))
+                Event::Strange(format!("the broker refuses a message that is not a record: {why}"))
             }
             Happened::TooLong => {
                 // If any is too long the longest is.
@@ -293,7 +293,7 @@ impl Uplink {
             }
             Refusal::Passing if !self.refusals.is_for_good(key, Instant::now()) => {
                 self.disconnect();
-                Event::Lost(format!("the broker does not take a record now: {why}"))
+                Event::Lost(format!("the broker refuses a record for now: {why}"))
             }
             Refusal::Message | Refusal::Passing => {
                 self.set_apart(key, why);
@@ -316,7 +316,7 @@ impl Uplink {
         let wait = self.reconnect.leave_name(Instant::now()).as_secs();
         self.disconnect();
         Event::Lost(format!(
-            "another client has this name: every bridge has a node, and client, of its own; tried again in about {wait} s"
+            "another client has this name: give each bridge a different node and client; retrying in about {wait} s"
         ))
     }
 
@@ -329,17 +329,14 @@ impl Uplink {
             Received::Write { device, payload, unfit } => Event::Write { device, payload, unfit },
             Received::State { host, online, timestamp } => {
                 if self.host.as_deref() != Some(host.as_str()) || timestamp < self.host_at {
-                    return Event::Strange(format!(
-                        "a STATE of {host}, older than the last: it is not taken"
-                    ));
+                    return Event::Strange(format!("ignored a STATE of {host} that is older than the last"));
                 }
                 let ahead = timestamp.saturating_sub(metric::now());
                 if u128::from(ahead) > AHEAD.as_millis() {
                     self.counts.ahead += 1;
                     let most = AHEAD.as_secs();
                     return Event::Strange(format!(
-                        "a STATE of {host}, dated more than {most} s ahead of this machine's clock: it is not taken: set the \
-                         clock of the host application, or this machine's"
+                        "ignored a STATE of {host}, dated more than {most} s ahead: set the clock of the host application or of this machine"
                     ));
                 }
                 self.host_at = timestamp;

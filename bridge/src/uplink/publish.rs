@@ -15,9 +15,9 @@ use crate::plain;
 use crate::refusals::Apart;
 use crate::store::Store;
 
-/// So many records are on their way.
+/// How many records are on their way.
 const IN_FLIGHT: usize = 500;
-/// So many are read at once.
+/// How many are read at once.
 const CHUNK: usize = 100;
 
 impl Uplink {

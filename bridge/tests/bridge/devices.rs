@@ -139,13 +139,13 @@ fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
     let broker = Broker::new();
     let reports = Arc::new(AtomicU8::new(GOOD));
     let place = controller(Arc::clone(&reports));
-    let hall = format!(
+    let site = format!(
         "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
          [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nsettings = {{ poll = \"50ms\" }}\n",
         broker.address()
     );
-    let file = folder.path().join("hall.toml");
-    std::fs::write(&file, hall).unwrap();
+    let file = folder.path().join("site.toml");
+    std::fs::write(&file, site).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
     command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut bridge = Running::start(command);

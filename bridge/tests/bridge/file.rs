@@ -1,4 +1,4 @@
-//! The hall's file and its store, as `--check` sees them.
+//! The site file and its store, as `--check` sees them.
 
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt as _;
@@ -7,13 +7,13 @@ use std::process::Command;
 
 use crate::{ball, bridge, figure, until};
 
-const HALL: &str = r#"[broker]
+const SITE: &str = r#"[broker]
 address = "broker:8883"
-group = "hall"
+group = "site"
 node = "bridge"
 
 [store]
-file = "hall.redb"
+file = "site.redb"
 
 [cell.robot]
 link = "fanuc-hmi-modbus"
@@ -22,30 +22,26 @@ settings = { poll = "100ms" }
 "#;
 
 fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
-    let file = folder.join("hall.toml");
+    let file = folder.join("site.toml");
     std::fs::write(&file, text).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
     let output = command.args(["--check", "--config"]).arg(&file).output().unwrap();
     let out = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
     (
         output.status.code(),
-        out.replace(file.to_str().unwrap(), "hall.toml").replace(folder.to_str().unwrap(), "FOLDER"),
+        out.replace(file.to_str().unwrap(), "site.toml").replace(folder.to_str().unwrap(), "FOLDER"),
     )
 }
 
 #[test]
 fn shared_cells_need_one_broker_and_a_device_that_another_bridge_reaches() {
     let folder = tempfile::tempdir().unwrap();
-    let hall = HALL
+    let site = SITE
         .replace("[cell.robot]", "[share]\nbridges = [\"bridge\", \"other\"]\n\n[cell.robot]\nshared = true");
-    assert_eq!(check(folder.path(), &hall).0, Some(0));
+    assert_eq!(check(folder.path(), &site).0, Some(0));
     for (from, to, error) in [
-        (
-            "[share]\nbridges = [\"bridge\", \"other\"]",
-            "",
-            "cell.robot.shared: there is no [share] that says with whom",
-        ),
-        ("shared = true", "", "share: no cell is shared: give shared = true to those that are"),
+        ("[share]\nbridges = [\"bridge\", \"other\"]", "", "cell.robot.shared: there is no table [share]"),
+        ("shared = true", "", "share: no cell is shared: set shared = true for shared cells"),
         (
             "\"bridge\", \"other\"",
             "\"a\", \"b\"",
@@ -56,7 +52,7 @@ fn shared_cells_need_one_broker_and_a_device_that_another_bridge_reaches() {
             "[\"bridge\"]",
             "share.bridges: give the nodes of all bridges that share cells",
         ),
-        ("\"other\"", "\"a+\"", "share.bridges: a topic's level has no '+'"),
+        ("\"other\"", "\"a+\"", "share.bridges: a topic level must not have '+'"),
         (
             "\"broker:8883\"",
             "[\"a:1\", \"b:1\"]",
@@ -68,8 +64,8 @@ fn shared_cells_need_one_broker_and_a_device_that_another_bridge_reaches() {
             "cell.robot.shared: another bridge reaches its device at the same HOST:PORT only",
         ),
     ] {
-        assert!(hall.contains(from));
-        let (status, said) = check(folder.path(), &hall.replace(from, to));
+        assert!(site.contains(from));
+        let (status, said) = check(folder.path(), &site.replace(from, to));
         assert!(status == Some(2) && said.contains(&format!(": {error}")), "{said}");
     }
 }
@@ -80,11 +76,11 @@ fn secret(path: &Path, mode: u32) {
 }
 
 #[test]
-fn a_hall_is_checked_without_a_connection() {
+fn a_site_is_checked_without_a_connection() {
     let folder = tempfile::tempdir().unwrap();
-    let line = "{\"hall\":\"hall.toml\",\"broker\":\"broker:8883\",\"cells\":[\"robot\"]}\n";
-    assert_eq!(check(folder.path(), HALL), (Some(0), line.into()));
-    assert!(!folder.path().join("hall.redb").exists());
+    let line = "{\"site\":\"site.toml\",\"broker\":\"broker:8883\",\"cells\":[\"robot\"]}\n";
+    assert_eq!(check(folder.path(), SITE), (Some(0), line.into()));
+    assert!(!folder.path().join("site.redb").exists());
 }
 
 #[test]
@@ -95,7 +91,7 @@ fn what_is_wrong_has_its_line() {
     std::fs::write(folder.path().join("bad.pem"), bad).unwrap();
     for (from, to, error) in [
         ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
-        ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
+        ("\"site\"", "\"a/b\"", "line 3: broker.group: a topic level must not have '/'"),
         (
             "\"broker:8883\"",
             "[\"a:1\", \"b\"]",
@@ -104,38 +100,38 @@ fn what_is_wrong_has_its_line() {
         (
             "node = \"bridge\"",
             "node = \"bridge\"\njson = \"a/#\"",
-            "line 5: broker.json: a topic's level has no '#'",
+            "line 5: broker.json: a topic level must not have '#'",
         ),
         (
             "node = \"bridge\"",
             "node = \"bridge\"\njson = \"spBv1.0/x\"",
-            "line 5: broker.json: give a topic of your own",
+            "line 5: broker.json: this topic prefix is reserved",
         ),
         (
-            "file = \"hall.redb\"",
-            "file = \"hall.redb\"\nbytes = \"15KiB\"",
+            "file = \"site.redb\"",
+            "file = \"site.redb\"\nbytes = \"15KiB\"",
             "line 8: store.bytes: give 16KiB or more",
         ),
         (
             "settings = { poll = \"100ms\" }",
             "dead_band = { \"Telemetry/Y\" = 1 }",
-            "line 12: cell robot: dead_band: Telemetry/Y is no metric of this link, and no folder of metrics",
+            "line 12: cell robot: dead_band: Telemetry/Y is neither a metric of this link nor a folder of metrics",
         ),
         ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
         (
             "node = \"bridge\"",
             "node = \"bridge\"\ntls = { ca = \"empty.pem\" }",
-            "line 5: FOLDER/empty.pem: it has no BEGIN CERTIFICATE in PEM form",
+            "line 5: FOLDER/empty.pem: no BEGIN CERTIFICATE in PEM format",
         ),
         (
             "node = \"bridge\"",
             "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
-            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error: InvalidCharacter(33)",
+            "line 5: FOLDER/bad.pem: a certificate is not in PEM format: base64 decode error: InvalidCharacter(33)",
         ),
         (
             "10.0.0.1:502",
             "/dev/ttyS0",
-            "line 9: cell robot: /dev/ttyS0 would be a serial port, and this link has none: give HOST:PORT",
+            "line 9: cell robot: /dev/ttyS0 looks like a serial port, but this link uses TCP: give HOST:PORT",
         ),
         (
             "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
@@ -151,16 +147,15 @@ fn what_is_wrong_has_its_line() {
         (
             "address = \"10.0.0.1:502\"\n",
             "",
-            "line 9: cell robot: give address (HOST:PORT, or the path of a serial port), or listen where the device connects to \
-             the PC",
+            "line 9: cell robot: give address (HOST:PORT or a serial port), or listen if the device connects to the PC",
         ),
     ] {
         assert_eq!(
-            check(folder.path(), &HALL.replace(from, to)),
-            (Some(2), format!("error: hall.toml, {error}\n"))
+            check(folder.path(), &SITE.replace(from, to)),
+            (Some(2), format!("error: site.toml, {error}\n"))
         );
     }
-    let (status, error) = check(folder.path(), &HALL.replace("link = \"fanuc-hmi-modbus\"", "links = 1"));
+    let (status, error) = check(folder.path(), &SITE.replace("link = \"fanuc-hmi-modbus\"", "links = 1"));
     assert_eq!(status, Some(2));
     assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
 }
@@ -169,33 +164,34 @@ fn what_is_wrong_has_its_line() {
 fn what_is_unsafe_has_to_be_allowed() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("secret");
-    let hall = |more: &str| HALL.replace("node = \"bridge\"", &format!("node = \"bridge\"\n{more}"));
+    let site = |more: &str| SITE.replace("node = \"bridge\"", &format!("node = \"bridge\"\n{more}"));
     let login = "user = \"u\"\npassword_file = \"secret\"";
     let ok = |text: &str| check(folder.path(), text).0 == Some(0);
     let refused = |text: &str, error: &str| {
-        assert_eq!(check(folder.path(), text), (Some(2), format!("error: hall.toml, {error}\n")));
+        assert_eq!(check(folder.path(), text), (Some(2), format!("error: site.toml, {error}\n")));
     };
     secret(&file, 0o600);
-    let clear = "line 6: the password would go to broker:8883 in the clear: give tls, or allow = [\"password_without_tls\"]";
-    refused(&hall(login), clear);
-    assert!(ok(&hall(&format!("{login}\nallow = [\"password_without_tls\"]"))));
+    let clear = "line 6: the password would be sent to broker:8883 in clear text: set tls, or allow = [\"password_without_tls\"]";
+    refused(&site(login), clear);
+    assert!(ok(&site(&format!("{login}\nallow = [\"password_without_tls\"]"))));
     assert!(
         ["localhost", "127.0.0.1", "[::1]"]
             .iter()
-            .all(|host| ok(&hall(login).replace("broker:8883", &format!("{host}:1883"))))
+            .all(|host| ok(&site(login).replace("broker:8883", &format!("{host}:1883"))))
     );
     secret(&file, 0o644);
-    let here = hall(login).replace("broker:8883", "localhost:1883");
-    let readable = "line 6: everybody on this machine can read FOLDER/secret: chmod 600 it, or give allow = [\"readable_secrets\"]";
+    let here = site(login).replace("broker:8883", "localhost:1883");
+    let readable =
+        "line 6: FOLDER/secret is world-readable: chmod 600 it, or set allow = [\"readable_secrets\"]";
     refused(&here, readable);
     assert!(ok(&here.replace(login, &format!("{login}\nallow = [\"readable_secrets\"]"))));
     refused(
-        &hall("tls = { ca = \"secret\", certificate = \"secret\", key = \"secret\" }"),
+        &site("tls = { ca = \"secret\", certificate = \"secret\", key = \"secret\" }"),
         &readable.replace('6', "5").replacen("chmod 500", "chmod 600", 1),
     );
-    let (status, error) = check(folder.path(), &hall("allow = [\"anything\"]"));
+    let (status, error) = check(folder.path(), &site("allow = [\"anything\"]"));
     assert!(status == Some(2) && error.contains("unknown variant `anything`"), "{error}");
-    let (status, error) = check(folder.path(), &hall("mqtt = \"4\""));
+    let (status, error) = check(folder.path(), &site("mqtt = \"4\""));
     assert!(status == Some(2) && error.contains("unknown variant `4`, expected `5` or `3.1.1`"), "{error}");
 }
 
@@ -208,7 +204,7 @@ fn a_check_says_what_a_start_would_do_with_the_store() {
     until("records", || figure(&bridge, "store_records") > 3);
     let store = folder.path().join("s.redb");
     assert_eq!(std::fs::metadata(&store).unwrap().permissions().mode() & 0o777, 0o600);
-    let text = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("site.toml")).unwrap();
     let line = |text: &str| check(folder.path(), text).1.lines().nth(1).unwrap().to_owned();
     let busy = line(&text);
     assert!(busy.contains("is open in another process"), "{busy}");
@@ -234,16 +230,16 @@ fn a_check_says_what_a_start_would_do_with_the_store() {
 }
 
 #[test]
-fn the_hall_of_the_page_is_right() {
+fn the_site_of_the_page_is_right() {
     let folder = tempfile::tempdir().unwrap();
     let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
     std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
     secret(&folder.path().join("bridge.password"), 0o600);
     let page = include_str!("../../../docs/bridge.md");
-    let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let site = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
     let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
-    let line = format!("{{\"hall\":\"hall.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
-    assert_eq!(check(folder.path(), hall), (Some(0), line));
+    let line = format!("{{\"site\":\"site.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
+    assert_eq!(check(folder.path(), site), (Some(0), line));
 }
 
 #[test]

@@ -2,14 +2,14 @@
 
 use crate::broker::{Broker, Message, Peer};
 use crate::tool::Running;
-use crate::{REFUSED, ball, figure, figure_in, get, hall_command, until};
+use crate::{REFUSED, ball, figure, figure_in, get, site_command, until};
 
 const HELD: &str = "held_records{cell=\"ball\"}";
 const MADE: &str = "record_number{cell=\"ball\"}";
 /// Not authorised.
 const FORBIDDEN: u8 = 0x87;
 
-/// Answers until so many records of the cell `free` have been taken since the last birth of the node, and at least `after`
+/// Answers until this many records of the cell `free` have been taken since the last birth of the node, and at least `after`
 /// of the cell `ball` were answered so: `answer` has its records' numbers. Returns what has come since that birth.
 fn serve(peer: &mut Peer, count: usize, after: usize, answer: impl Fn(u64) -> u8) -> Vec<Message> {
     let (mut seen, mut answered) = (Vec::<Message>::new(), 0);
@@ -29,7 +29,7 @@ fn serve(peer: &mut Peer, count: usize, after: usize, answer: impl Fn(u64) -> u8
     seen
 }
 
-/// Answers nothing until so many records of a cell have come.
+/// Answers nothing until this many records of a cell have come.
 fn read(peer: &mut Peer, seen: &mut Vec<Message>, cell: &str, count: usize) {
     while of(seen, "DDATA", cell).len() < count {
         seen.push(peer.any_message());
@@ -61,7 +61,7 @@ fn a_cell_whose_topic_is_refused_is_held_until_it_is_taken_and_the_others_go_on(
     let balls = [ball(), ball()];
     let broker = Broker::new();
     let cells = [("ball", &balls[0]), ("free", &balls[1])];
-    let mut bridge = Running::start(hall_command(folder.path(), &broker.address(), "", &cells));
+    let mut bridge = Running::start(site_command(folder.path(), &broker.address(), "", &cells));
 
     // Its first three are taken, and then the access control is another.
     let mut peer = broker.accept(&[]);
@@ -123,7 +123,7 @@ fn what_is_held_makes_room_in_a_full_store() {
     let ball = ball();
     let broker = Broker::new();
     let size = "bytes = \"16KiB\"";
-    let command = hall_command(folder.path(), &broker.address(), size, &[("ball", &ball)]);
+    let command = site_command(folder.path(), &broker.address(), size, &[("ball", &ball)]);
     let bridge = Running::start(command);
     let full = "dropped_total{why=\"full\"}";
     let mut peer = broker.accept(&[]);

@@ -184,14 +184,14 @@ fn who_does_not_read_the_events_is_dropped_and_blocks_nobody() {
     let folder = tempfile::tempdir().unwrap();
     let cells = (0..300)
         .map(|cell| format!("[cell.\"{cell:>040}\"]\nlink = \"isra-ball\"\naddress = \"127.0.0.1:1\"\n"));
-    let hall = format!(
+    let site = format!(
         "[broker]\naddress = \"127.0.0.1:1\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
          [health]\nlisten = \"127.0.0.1:0\"\n{}",
         cells.collect::<String>()
     );
-    std::fs::write(folder.path().join("hall.toml"), hall).unwrap();
+    std::fs::write(folder.path().join("site.toml"), site).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
-    command.arg("--config").arg(folder.path().join("hall.toml"));
+    command.arg("--config").arg(folder.path().join("site.toml"));
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let bridge = Running::start(command);
     let under = Under { bridge, _ball: ball(), _folder: folder };

@@ -63,7 +63,7 @@ fn a_record_longer_than_the_broker_takes_is_dropped_and_a_birth_goes_without_its
     let birth = peer.any_message();
     assert_eq!((birth.topic.as_str(), birth.read().seq), ("spBv1.0/g/DBIRTH/n/ball", Some(1)));
     assert!(birth.topic.len() + birth.payload.len() + AROUND <= 1500);
-    // On a machine that stands still the ball may have had another event since, which is short.
+    // On a stalled host the ball may have had another event since, which is short.
     match birth.text("Event") {
         None => assert_eq!(is_null(&birth), ["Event"]),
         Some(event) => assert!(is_null(&birth).is_empty() && !event.contains("long"), "{event}"),
@@ -83,7 +83,7 @@ fn a_birth_longer_than_the_broker_takes_is_reported_and_nothing_is_lost() {
     let mut peer = broker.accept(&takes(300));
     assert_eq!(peer.any_message().topic, "spBv1.0/g/NBIRTH/n");
     let line = bridge.line("a birth of");
-    assert!(line.contains("bytes, and the broker takes 300: see its limit of a packet"), "{line}");
+    assert!(line.contains("bytes exceeds the broker's packet limit of 300"), "{line}");
     drop(peer);
     let mut peer = broker.accept(&takes(2000));
     let birth = until(&mut peer, "spBv1.0/g/DBIRTH/n/ball");

@@ -1,4 +1,4 @@
-//! The hall's file read anew, report by exception, aliases, JSON, and several brokers.
+//! The site file read anew, report by exception, aliases, JSON, and several brokers.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use prost::Message as _;
 
 use crate::broker::{Broker, Message, Peer};
 use crate::tool::Running;
-use crate::{ball, bridge_command, edit, figure, figure_in, get, hall_command, place, until};
+use crate::{ball, bridge_command, edit, figure, figure_in, get, place, site_command, until};
 
 fn hang_up(bridge: &Running) {
     let status = Command::new("kill").args(["-HUP", &bridge.id().to_string()]).status();
@@ -43,7 +43,7 @@ fn table(name: &str, ball: &Running, more: &str) -> String {
 }
 
 fn write(folder: &Path, text: &str) {
-    std::fs::write(folder.join("hall.toml"), text).unwrap();
+    std::fs::write(folder.join("site.toml"), text).unwrap();
 }
 
 #[test]
@@ -52,8 +52,8 @@ fn cells_come_and_go_without_touching_the_others() {
     let (stays, goes, comes) = (ball(), ball(), ball());
     let broker = Broker::new();
     let cells = [("stays", &stays), ("goes", &goes)];
-    let mut bridge = Running::start(hall_command(folder.path(), &broker.address(), "", &cells));
-    let head = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    let mut bridge = Running::start(site_command(folder.path(), &broker.address(), "", &cells));
+    let head = std::fs::read_to_string(folder.path().join("site.toml")).unwrap();
     let head = head.split("[cell.").next().unwrap().to_owned();
     let mut peer = broker.accept(&[]);
     let mut seen = up_to(&mut peer, "spBv1.0/g/DDATA/n/stays");
@@ -63,17 +63,17 @@ fn cells_come_and_go_without_touching_the_others() {
     let both = format!("{}{}", table("stays", &stays, ""), table("comes", &comes, ""));
     write(folder.path(), &format!("{head}{both}[cell.wrong]\nlink = \"nothing\"\naddress = \"x:1\"\n"));
     hang_up(&bridge);
-    let line = bridge.line("\"hall\":\"refused\"");
-    assert!(line.contains("hall.toml, line ") && line.contains("nothing has changed"), "{line}");
+    let line = bridge.line("\"site\":\"refused\"");
+    assert!(line.contains("site.toml, line ") && line.contains("nothing was changed"), "{line}");
     write(folder.path(), &format!("{}{both}", head.replace("node = \"n\"", "node = \"other\"")));
     hang_up(&bridge);
-    let line = bridge.line("\"hall\":\"refused\"");
-    assert!(line.contains("[broker] differs: it is read at the start only"), "{line}");
+    let line = bridge.line("\"site\":\"refused\"");
+    assert!(line.contains("[broker] differs: it is only read at the start"), "{line}");
     until("the same cells", || figure(&bridge, "link_connected{cell=\"goes\"}") == 1);
 
     write(folder.path(), &format!("{head}{both}"));
     hang_up(&bridge);
-    let line = bridge.line("\"hall\":\"read\"");
+    let line = bridge.line("\"site\":\"read\"");
     assert!(line.contains(r#""added":["comes"],"changed":[],"removed":["goes"]"#), "{line}");
     seen.extend(up_to(&mut peer, "spBv1.0/g/DDEATH/n/goes"));
     seen.extend(up_to(&mut peer, "spBv1.0/g/DDATA/n/comes"));
@@ -98,7 +98,7 @@ fn cells_come_and_go_without_touching_the_others() {
     let changed = format!("{}{}", table("stays", &stays, "commands = true\n"), table("goes", &goes, ""));
     write(folder.path(), &format!("{head}{changed}{}", table("comes", &comes, "")));
     hang_up(&bridge);
-    let line = bridge.line("\"hall\":\"read\"");
+    let line = bridge.line("\"site\":\"read\"");
     assert!(line.contains(r#""added":["goes"],"changed":["stays"],"removed":[]"#), "{line}");
     let mut later = up_to(&mut peer, "spBv1.0/g/DDATA/n/goes");
     assert_eq!(later.last().unwrap().record(), gone + 1);
@@ -124,11 +124,11 @@ fn the_birth_of_the_node_says_how_many_cells_there_are_now() {
         found.unwrap().value.clone()
     };
     assert_eq!(cells(), Some(Value::Long(1)));
-    let text = std::fs::read_to_string(folder.path().join("hall.toml")).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("site.toml")).unwrap();
     write(folder.path(), &format!("{text}{}", table("another", &ball, "")));
     hang_up(&bridge);
     assert_eq!(cells(), Some(Value::Long(2)));
-    bridge.line("\"hall\":\"read\"");
+    bridge.line("\"site\":\"read\"");
 }
 
 #[test]
@@ -167,8 +167,8 @@ fn by_exception_only_what_has_changed_is_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let (quiet, loud) = (ball(), ball());
     let broker = Broker::new();
-    let command = hall_command(folder.path(), &broker.address(), "", &[("quiet", &quiet), ("loud", &loud)]);
-    let file = folder.path().join("hall.toml");
+    let command = site_command(folder.path(), &broker.address(), "", &[("quiet", &quiet), ("loud", &loud)]);
+    let file = folder.path().join("site.toml");
     let text = std::fs::read_to_string(&file).unwrap();
     let (before, after) = text.split_once("[cell.loud]").unwrap();
     let bands = "dead_band = { Force = 300, Moment = 300.0, \"Force/X\" = 255 }\n";
@@ -233,13 +233,13 @@ fn each_record_is_json_too_before_the_broker_has_the_record() {
     let ball = ball();
     let broker = Broker::new();
     let command = bridge_command(folder.path(), &broker.address(), &ball);
-    edit(folder.path(), "node = \"n\"", "node = \"n\"\njson = \"plain/hall\"");
+    edit(folder.path(), "node = \"n\"", "node = \"n\"\njson = \"plain/site\"");
     let mut bridge = Running::start(command);
     let mut peer = broker.accept(&[]);
     let mut last = None;
     for _ in 0..30 {
         let message = next(&mut peer);
-        if message.topic == "plain/hall/ball" {
+        if message.topic == "plain/site/ball" {
             let record: serde_json::Value = serde_json::from_slice(&message.payload).unwrap();
             assert!(record["cell"] == "ball" && record["metrics"].is_object(), "{record}");
             last = record["number"].as_u64();
@@ -251,14 +251,14 @@ fn each_record_is_json_too_before_the_broker_has_the_record() {
     // Who may not publish there learns it, and the records go on.
     loop {
         let message = peer.message();
-        let is_json = message.topic == "plain/hall/ball";
+        let is_json = message.topic == "plain/site/ball";
         peer.acknowledge(&message, if is_json { 0x87 } else { 0 });
         if is_json {
             break;
         }
     }
     let line = bridge.line("\"strange\"");
-    assert!(line.contains("the broker does not take a message that is no record: NotAuthorized"), "{line}");
+    assert!(line.contains("the broker refuses a message that is not a record: NotAuthorized"), "{line}");
     assert_eq!(figure(&bridge, "held_records{cell=\"ball\"}"), 0);
 }
 

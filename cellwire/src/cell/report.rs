@@ -107,7 +107,7 @@ impl Report {
         }
     }
 
-    /// Whether every promise was kept.
+    /// Whether all checks passed.
     pub fn is_good(&self) -> bool {
         self.failures.is_empty()
     }
@@ -125,7 +125,7 @@ impl Report {
         })
     }
 
-    /// The title and the tables, without whether every promise was kept.
+    /// The title and the tables, without the verdict.
     pub fn figures(&self) -> impl fmt::Display + '_ {
         Figures(self)
     }
@@ -146,7 +146,7 @@ impl fmt::Display for Report {
         write!(f, "{}", self.figures())?;
         self.over_budget().try_for_each(|time| writeln!(f, "over budget: {time}"))?;
         if self.is_good() {
-            return writeln!(f, "every promise kept");
+            return writeln!(f, "all checks passed");
         }
         self.failures.iter().try_for_each(|failure| writeln!(f, "FAILED: {failure}"))
     }

@@ -15,16 +15,16 @@ use crate::io::trace::TraceArgs;
 use crate::io::{input, interrupt, serial};
 use cellwire_links::settings;
 
-/// Steers a robot with a control ball, a 3D mouse, a game pad or the keyboard over ALTER: the operator's screen.
+/// Steers a robot over ALTER with a control ball, a 3D mouse, a game pad or the keyboard: the operator's screen.
 ///
-/// Space and Esc stop the arm, whatever is shown: its values go to zero, and ALTER ends. A answers the robot's ALTER, V refuses it;
+/// Space and Esc stop the arm on every screen: its values go to zero, and ALTER ends. A accepts the robot's ALTER, V refuses it;
 /// K tests the ball, W the workstation, T the ports at several baud rates; O has the options (ports, the last bytes of
-/// each line, display, gripper, the profile of the input); Q quits. Ctrl-C and signals come to rest first; a second one ends at once.
+/// each line, display, gripper, input profile); Q quits. Ctrl-C and signals bring the arm to rest first; a second one ends at once.
 ///
-/// The hand moves the arm only when it is armed: after a start, an interruption, a stop, old values or a lost input it must
-/// rest for 0.3 s first.
+/// The hand moves the arm only when armed: after a start, an interruption, a stop, stale values or a lost input it must
+/// be released for 0.3 s first.
 ///
-/// Neither the screen nor the disk delays a reply. Try it against `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
+/// The screen and the disk never delay a reply. Try it with `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The robot controller's port
@@ -32,7 +32,7 @@ pub struct Args {
     robot: String,
     #[command(flatten)]
     input: InputArgs,
-    /// Keep what the input reports while ALTER runs in this file, for --play
+    /// Record the input to this file while ALTER runs, for --play
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// The graphics workstation's port
@@ -41,7 +41,7 @@ pub struct Args {
     /// The baud rate of the robot's port
     #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD, value_parser = serial::baud_rate())]
     robot_baud: u32,
-    /// The mode of the robot's ALTER instruction: another one is refused
+    /// The mode of the robot's ALTER instruction; other modes are refused
     #[arg(long, value_name = "N", default_value_t = Mode::CUMULATIVE_23.0, value_parser = clap::value_parser!(u8).range(0..=31))]
     mode: u8,
     /// The baud rate of the ball's port
@@ -50,13 +50,13 @@ pub struct Args {
     /// The baud rate of the workstation's port
     #[arg(long, value_name = "N", default_value_t = val2_viewer::timing::BAUD, value_parser = serial::baud_rate())]
     viewer_baud: u32,
-    /// The speed that full force asks for, in percent of 100 mm/s and 30 °/s
+    /// The speed at full force, in percent of 100 mm/s and 30 °/s
     #[arg(long, value_name = "PERCENT", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=100))]
     speed: u16,
-    /// The robot's program names a subroutine for the gripper: keys 1 and 2 of the ball close and open it
+    /// The robot's program has a gripper subroutine: keys 1 and 2 of the ball close and open it
     #[arg(long)]
     clamp: bool,
-    /// Enter has to confirm that the hand may move the arm, each time that it has rested; always so in non-cumulative modes
+    /// Require Enter before the hand moves the arm, each time it has rested; always on in non-cumulative modes
     #[arg(long)]
     confirm: bool,
     /// The arm moves only while a key of the input is held
@@ -65,7 +65,7 @@ pub struct Args {
     /// The key for --hold-to-run
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
     hold_key: u8,
-    /// A TOML file that says what the hand's values mean: dead zone, gain, filter, axes; its settings are those of profile, below
+    /// A TOML file with the input profile: dead zone, gain, filter, axes; see the settings of profile below
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
     #[command(flatten)]
@@ -81,19 +81,19 @@ struct InputArgs {
     /// The port of the ISRA control ball
     #[arg(long, value_name = "PORT")]
     ball: Option<String>,
-    /// The keyboard: arrows X and Y, page up and down Z, with Shift about these axes, Home and End RZ; a key moves while it repeats
+    /// The keyboard: arrows X and Y, page up and down Z, with Shift rotations about these axes, Home and End RZ; a key acts while it repeats
     #[arg(long)]
     keyboard: bool,
     /// A 3Dconnexion device, through the socket of spacenavd
     #[arg(long, value_name = "SOCKET", num_args = 0..=1, default_missing_value = "/var/run/spnav.sock")]
     spacenav: Option<PathBuf>,
-    /// A 3Dconnexion device by its own reports, on every platform: the only one, or that whose name or path has NAME in it
+    /// A 3Dconnexion device as a HID device, on every platform: the only one, or the one with NAME in its name or path
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "")]
     hid: Option<String>,
     /// A game pad, a joystick or a 3D mouse of the Linux input system, such as /dev/input/by-id/…-event-joystick
     #[arg(long, value_name = "DEVICE")]
     evdev: Option<PathBuf>,
-    /// A recording made with --record, played from the moment on at which ALTER runs
+    /// A recording of --record, played from the start of ALTER
     #[arg(long, value_name = "FILE")]
     play: Option<PathBuf>,
 }
@@ -121,7 +121,7 @@ impl Args {
         (settings.profile.speed, settings.profile.hold_key) = (self.speed, self.hold_key);
         if let Some(file) = &self.profile {
             let given = toml::from_str(&input::text(file)?)
-                .with_context(|| format!("{} is no TOML", file.display()))?;
+                .with_context(|| format!("{} is not valid TOML", file.display()))?;
             settings.profile = settings::read("a profile", settings.profile, &given)?;
         }
         settings = settings::read("alter", settings, &self.set.read()?)?;

@@ -19,8 +19,8 @@ use cellwire_links::link::Link;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
-/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated. A time above its budget at p99 is
-/// reported, and fails the demo with --check-times: when another program has the processor, the links recover from the delay.
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated. A time above its budget at the 99th
+/// percentile is reported; it fails the demo only with --check-times, since other programs on this machine can cause delays.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]
@@ -29,23 +29,23 @@ pub struct Args {
     /// End each link after this time [default: each link's own short run]
     #[arg(long, value_name = "N", value_parser = seconds(0.1..=1e6))]
     seconds: Option<Duration>,
-    /// Insert the faults that the link's transport can have
+    /// Inject the faults that the link's transport can have
     #[arg(long)]
     faults: bool,
-    /// Fail when a time is above its budget at p99: for a machine on which nothing else runs
+    /// Fail when a 99th percentile is above its budget: for an otherwise idle machine
     #[arg(long)]
     check_times: bool,
-    /// Spoil the record of the run before it is judged: the demo fails then, which shows that it can (one LINK only)
+    /// Corrupt the record of the run to prove that the check fails (one LINK only)
     #[arg(long, value_name = "HOW")]
     must_fail: Option<MustFail>,
-    /// The seed of the faults: the same seed gives the same faults
+    /// The seed of the injected faults; the same seed gives the same faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Print one JSON object per link instead of a table
     #[arg(long)]
     json: bool,
-    /// Write the result of the demo (one LINK only): what was drawn or cut, the motion that a hand asked for, the timeline of the
-    /// cell, as an SVG file; for fanuc-hmi-modbus plots, program and recording, to a folder
+    /// Write the result of the demo (one LINK only) as an SVG file: the drawing, the cut, the commanded motion, or the timeline of the
+    /// cell; for fanuc-hmi-modbus, plots, program and recording in a folder
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
@@ -57,13 +57,16 @@ pub struct Args {
     set: SetArgs,
 }
 
-/// Returns true when every link kept its promises.
+/// Returns true when all checks of every link passed.
 pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { LINKS.iter().collect() } else { args.links.clone() };
     if links.len() != 1 {
-        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
-        anyhow::ensure!(args.must_fail.is_none(), "--must-fail needs one LINK: each can fail in other ways");
-        anyhow::ensure!(args.set.is_empty(), "--set and --settings need one LINK: each has other settings");
+        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes a different kind of result");
+        anyhow::ensure!(args.must_fail.is_none(), "--must-fail needs one LINK: each fails in its own ways");
+        anyhow::ensure!(
+            args.set.is_empty(),
+            "--set and --settings need one LINK: settings differ between links"
+        );
     }
     anyhow::ensure!(
         args.drawing.is_none() || links.iter().all(|link| link.name == "kawasaki-msg"),

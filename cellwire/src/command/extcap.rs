@@ -10,7 +10,7 @@ use crate::io::capture::write::Writer;
 use crate::io::interrupt;
 use crate::io::tap::Watch;
 
-/// Puts a tap into Wireshark's list of interfaces.
+/// Adds the tap to Wireshark's list of interfaces.
 ///
 /// Wireshark runs the programs in its folder of extcap programs (Help, About, Folders). Put a script there that runs this command, and
 /// make it executable:
@@ -18,10 +18,10 @@ use crate::io::tap::Watch;
 ///   #!/bin/sh
 ///   exec cellwire extcap "$@"
 ///
-/// Then `cellwire` is an interface; the wheel beside it opens its options, which are those of `cellwire tap`. A serial line is shown as a
+/// Then `cellwire` is an interface; the gear beside it opens its options, those of `cellwire tap`. A serial line is shown as a
 /// TCP connection of port 9100: choose Analyze, Decode As, and the link, whose dissector is in reference/wireshark.
 ///
-/// The tap ends with the capture: what it joins is joined no more, and connections are reset.
+/// The tap ends with the capture: it stops forwarding, and connections are reset.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// List the interfaces
@@ -30,7 +30,7 @@ pub struct Args {
     /// The version of Wireshark
     #[arg(long, value_name = "VERSION")]
     extcap_version: Option<String>,
-    /// The interface that is meant
+    /// The name of the interface
     #[arg(long, value_name = "NAME")]
     extcap_interface: Option<String>,
     /// List the link types of the interface
@@ -39,7 +39,7 @@ pub struct Args {
     /// List the options of the interface
     #[arg(long)]
     extcap_config: bool,
-    /// A filter, which this interface has none of
+    /// A capture filter; not supported
     #[arg(long, value_name = "FILTER")]
     extcap_capture_filter: Option<String>,
     /// Capture
@@ -66,7 +66,7 @@ const LINK_TYPES: &str = "dlt {number=101}{name=RAW}{display=IP}\n";
 const OPTIONS: &str = "\
 arg {number=0}{call=--listen}{display=Listen on}{type=string}{tooltip=The address for clients, such as 0.0.0.0:9105}{group=Network}
 arg {number=1}{call=--connect}{display=Connect to}{type=string}{tooltip=The server, such as 192.168.0.10:9105}{group=Network}
-arg {number=2}{call=--udp}{display=Datagrams}{type=boolflag}{tooltip=UDP in place of TCP}{group=Network}
+arg {number=2}{call=--udp}{display=Datagrams}{type=boolflag}{tooltip=UDP instead of TCP}{group=Network}
 arg {number=3}{call=--a}{display=Port of one end}{type=string}{tooltip=The PC, such as /dev/ttyUSB0 or COM5}{group=Serial}
 arg {number=4}{call=--b}{display=Port of the other end}{type=string}{tooltip=The device, such as /dev/ttyUSB1 or COM6}{group=Serial}
 arg {number=5}{call=--baud}{display=Baud rate}{type=unsigned}{range=50,4000000}{default=9600}{group=Serial}
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<bool> {
     } else if args.extcap_config {
         print!("{OPTIONS}");
     } else {
-        let pipe = args.fifo.as_deref().context("Wireshark runs this command: see --help")?;
+        let pipe = args.fifo.as_deref().context("this command is run by Wireshark: see --help")?;
         capture(&args.way, pipe)?;
     }
     Ok(true)

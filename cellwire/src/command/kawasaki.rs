@@ -23,7 +23,7 @@ use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use cellwire_links::settings;
 
-/// Has a Kawasaki robot execute orders: drawings, and jobs of any kind.
+/// Runs orders on a Kawasaki robot: drawings, and jobs of any kind.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -46,10 +46,10 @@ enum Command {
 
 const DRAW: &str = concat!(
     "\
-Has a robot draw the outlines of an SVG file, each line once.
+Draws the outlines of an SVG file with a robot, each line once.
 
-The picture is fitted into the setting `board`; a point of it is a point of the board, Y down from
-the upper left corner.
+The picture is scaled to the setting `board`; its origin is the upper left corner of the board, with
+Y pointing down.
 
 ",
     include_str!("kawasaki.txt")
@@ -57,40 +57,40 @@ the upper left corner.
 
 const TABLE: &str = concat!(
     "\
-Has a robot execute the jobs of a table, each once.
+Runs the jobs of a table on a robot, each once.
 
-The first line of JOBS.csv names fields of a job, in any order, each other line is a job. What the
-fields are is a matter of the plant: the tables [[job]] of its settings, in the order of the wire.
+The first line of JOBS.csv names fields of a job, in any order; each other line is a job. The fields
+are configured for the plant: the tables [[job]] of its settings, in wire order.
 
   [[job]]
   name = \"j1\"
   kind = \"decimal\"         # or \"whole\", or \"text\" with length = [LEAST, MOST]
   places = 3
   range = [-180.0, 180.0]
-  default = 0.0            # where the table has no such column, or an empty cell
+  default = 0.0            # for a missing column or an empty cell
 
 Without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2 in hundredths of
-a millimetre. Every line that does not fit is named before anything is sent.
+a millimetre. Every invalid line is reported before anything is sent.
 
 ",
     include_str!("kawasaki.txt")
 );
 
-/// Has a robot draw the outlines of an SVG file, each line once.
+/// Draws the outlines of an SVG file with a robot, each line once.
 #[derive(Debug, clap::Args)]
 #[command(long_about = DRAW)]
 struct DrawArgs {
     /// The picture
     #[arg(value_name = "FILE.svg")]
     file: PathBuf,
-    /// Draw the rest where the file has what a pen cannot follow, such as text or clips; each is named
+    /// Skip elements that a pen cannot draw, such as text or clips; each is reported
     #[arg(long, display_order = 0)]
     allow: bool,
     #[command(flatten)]
     run: RunArgs,
 }
 
-/// Has a robot execute the jobs of a table, each once.
+/// Runs the jobs of a table on a robot, each once.
 #[derive(Debug, clap::Args)]
 #[command(long_about = TABLE)]
 struct TableArgs {
@@ -103,13 +103,13 @@ struct TableArgs {
 
 #[derive(Debug, clap::Args)]
 struct RunArgs {
-    /// Listen on this address, where the robot connects; a port alone is one of this machine's loopback address
+    /// Listen on this address, where the robot connects; a port alone means 127.0.0.1
     #[arg(long, value_name = "ADDR", conflicts_with = "connect_to", display_order = 1)]
     listen: Option<String>,
     /// Connect to this address, where a robot listens
     #[arg(long = "connect", value_name = "ADDR", display_order = 2)]
     connect_to: Option<String>,
-    /// End when no robot is connected for so many seconds; 0: never
+    /// End after this many seconds without a robot; 0: never
     #[arg(long, value_name = "N", default_value = "60", value_parser = seconds(0.0..=1e6))]
     robot_timeout: Duration,
     #[command(flatten)]
@@ -144,7 +144,7 @@ fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<J
     let is_somewhere = args.work.dry_run || args.listen.is_some() || args.connect_to.is_some();
     ensure!(
         is_somewhere,
-        "give --listen ADDR, where the robot connects, or --connect ADDR, where it listens; or --dry-run"
+        "give --listen ADDR if the robot connects, --connect ADDR if it listens, or --dry-run"
     );
     let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read()?)?;
     let config = settings.plant.pc(settings.config)?;

@@ -28,7 +28,7 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire laser run part.nc --dry-run --draw part.svg        what would be cut
-  cellwire laser run part.nc --port /dev/ttyS0 --settings hall3.toml     on Windows: --port COM1
+  cellwire laser run part.nc --port /dev/ttyS0 --settings laser.toml     on Windows: --port COM1
   cellwire simulate laser --pty /tmp/laser                    a robot to try it on";
 
 #[derive(Debug, Subcommand)]
@@ -36,14 +36,14 @@ enum Command {
     Run(RunArgs),
 }
 
-/// Runs a program, every instruction once: G-code, DXF (lines and arcs), or CSV with a command word and its floats a line.
+/// Runs a program, each instruction once: G-code, DXF (lines and arcs), or CSV with a command word and its floats per line.
 ///
-/// Prints one line of JSON for each frame: which instructions the controller has queued. A journal beside the program says what
-/// became of every instruction: after an end of any kind the same command goes on where it was. Where nobody knows whether
-/// instructions were taken, it stops and asks; look at the machine and type `done`, `repeat` or `stop`. `pause`, `continue` and
-/// `stop` may be typed at any time, and take effect after the frame in flight.
+/// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
+/// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether
+/// instructions were queued, it stops and asks: check the machine and type `done`, `repeat` or `stop`. `pause`, `continue` and
+/// `stop` can be typed at any time, and take effect after the frame in flight.
 ///
-/// "Done" is queued: a controller that loses its queue (a power cut) has not executed all of it.
+/// "Done" means queued: a controller that loses its queue (a power cut) has not executed all of it.
 ///
 /// Exit status: 0 every instruction is done; 1 stopped, or refused; 2 not begun; 3 the connection was lost.
 #[derive(Debug, clap::Args)]
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<bool> {
     if !program.not_carried.is_empty() {
         log(&json!({
             "event": "not_carried", "values": program.not_carried,
-            "hint": "the program gives these, and no instruction has them: add them to the setting program.values",
+            "hint": "the program has values that no instruction carries: add them to the setting program.values",
         }))?;
     }
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());

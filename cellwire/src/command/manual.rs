@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Command;
 pub use clap_complete::Shell;
 
-/// Prints what a shell needs to complete the commands, their options and values.
+/// Prints a shell completion script.
 ///
 /// bash: cellwire completions bash > ~/.local/share/bash-completion/completions/cellwire
 #[derive(Debug, clap::Args)]
@@ -21,14 +21,14 @@ pub struct Completions {
 /// cellwire man ~/.local/share/man/man1 && man cellwire-simulate
 #[derive(Debug, clap::Args)]
 pub struct Man {
-    /// The folder, which is made if it is not there
+    /// The folder, created if missing
     pub folder: PathBuf,
 }
 
 /// Prints the completions.
 ///
 /// # Errors
-/// When nobody reads standard output.
+/// When standard output is closed.
 pub fn completions(shell: Shell, mut program: Command) -> Result<()> {
     let (mut text, name) = (Vec::new(), program.get_name().to_owned());
     clap_complete::generate(shell, &mut program, name, &mut text);

@@ -35,9 +35,9 @@ enum Command {
     Run(RunArgs),
 }
 
-/// Picks every part of a task from the platform and puts it into its place, each once.
+/// Picks each part of a task from the platform and places it, each once.
 ///
-/// TASK.toml has the settings below; simulated cameras see its parts:
+/// TASK.toml has the settings below; simulated cameras report its parts:
 ///
 ///   [task]
 ///   robot_home = [0.0, 0.0, 100.0, 0.0]     # mm, mm, mm, rad
@@ -46,17 +46,17 @@ enum Command {
 ///   pick = [-120.0, 40.0, 10.0, 0.0]
 ///   place = [120.0, 40.0, 12.0, 1.57]
 ///
-/// Prints one line of JSON for each step and each part. A journal beside the task says what became
-/// of every part: after an end of any kind the same command goes on where it was. Where a part was
-/// begun and nobody knows what became of it, or a device fails, it asks: look at the cell and type
-/// `done` (it is in its place), `repeat` or `stop`. `pause`, `continue` and `stop` may be typed at
-/// any time and take effect after the part; `abort` stops everything now.
+/// Prints one line of JSON for each step and each part. A journal beside the task records the
+/// outcome of every part; after any interruption the same command resumes. If the outcome of a part
+/// is unknown, or a device fails, it asks: check the cell and type `done` (the part is in its
+/// place), `repeat` or `stop`. `pause`, `continue` and `stop` can be typed at any time and take
+/// effect after the current part; `abort` stops everything immediately.
 ///
-/// Cameras, valves and vacuum switch are simulated, or at the end of a TCP connection, in lines of
-/// text. The controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or
-/// `blow off`. The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]` (camera 1),
-/// `slot [mm,mm,mm,rad]` (camera 2) or `none`, and a valve with `ok`; instead of both, `error
-/// TEXT`. It writes `switch high` and `switch low` whenever the vacuum switch changes.
+/// Cameras, valves and vacuum switch are simulated, or connected over TCP with lines of text. The
+/// controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`.
+/// The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]` (camera 1),
+/// `slot [mm,mm,mm,rad]` (camera 2) or `none`, a valve with `ok`, and either with `error TEXT`
+/// on failure. It writes `switch high` and `switch low` whenever the vacuum switch changes.
 ///
 /// Exit status: 0 every part is placed; 1 stopped; 2 not begun; 3 a connection was lost.
 #[derive(Debug, clap::Args)]

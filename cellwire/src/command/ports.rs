@@ -10,12 +10,12 @@ use serde_json::json;
 use crate::io::output::{log, remark};
 use crate::io::ports;
 
-/// Lists the serial ports of this machine: the names under which other commands open them, and the adapter behind each.
+/// Lists the serial ports of this machine with their adapters, by the names that other commands take.
 ///
-/// Two adapters of one kind differ in their serial number alone; on Windows one keeps its COM port as long as it is in the same socket.
+/// Two adapters of one kind differ only in their serial number; on Windows an adapter keeps its COM port while it stays in the same USB socket.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// One JSON object a line
+    /// Print one JSON object per line
     #[arg(long)]
     json: bool,
 }

@@ -19,7 +19,7 @@ use crate::io::trace::{Way, parse_line, parse_name};
 pub(super) struct ConversationArgs {
     #[command(flatten)]
     source: SourceArgs,
-    /// Which conversation of the capture, by number [default: the one with most bytes]
+    /// The number of the conversation in the capture [default: the one with most bytes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     conversation: Option<u32>,
 }
@@ -73,13 +73,13 @@ impl ConversationArgs {
                 report(&summary);
                 if collecting.faults > 0 {
                     remark(&format!(
-                        "{} packets could not be read: cellwire decode names them",
+                        "{} packets could not be read; cellwire decode lists them",
                         collecting.faults
                     ));
                 }
                 collecting.all
             }
-            (_, None) => bail!("give a capture that has both ends: --format pcap, hexdump, strace or trace"),
+            (_, None) => bail!("the capture needs both ends: --format pcap, hexdump, strace or trace"),
         };
         all.retain(|it| !it.sent.is_empty());
         let count = all.len();
@@ -89,13 +89,17 @@ impl ConversationArgs {
             None => (0..count).max_by_key(|index| (all.get(*index).map(size), core::cmp::Reverse(*index))),
         };
         let Some(index) = chosen else {
-            ensure!(count > 0, "the capture contains no bytes of both ends{}", self.source.on_port());
+            ensure!(
+                count > 0,
+                "the capture has no conversation with bytes of both ends{}",
+                self.source.on_port()
+            );
             bail!("the capture has {count} conversations");
         };
         let mut conversation = all.swap_remove(index);
         if count > 1 && self.conversation.is_none() {
             remark(&format!(
-                "of {count} conversations the largest is taken, number {}: {}; choose with --conversation or --port",
+                "using the largest of {count} conversations, number {}: {}; choose with --conversation or --port",
                 index + 1,
                 conversation.name
             ));
@@ -120,7 +124,7 @@ impl Conversation {
                 let known = link.traces.iter().find(|(known, _)| known == name);
                 known
                     .map(|(_, sides)| *sides)
-                    .with_context(|| format!("`{name}` is no trace of {}", link.name))?
+                    .with_context(|| format!("`{name}` is not an end of {}", link.name))?
             }
         };
         let [first, second] = sides;
@@ -171,7 +175,7 @@ impl Party {
 
 fn trace(input: Box<dyn Read + Send>) -> Result<Conversation> {
     let mut lines = TraceLines::new(BufReader::new(input));
-    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
     let mut sent = Vec::new();
     while let Some(text) = lines.next()? {

@@ -14,7 +14,7 @@ use cellwire_links::settings::{self, Refused, Setting};
 /// Settings other than the defaults.
 #[derive(Debug, clap::Args)]
 pub(super) struct SetArgs {
-    /// A setting other than its default, such as baud=19200; before what --settings says
+    /// A setting, such as baud=19200; overrides --settings
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
     /// A TOML file of settings, one `name = value` a line; a name with a dot is in a [table]
@@ -45,7 +45,7 @@ impl SetArgs {
         for file in base.into_iter().chain(self.settings.as_deref()) {
             let text = input::text(file)?;
             let found: Map<String, Value> =
-                toml::from_str(&text).with_context(|| format!("{} is no TOML", file.display()))?;
+                toml::from_str(&text).with_context(|| format!("{} is not valid TOML", file.display()))?;
             for (name, value) in found {
                 settings::insert(&mut given, &name, value)?;
             }

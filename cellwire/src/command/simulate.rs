@@ -16,14 +16,14 @@ use crate::links::device_parser;
 
 /// Simulates a device until interrupted.
 ///
-/// Prints one line of JSON when the device is ready, with the address or the path to connect to, then one line for each event.
+/// Prints one line of JSON when the device is ready, with the address or path to connect to, then one line for each event.
 ///
-/// These protocols have no authentication: whoever reaches the address can connect, and is obeyed. Listen on 127.0.0.1 unless the
-/// peer is another machine. A device on a serial line serves one client at a time and refuses others; a new client of a Kawasaki PC
-/// or of an MM&A device takes the place of the one before; a FANUC controller serves a thousand at once. No client makes another
-/// wait, and what a client sends faster than the device reads, waits in the client's own socket.
+/// These protocols have no authentication: any program that reaches the address can connect and send commands. Listen on
+/// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new client of a
+/// Kawasaki PC or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
+/// each other: data that a client sends faster than the device reads waits in that client's socket.
 ///
-/// Nor does whoever does not read the lines: up to 1 MiB of them waits, and after that a line says how many were dropped.
+/// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The device
@@ -31,15 +31,15 @@ pub struct Args {
     device: &'static Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
-    /// fanuc: the LS file that the robot runs (the setting `program`)
+    /// fanuc: the LS file that the robot runs (setting `program`)
     #[arg(long, value_name = "FILE.LS")]
     program: Option<String>,
-    /// fanuc: the listing of $SNPX_ASG that says what the holding registers show (the setting `assignments`)
+    /// fanuc: the listing of $SNPX_ASG, which maps variables to holding registers (setting `assignments`)
     #[arg(long, value_name = "FILE")]
     assignments: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
-    /// Disconnect a client that neither sends nor takes a byte for so many seconds; 0: never
+    /// Disconnect a client after this many seconds without a byte in either direction; 0: never
     #[arg(long, value_name = "N", default_value = "600", value_parser = seconds(0.0..=1e6))]
     idle_timeout: Duration,
     #[command(flatten)]
@@ -51,7 +51,7 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct EndpointArgs {
-    /// Listen on this address; a port alone is one of this machine's loopback address, and port 0 any free one
+    /// Listen on this address; a port alone means 127.0.0.1, port 0 any free port
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// Connect to this address, for a device that is a client

@@ -16,13 +16,13 @@ pub(super) struct SourceArgs {
     /// The format of the input
     #[arg(long, value_enum, default_value_t = Format::Hex)]
     pub(super) format: Format,
-    /// In a capture, read only what is sent from or to this TCP or UDP port
+    /// In a capture, read only this TCP or UDP port
     #[arg(long, value_name = "N")]
     port: Option<u16>,
-    /// In a capture of USB, what a device is whose descriptor is not in the capture
+    /// In a USB capture, the kind of a device whose descriptor was not captured
     #[arg(long, value_enum, value_name = "KIND")]
     adapter: Option<Adapter>,
-    /// Of strace, read only this file descriptor [default: all but standard input and output and files that are no devices]
+    /// In strace output, read only this file descriptor [default: all but standard input and output and regular files]
     #[arg(long, value_name = "N")]
     fd: Option<u32>,
     /// The input; - is standard input [default: -]
@@ -31,20 +31,20 @@ pub(super) struct SourceArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum Format {
-    /// Hex digits; blanks and line ends anywhere, `#` begins a comment
+    /// Hex digits; white space is ignored, `#` begins a comment
     Hex,
     /// The bytes themselves
     Raw,
-    /// A pcap or pcapng file: each direction of each connection, and of each port of a USB serial adapter, is decoded separately, and
-    /// its lines have "flow" and "from". What the capture lacks is a line with "error": a gap, a packet that was cut off, fragments
-    /// without the rest. At a USB adapter, --from is the end that the computer is
+    /// A pcap or pcapng file. Each direction of each connection, and of each port of a USB serial adapter, is decoded separately;
+    /// its lines have "flow" and "from". Missing data is a line with "error": a gap, a truncated packet, incomplete
+    /// fragments. At a USB adapter, --from is the computer's end
     Pcap,
-    /// A hex dump as text2pcap reads it: an offset and bytes; the two ends by `O` and `I`, or by the place of the line, as Wireshark has
-    /// them. --from is the end of `O`, or of the lines further to the left
+    /// A hex dump as text2pcap reads it: an offset and bytes; the direction by `O` and `I`, or by indentation as in Wireshark.
+    /// --from is the end of `O`, or of the lines that are not indented
     Hexdump,
-    /// What strace has written of a program: `strace -f -tt -xx -y -s 4096 -e trace=read,write …`; --from is the end that the program is
+    /// Output of strace: `strace -f -tt -xx -y -s 4096 -e trace=read,write …`; --from is the end of the traced program
     Strace,
-    /// A file that --trace has written: lines have "from" and "at", the seconds of the trace; --from is the end that wrote it
+    /// A file written by --trace: lines have "from" and "at", the seconds of the trace; --from is the end that wrote it
     Trace,
 }
 

@@ -21,10 +21,10 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Decodes and encodes every vector; prints one line per link, and every vector that does not agree. Of `reference/field`: every
+    /// Decodes and encodes every vector; prints one line per link, and every vector that differs. Of `reference/field`: every
     /// vector, stream and story of each file
     Check {
-        /// The folder of the vectors; by default `reference/vectors`, or where that is not, those that this program was built with
+        /// The folder of the vectors; by default `reference/vectors`, or the built-in ones
         dir: Option<PathBuf>,
     },
 }
@@ -39,7 +39,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let Some(dir) = dir.as_deref().or_else(|| here.is_dir().then_some(here)) else {
         let mut all = true;
         for file in BUILT_IN.files() {
-            let text = file.contents_utf8().context("the vectors are no text")?;
+            let text = file.contents_utf8().context("the vectors are not text")?;
             all &= check_text(name_of(file.path()), text)?;
         }
         return Ok(all);

@@ -14,16 +14,16 @@ use crate::io::tcp::ConnectArgs;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {
-    /// Send nothing: print what would be done
+    /// Print what would be done, without sending anything
     #[arg(long, display_order = 3)]
     pub(super) dry_run: bool,
-    /// Draw what the robot would do into this SVG file
+    /// Draw the robot's path as this SVG file
     #[arg(long, value_name = "FILE", display_order = 4)]
     pub(super) draw: Option<PathBuf>,
     /// The journal [default: the file's name with .journal]
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
-    /// Begin at the first part whatever the journal says: what was done is done again
+    /// Ignore the journal and begin at the first part: finished parts are repeated
     #[arg(long)]
     again: bool,
     /// Write the outcome of every part into this CSV file at the end
@@ -77,7 +77,7 @@ impl WorkArgs {
     ) -> Result<T> {
         let is_done = journal.outcomes().iter().all(|outcome| *outcome == Outcome::Done);
         let path = journal.path().display();
-        ensure!(!is_done, "the {what} was run to its end, as {path} says; --again runs it again");
+        ensure!(!is_done, "the {what} is finished according to {path}; --again repeats it");
         let progress = ProgressBar::with_draw_target(Some(parts as u64), ProgressDrawTarget::stderr());
         progress.set_position(journal.count(Outcome::Done) as u64);
         let ended = run(journal, &progress);

@@ -32,9 +32,7 @@ pub fn turn<S: Session, T: Transport>(
     match turn {
         ControlFlow::Continue(()) => Ok(true),
         ControlFlow::Break(Ended::ByPeer) => Ok(false),
-        ControlFlow::Break(Ended::Stalled) => {
-            Err(Lost("the peer does not read what it is sent".into()).into())
-        }
+        ControlFlow::Break(Ended::Stalled) => Err(Lost("the peer does not read".into()).into()),
         ControlFlow::Break(Ended::ByHandler(error)) => Err(error),
     }
 }

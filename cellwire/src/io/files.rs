@@ -66,7 +66,7 @@ pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
             }
         }
     }
-    anyhow::bail!("cannot write {}: every number is taken", path.display())
+    anyhow::bail!("cannot write {}: all numbered names exist", path.display())
 }
 
 fn numbered(path: &Path, number: u32) -> PathBuf {
@@ -95,7 +95,7 @@ mod tests {
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"two");
         assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left beside it");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "no temporary file remains");
     }
 
     #[test]

@@ -119,17 +119,17 @@ impl<R: Record> Journal<R> {
     /// When another process has it open, or it is the journal of other work, or none.
     pub fn open(path: &Path, work: &str, fingerprint: String, parts: usize, again: bool) -> Result<Self> {
         let what = || format!("the journal {}", path.display());
-        // Not to append: Windows lets nobody shorten such a file.
+        // Not in append mode: on Windows such a file cannot be truncated.
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
         let file = options.open(path).with_context(what)?;
         ensure!(
             file.metadata().with_context(what)?.is_file(),
-            "{} is no file: a journal is read again",
+            "{} is not a regular file, which a journal must be",
             path.display()
         );
         if FileExt::try_lock(&file).is_err() {
-            bail!("another process runs this {work}: it holds {}", path.display());
+            bail!("another process is running this {work}: it has locked {}", path.display());
         }
         if again {
             file.set_len(0).with_context(what)?;
@@ -205,7 +205,7 @@ impl<R: Record> Journal<R> {
             }
             whole += length;
             number += 1;
-            let foreign = || format!("line {number} is none of a journal; remove the file to begin anew");
+            let foreign = || format!("line {number} is not a journal line; remove the file to start over");
             if number > 1 {
                 self.record.take(&serde_json::from_slice(&line).ok().with_context(foreign)?);
                 continue;
@@ -213,8 +213,7 @@ impl<R: Record> Journal<R> {
             let found: Head = serde_json::from_slice(&line).ok().with_context(foreign)?;
             ensure!(
                 found == *head,
-                "it is of another {work}: the file was changed since it was run. Finish the earlier {work}, or begin this one \
-                 with --again"
+                "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
             );
         }
         self.file.set_len(whole)?;
@@ -237,7 +236,7 @@ mod tests {
         journal.note(&span(Outcome::Unknown, 0, 3)).unwrap();
         journal.note(&span(Outcome::Done, 0, 1)).unwrap();
         let error = open(4, false).unwrap_err().to_string();
-        assert_eq!(error, format!("another process runs this plate: it holds {}", path.display()));
+        assert_eq!(error, format!("another process is running this plate: it has locked {}", path.display()));
         drop(journal);
 
         let whole = std::fs::read(&path).unwrap();
@@ -252,10 +251,10 @@ mod tests {
         drop(journal);
 
         let error = format!("{:#}", open(5, false).unwrap_err());
-        assert!(error.contains("it is of another plate"), "{error}");
+        assert!(error.contains("it belongs to another plate"), "{error}");
         assert_eq!(*open(5, true).unwrap().outcomes(), [Outcome::NotSent; 5]);
         std::fs::write(&path, "none\n").unwrap();
         let error = format!("{:#}", open(5, false).unwrap_err());
-        assert!(error.ends_with("line 1 is none of a journal; remove the file to begin anew"), "{error}");
+        assert!(error.ends_with("line 1 is not a journal line; remove the file to start over"), "{error}");
     }
 }

@@ -30,8 +30,7 @@ impl Marked {
     /// When there is no such port, or another program uses it.
     pub fn open(name: &str) -> Result<Self> {
         let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed();
-        let why =
-            || format!("cannot open {name}: no such port, or another program uses it, see cellwire ports");
+        let why = || format!("cannot open {name}: no such port, or it is in use, see cellwire ports");
         let file = OpenOptions::new().read(true).custom_flags(flags).open(name).with_context(why)?;
         ensure!(isatty(&file), "{name} is not a serial port");
         ioctl_tiocexcl(&file).with_context(why)?;

@@ -1,4 +1,4 @@
-//! Standard output or error of a program that waits for nobody who reads it.
+//! Standard output or error of a program that never waits for its reader.
 
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
-/// So many bytes wait for a reader, beside those that the system keeps.
+/// How many bytes wait for a reader, beside those that the system keeps.
 const ROOM: usize = 1 << 20;
 
-/// At the end of the program a reader gets so long to take what waits.
+/// How long a reader gets at the end of the program to take the buffered output.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A thread that writes lines. What there is no room for is dropped and counted.
@@ -125,7 +125,7 @@ mod tests {
         let ((go, wait), (sender, written)) = (channel(), channel());
         let outlet = Outlet::start(Slow(wait, sender), |count| format!("{count} dropped\n")).unwrap();
         outlet.put(b"first\n").unwrap();
-        // The thread holds the first line; then there is room for so many.
+        // The thread holds the first line; then there is room for this many.
         while !outlet.0.lock().is_writing {
             thread::yield_now();
         }
@@ -144,7 +144,7 @@ mod tests {
         go.send(()).unwrap();
         assert_eq!(written.recv().unwrap(), b"last\n");
         outlet.finish();
-        // Nobody reads any more: the next line but one is an error.
+        // The reader is gone: the line after the next is an error.
         drop(go);
         outlet.put(b"lost\n").unwrap();
         outlet.finish();

@@ -10,16 +10,16 @@ use serde_json::{Value, json};
 use crate::io::outlet::Outlet;
 use cellwire_links::json;
 
-/// Standard output, or what reads it, is gone: there is nobody to say anything to.
+/// Standard output is closed.
 pub fn is_closed(error: &anyhow::Error) -> bool {
     let is_broken = |error: &io::Error| error.kind() == ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 
-/// Standard output and error, once nobody is waited for.
+/// Standard output and error, once writes never wait.
 static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
 
-/// From now on whoever does not read standard output or error makes nobody wait: for a simulator, whose peers are none of their
+/// From now on a slow reader of standard output or error blocks nothing: for a simulator, whose peers are not their
 /// business. Up to 1 MiB waits for a reader; lines beyond that are dropped, and a line in their place says how many.
 ///
 /// # Errors
@@ -28,7 +28,7 @@ pub fn never_wait() -> Result<()> {
     let out =
         Outlet::start(io::stdout(), |lines| format!("{{\"event\":\"lines_dropped\",\"lines\":{lines}}}\n"))?;
     let error = Outlet::start(io::stderr(), |lines| {
-        format!("warning: {lines} lines were dropped: nobody read them\n")
+        format!("warning: {lines} lines were dropped: the reader is too slow\n")
     })?;
     OUTLETS.get_or_init(|| [out, error]);
     Ok(())
@@ -71,7 +71,7 @@ pub fn show_remarks(screen: Option<Sender<String>>) {
     *SCREEN.lock().unwrap_or_else(PoisonError::into_inner) = screen;
 }
 
-/// A remark on standard error, or on the screen that covers it, its control characters escaped. Where that is closed, nobody reads it.
+/// A remark on standard error, or on the screen that covers it, its control characters escaped. If that is closed, it is dropped.
 pub fn remark(text: &str) {
     let mut line = printable(text);
     if let Some(screen) = &*SCREEN.lock().unwrap_or_else(PoisonError::into_inner)

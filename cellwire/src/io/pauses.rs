@@ -1,4 +1,4 @@
-//! When the machine stood still: a thread that is late cannot tell its own fault from a processor that was busy, or that the
+//! When the host was stalled: a late thread cannot tell its own fault from a processor that was busy, or that the
 //! host of a virtual machine had taken away.
 
 use std::sync::Arc;
@@ -10,9 +10,9 @@ use super::line::Clock;
 
 /// How long each thread sleeps.
 const TICK: Duration = Duration::from_millis(1);
-/// So much later it is woken on a machine that has nothing else to do, and more.
+/// How much later it is woken on a machine that has nothing else to do, and more.
 const PAUSE: Duration = Duration::from_millis(2);
-/// So many pauses of a processor are kept; what comes after them is no excuse for anything.
+/// How many pauses of a processor are kept; what comes after them is no excuse for anything.
 const KEPT: usize = 100_000;
 
 /// A thread on each processor that sleeps and sees when it is woken too late. They have the normal priority, as has what moves the
@@ -30,7 +30,7 @@ struct Pause {
     to: Duration,
 }
 
-/// When the processors stood still, while they were watched.
+/// When the processors were stalled, while they were watched.
 #[derive(Debug, Clone, Default)]
 pub struct Pauses(Vec<Pause>);
 
@@ -81,12 +81,12 @@ fn stay_on(processor: usize) {
 }
 
 impl Pauses {
-    /// Processors stood still from the first to the second time of each.
+    /// Stalls of processors, each from the first to the second time.
     pub fn of(pauses: &[(Duration, Duration)]) -> Self {
         Self(pauses.iter().map(|&(from, to)| Pause { from, to }).collect())
     }
 
-    /// For how long processors stood still between two times, all of them together.
+    /// The total stall of all processors between two times.
     pub fn between(&self, from: Duration, to: Duration) -> Duration {
         self.0.iter().map(|pause| pause.to.min(to).saturating_sub(pause.from.max(from))).sum()
     }

@@ -35,8 +35,7 @@ pub fn list() -> Result<Vec<Port>> {
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Ok(Vec::new());
     }
-    let found =
-        serialport::available_ports().context("the system does not say which serial ports there are")?;
+    let found = serialport::available_ports().context("cannot list the serial ports")?;
     let mut ports: Vec<Port> = found.into_iter().map(of).collect();
     ports.sort_by(|one, other| key(&one.port).cmp(&key(&other.port)));
     Ok(ports)

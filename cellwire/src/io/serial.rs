@@ -103,7 +103,7 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
                 ": it is not a serial port, or does not support this baud rate".to_owned()
             }
             serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
-                ": it is not this user's; on Linux add them to the group dialout, and log in again".to_owned()
+                ": permission denied; on Linux add the user to the group dialout, and log in again".to_owned()
             }
             _ => String::new(),
         };
@@ -111,15 +111,15 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
     })
 }
 
-/// Why a port that nobody gets is not there. Systems do not tell one that is in use from one that does not exist.
+/// Why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.
 fn absent(path: &str) -> String {
     let names: Vec<String> = ports::list().unwrap_or_default().into_iter().map(|port| port.port).collect();
     if Path::new(path).exists() || names.iter().any(|name| name.eq_ignore_ascii_case(path)) {
-        return ": another program uses it; close that, a terminal program perhaps".to_owned();
+        return ": in use by another program, such as a terminal program".to_owned();
     }
     let there = match names.as_slice() {
-        [] => "there is no serial port; is the adapter plugged in, and its driver installed?".to_owned(),
-        names => format!("there is {}, see cellwire ports", names.join(", ")),
+        [] => "there is no serial port; check the adapter and its driver".to_owned(),
+        names => format!("found: {}, see cellwire ports", names.join(", ")),
     };
     format!(": no such port, {there}")
 }
@@ -182,7 +182,7 @@ impl PtyLink {
             let is_left = earlier.starts_with("/dev/pts") && !earlier.exists();
             anyhow::ensure!(
                 is_left,
-                "{} is a link to {}, which is there: another simulator may be running; remove the link if none is",
+                "{} is a link to {}, which exists: another simulator may be running; otherwise remove the link",
                 path.display(),
                 earlier.display()
             );
@@ -205,8 +205,7 @@ impl PtyLink {
     #[cfg(not(unix))]
     pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
         anyhow::bail!(
-            "{} cannot be made: pseudo-terminals need Unix; use --listen ADDRESS, or with a pair of virtual COM ports (com0com) a \
-             serial device server between one of them and --listen",
+            "cannot make {}: pseudo-terminals need Unix; use --listen ADDRESS, or a serial device server between a virtual COM port (com0com) and --listen",
             path.display()
         )
     }
@@ -214,7 +213,7 @@ impl PtyLink {
 
 impl Drop for PtyLink {
     fn drop(&mut self) {
-        // Somebody may have put another in its place.
+        // Another program may have replaced it.
         if std::fs::read_link(&self.path).is_ok_and(|name| name == self.name) {
             let _ = std::fs::remove_file(&self.path);
         }

@@ -17,13 +17,13 @@ use crate::io::line::Clock;
 use crate::io::listener::{Arrival, Listener, refuse};
 use crate::io::trace::{Trace, Way};
 
-/// So many clients are served at once; others are refused.
+/// How many clients are served at once; others are refused.
 pub const MOST_CLIENTS: usize = 1000;
 
-/// A client whose requests do not end takes turns with the others after so many reads.
+/// A client whose requests do not end takes turns with the others after this many reads.
 const READS: usize = 16;
 
-/// When the system has no room for a client, the next try is so much later.
+/// When the system has no room for a client, the next try is this much later.
 const RETRY: Duration = Duration::from_millis(100);
 
 const ARRIVALS: Token = Token(usize::MAX);
@@ -50,7 +50,7 @@ pub struct Service<'a> {
     pub clock: Clock,
     /// What keeps the bytes of the sessions.
     pub trace: &'a Trace,
-    /// A client that neither sends nor takes a byte for so long is disconnected.
+    /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
 }
 
@@ -156,7 +156,7 @@ where
                 Ok(Arrival::Nobody) => return Ok(()),
                 Ok(Arrival::Client(stream, peer)) => (stream, peer),
                 Ok(Arrival::Refused(peer)) => {
-                    _ = (self.handle)(Notice::Refused(peer, "no descriptor is free, see ulimit -n"));
+                    _ = (self.handle)(Notice::Refused(peer, "too many open files, see ulimit -n"));
                     continue;
                 }
                 Err(_) => {
@@ -166,7 +166,7 @@ where
             };
             if self.clients.len() >= MOST_CLIENTS {
                 refuse(&stream);
-                _ = (self.handle)(Notice::Refused(peer, "as many clients as can be are served"));
+                _ = (self.handle)(Notice::Refused(peer, "the maximum of clients is connected"));
                 continue;
             }
             let entry = self.clients.vacant_entry();

@@ -31,7 +31,7 @@ pub fn write_route(path: &Path, route: &[([f64; 2], bool)], names: [&str; 2]) ->
     let least = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
     let most = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
     let ([left, low], [right, top]) = (least, most);
-    ensure!(right - left < 1e7 && top - low < 1e7, "the way leaves 10 km: check its units");
+    ensure!(right - left < 1e7 && top - low < 1e7, "the path exceeds 10 km: check its units");
     let margin = ((right - left).max(top - low) / 20.0).max(1.0);
     let (left, top) = ((left - margin).floor(), (top + margin).ceil());
     let point = |[x, y]: [f64; 2]| Point { x: hundredths(x - left), y: hundredths(top - y) };

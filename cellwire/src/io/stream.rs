@@ -8,10 +8,10 @@ use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::io::tcp::is_silence;
 
-/// So many bytes wait for a peer that does not read, beside those that the system keeps.
+/// How many bytes wait for a peer that does not read, beside those that the system keeps.
 const UNSENT: usize = 64 * 1024;
 
-/// While bytes wait, the peer is asked so often whether it reads again.
+/// While bytes wait, the peer is asked this often whether it reads again.
 const RETRY: Duration = Duration::from_millis(5);
 
 /// A connection whose [`send`](Transport::send) never waits for the peer.
@@ -73,7 +73,7 @@ impl Transport for Stream {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         if self.unsent.len() + bytes.len() > UNSENT {
-            return Err(io::Error::new(ErrorKind::TimedOut, "the peer does not read what it is sent"));
+            return Err(io::Error::new(ErrorKind::TimedOut, "the peer does not read"));
         }
         self.unsent.extend_from_slice(bytes);
         self.flush()?;
@@ -102,7 +102,7 @@ mod tests {
                 Err(error) => break error,
             }
         };
-        assert_eq!(error.to_string(), "the peer does not read what it is sent");
+        assert_eq!(error.to_string(), "the peer does not read");
         // It reads after all: nothing of what was taken is lost or out of order.
         let reader = std::thread::spawn(move || {
             let mut received = vec![0; sent];

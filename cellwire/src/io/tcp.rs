@@ -14,7 +14,7 @@ use crate::io::input::seconds;
 use crate::io::listener;
 use crate::io::output::remark;
 
-/// Listens on an address; a port alone is one of this machine's loopback address. Whoever else can connect is remarked on standard
+/// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on standard
 /// error: none of the protocols has authentication.
 ///
 /// # Errors
@@ -34,8 +34,8 @@ pub fn listen(address: &str) -> Result<TcpListener> {
 pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
     let advice = match error.kind() {
         ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
-        ErrorKind::PermissionDenied => "ports below 1024 need more rights; choose a higher one",
-        ErrorKind::AddrNotAvailable => "the address is not this machine's; use 127.0.0.1 or 0.0.0.0",
+        ErrorKind::PermissionDenied => "ports below 1024 need more privileges; choose a higher one",
+        ErrorKind::AddrNotAvailable => "the address is not local; use 127.0.0.1 or 0.0.0.0",
         ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
         _ => "",
     };
@@ -50,7 +50,7 @@ pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
 pub(super) fn warn_unless_loopback(place: SocketAddr) {
     if !place.ip().is_loopback() {
         remark(&format!(
-            "warning: whoever reaches {place} can connect: the protocol has no authentication; 127.0.0.1 is for this machine alone"
+            "warning: {place} is open to the network without authentication; use 127.0.0.1 to restrict it to this machine"
         ));
     }
 }
@@ -58,7 +58,7 @@ pub(super) fn warn_unless_loopback(place: SocketAddr) {
 /// How long a connection may take to open.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct ConnectArgs {
-    /// How long the connection may take to open, in seconds
+    /// Connection timeout in seconds
     #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
     connect_timeout: Duration,
 }
@@ -101,7 +101,7 @@ pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
     Ok(stream)
 }
 
-/// [`connect`]'s time where nobody names another.
+/// The default timeout of [`connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Whether a read failed only because nothing arrived before its timeout, or because a signal interrupted it.

@@ -16,7 +16,7 @@ use ratatui::crossterm::terminal::{
 };
 use ratatui::prelude::CrosstermBackend;
 
-/// A terminal that does not take the end of the alternate screen in this time keeps nobody here.
+/// A terminal that does not take the end of the alternate screen in this time is not awaited.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// The terminal while it shows pictures.
@@ -66,7 +66,7 @@ impl Screen {
 pub fn leave() {
     let _ = disable_raw_mode();
     let (done, wait) = channel();
-    // A terminal whose output is stopped would keep this thread for ever.
+    // A terminal with stopped output would block this thread forever.
     thread::spawn(move || {
         let _ = execute!(io::stdout(), LeaveAlternateScreen, Show);
         let _ = done.send(());
@@ -164,7 +164,7 @@ mod tests {
 
         let (mut user, path) = crate::io::serial::pair().unwrap();
         let open = || std::fs::File::options().read(true).write(true).open(&path).unwrap();
-        // Its settings stay as they are while somebody has it open.
+        // Its settings stay as long as it is open.
         let _client = open();
         let stty = |args: &[&str]| {
             let output = Command::new("stty").args(["-F", &path]).args(args).output().unwrap();

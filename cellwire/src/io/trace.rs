@@ -48,7 +48,7 @@ impl TraceArgs {
         }
     }
 
-    /// A trace of so many bytes each way.
+    /// A trace of this many bytes each way.
     #[cfg(test)]
     pub(crate) fn keep(bytes: u32, dir: &Path) -> Self {
         Self { trace: Some(bytes), trace_dir: dir.to_owned() }
@@ -128,7 +128,7 @@ impl Trace {
         }
     }
 
-    /// The same for a caller who cannot wait: false, and nothing added, while somebody reads the trace.
+    /// The same for a caller who cannot wait: false, and nothing added, while the trace is being read.
     pub fn try_add(&self, now: Duration, way: Way, bytes: &[u8]) -> bool {
         if self.bytes == 0 {
             return true;

@@ -8,7 +8,7 @@ use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
 
-/// Opens a socket for the datagrams of whoever sends any, whose reads do not wait; a port alone is one of this machine's loopback
+/// Opens a non-blocking socket for the datagrams of any peer; a port alone is one of this machine's loopback
 /// address.
 ///
 /// # Errors
@@ -40,10 +40,10 @@ pub fn connect(address: &str) -> Result<UdpSocket> {
     Ok(socket)
 }
 
-/// So many datagrams of others are passed over before the session is looked after again.
+/// How many datagrams of others are passed over before the session is looked after again.
 const PASSED_OVER: usize = 64;
 
-/// The datagrams of one peer. One that is lost is no error, nor that nobody is there: the protocol sends again.
+/// The datagrams of one peer. A lost datagram and a missing peer are not errors: the protocol resends.
 #[derive(Debug)]
 pub struct Datagrams {
     socket: UdpSocket,
@@ -70,7 +70,7 @@ impl Datagrams {
             match self.socket.recv_from(buffer) {
                 Ok((length, from)) if self.peer.is_none_or(|peer| peer == from) => return Ok(Some(length)),
                 Ok(_) => {}
-                // Nobody listens there yet, or any more.
+                // The peer does not listen yet, or any more.
                 Err(error) if is_lost_datagram(&error) => {}
                 Err(error) if is_silence(&error) => return Ok(None),
                 Err(error) => return Err(error),
@@ -146,7 +146,7 @@ mod tests {
         let place = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
         let mut end = Datagrams::connected(connect(&place.to_string()).unwrap());
         for _ in 0..3 {
-            end.send(b"is anybody there?").unwrap();
+            end.send(b"hello?").unwrap();
             assert_eq!(end.receive(&mut [0; 9], Wait::limited(Duration::ZERO)).unwrap(), Received::Nothing);
         }
     }

@@ -38,7 +38,7 @@ pub struct SimulateOptions {
     pub endpoint: Endpoint,
     /// How long a connection may take to open, for a device that is a TCP client.
     pub connect_timeout: Duration,
-    /// A client that neither sends nor takes a byte for so long is disconnected.
+    /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
     /// What to do with the bytes of a session that ended.
     pub trace: TraceArgs,
@@ -88,7 +88,7 @@ pub fn serve(
     }
 }
 
-/// A stop, and a client that comes or goes, are looked for so often.
+/// How often a stop, and a client that comes or goes, are looked for.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Runs a simulated device on a line until it is to stop, or until the line is gone for good. `handle` is given its events, and whether a

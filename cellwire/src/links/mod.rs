@@ -41,7 +41,7 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
 /// # Errors
 /// When there is none.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
-    DEVICES.iter().find(|device| device.name == name).with_context(|| format!("no device is called {name}"))
+    DEVICES.iter().find(|device| device.name == name).with_context(|| format!("there is no device {name}"))
 }
 
 /// The parser of DEVICE on the command line.

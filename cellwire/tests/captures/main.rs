@@ -251,7 +251,7 @@ fn fragments_without_the_rest_are_a_line() {
     let begun = (0..200).map(|id| ethernet(&[], &v4_fragment(TCP, &part[..16], CLIENT, id, 0, true)));
     let (lines, ..) = decode(&LITTLE.pcap(1, &whole(begun)), &[]);
     assert_eq!(lines.len(), 200);
-    assert_eq!(lines[0]["error"]["why"], "too many were incomplete");
+    assert_eq!(lines[0]["error"]["why"], "too many incomplete datagrams");
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn what_carries_no_bytes_is_counted() {
     assert_eq!(said, "3 of 7 packets are neither TCP nor UDP: 2 ARP, 1 ICMP\n");
     let (lines, code, said) = decode(&LITTLE.pcap(1, &whole([arp])), &[]);
     assert_eq!((lines.len(), code), (0, Some(2)));
-    assert!(said.contains("the capture contains no TCP, UDP or serial bytes for fanuc-hmi-modbus"), "{said}");
+    assert!(said.contains("the capture has no TCP, UDP or serial bytes for fanuc-hmi-modbus"), "{said}");
 }
 
 #[test]
@@ -416,7 +416,7 @@ fn memory_does_not_grow_with_the_capture() {
     assert!(long < short + 4096, "{short} kB, then {long} kB");
 }
 
-/// A capture of so many packets of one connection.
+/// A capture of this many packets of one connection.
 fn write_long(file: &Path, packets: u32) {
     let mut out = std::io::BufWriter::new(fs::File::create(file).unwrap());
     out.write_all(&LITTLE.pcap(1, &[])).unwrap();

@@ -67,7 +67,7 @@ fn who_kept_it_is_its_name_or_told() {
     let text = "# x: the end\n00 01 00 00 00 06 01 03 # 0.001000 s sent\n00 00 00 01 # 0.002500 s sent\n";
     let (_, code, said) = decode("fanuc-hmi-modbus", &[], text);
     assert_eq!(code, Some(2));
-    assert!(said.contains("give the end that kept it, --from client or server"), "{said}");
+    assert!(said.contains("give the end that wrote the trace, --from client or server"), "{said}");
     let (lines, code, _) = decode("fanuc-hmi-modbus", &["--from", "client"], text);
     assert_eq!((lines.len(), code), (1, Some(0)));
     assert_eq!((&lines[0]["from"], &lines[0]["at"]), (&"client".into(), &0.0025.into()));
@@ -75,7 +75,7 @@ fn who_kept_it_is_its_name_or_told() {
     let ball = "# ball: the end\n05 # 0.001000 s received\n";
     let (lines, code, said) = decode("isra-ball", &[], ball);
     assert_eq!((lines.len(), code), (0, Some(0)));
-    assert_eq!(said, "1 bytes are of the end that sends no messages\n");
+    assert_eq!(said, "skipped 1 bytes of the end that sends no messages\n");
 }
 
 #[test]

@@ -24,9 +24,9 @@ struct Hand {
 /// What a ball, or its line, does with some packets.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Faults {
-    /// Of so many packets each.
+    /// Of this many packets each.
     pub(crate) of: u32,
-    /// So many in a row say "old data".
+    /// How many in a row say "old data".
     pub(crate) old: u32,
     /// The same: their check is wrong.
     pub(crate) corrupt: u32,
@@ -116,7 +116,7 @@ impl Ball {
 /// Thirteen bytes at 9600 baud.
 const LINE: Duration = Duration::from_micros(13_600);
 
-/// The packet that answers a poll, after so many others.
+/// The packet that answers a poll, after this many others.
 fn answer(hand: Hand, asked: u32) -> Option<[u8; 12]> {
     let Faults { old, corrupt, lost, of, .. } = hand.faults;
     let place = asked.checked_rem(of).unwrap_or(of);

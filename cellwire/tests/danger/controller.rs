@@ -31,13 +31,13 @@ pub(crate) enum Cycle {
 enum Order {
     /// Execute `ALTER(0, mode)`.
     Start(u8),
-    /// The exception subroutine runs for so many cycles.
+    /// The exception subroutine runs for this many cycles.
     Interrupt(u32),
-    /// Nothing is sent for so many cycles; then the program starts again.
+    /// Nothing is sent for this many cycles; then the program starts again.
     Pause(u32),
     /// The next message says that the reply before it had this error.
     Reject(u8),
-    /// This segment status for so many cycles.
+    /// This segment status for this many cycles.
     Status(u8, u32),
 }
 
@@ -108,12 +108,12 @@ impl Controller {
         }
     }
 
-    /// Waits for so many cycles, or for the end of ALTER.
+    /// Waits for this many cycles, or for the end of ALTER.
     pub(crate) fn pass(&self, cycles: usize) {
         let until = self.now() + cycles;
         let end = Instant::now() + Duration::from_secs(30);
         while self.now() < until && !self.has_ended() {
-            assert!(Instant::now() < end, "the controller stands still");
+            assert!(Instant::now() < end, "the controller hangs");
             thread::sleep(Duration::from_millis(5));
         }
     }
@@ -125,7 +125,7 @@ const FOLLOWED: u8 = 2;
 /// A missing reply ends the source's ALTER; this controller forgives a busy machine a few, and says so: the host begins from rest.
 const FORGIVEN: u32 = 30;
 
-/// The error code of a message behind so many cycles without a reply.
+/// The error code of a message behind this many cycles without a reply.
 fn error(missed: u32) -> u8 {
     if missed > 0 { 6 } else { 0 }
 }
@@ -211,7 +211,7 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
     }
 }
 
-/// Cycles of an ALTER that was started again, until nobody answers.
+/// Cycles of an ALTER that was started again, without answers.
 fn again(port: &mut Pty, mode: u8, log: &Mutex<Vec<Cycle>>) {
     let mut missed = 0;
     while missed <= FORGIVEN {

@@ -116,7 +116,7 @@ impl Rig {
         is_fast.then_some(Stopped { first, zero: zero - cause, step: greatest_step(&log), seen: log.len() })
     }
 
-    /// In so many cycles from `cause` on no value moves the arm; `None`: a busy machine has ended ALTER meanwhile.
+    /// In this many cycles from `cause` on no value moves the arm; `None`: a busy machine has ended ALTER meanwhile.
     pub(crate) fn stays_still(&self, cause: usize, cycles: usize) -> Option<Stopped> {
         self.controller.pass((cause + cycles).saturating_sub(self.controller.now()));
         let log = self.controller.log();
@@ -206,7 +206,7 @@ pub(crate) struct Terminal {
 impl Terminal {
     fn new() -> Self {
         let (user, path) = Pty::new();
-        // Its settings stay as they are while somebody has it open.
+        // Its settings stay as long as it is open.
         let client = File::options().read(true).write(true).open(&path).unwrap();
         stty(&path, &["sane", "rows", "24", "cols", "80"]);
         let settings = stty(&path, &["-g"]);
@@ -247,7 +247,7 @@ impl Terminal {
         rustix::termios::tcflow(&client, rustix::termios::Action::OOff).unwrap();
     }
 
-    /// The window has so many rows and columns now.
+    /// The window has this many rows and columns now.
     pub(crate) fn resize(&self, rows: u16, columns: u16) {
         stty(&self.path, &["rows", &rows.to_string(), "cols", &columns.to_string()]);
     }

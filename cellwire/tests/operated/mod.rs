@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-/// Nothing that is waited for takes so long, also on a machine with a great load.
+/// Nothing that is waited for takes this long, also on a machine with a great load.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
 
 /// A program of the tool, with its lines of JSON.

@@ -10,10 +10,10 @@ use cellwire::io::pauses::Watch;
 
 /// A third of the window: shorter pauses of the machine explain no failure.
 const PAUSE: Duration = Duration::from_millis(5);
-/// A machine whose processors stand still for one part in so many of the time keeps no cycle of 28 ms.
+/// A host whose processors stall for this fraction of the time cannot keep a cycle of 28 ms.
 const UNFIT: u32 = 50;
 
-/// Runs a test. Where it fails and the machine stood still meanwhile, it begins again; where the machine is unfit each time, nothing is
+/// Runs a test. Where it fails and the host was stalled meanwhile, it begins again; where the machine is unfit each time, nothing is
 /// known of what was tested, and that is said.
 pub(crate) fn in_real_time(test: impl Fn() + Sync) {
     let mut unfit = true;
@@ -28,7 +28,7 @@ pub(crate) fn in_real_time(test: impl Fn() + Sync) {
         if paused < PAUSE || (attempt == 3 && !unfit) {
             resume_unwind(panic);
         }
-        eprintln!("attempt {attempt}: the machine stood still for {paused:?} of {time:?}");
+        eprintln!("attempt {attempt}: the host was stalled for {paused:?} of {time:?}");
         if attempt == 3 {
             eprintln!("NOT JUDGED: this machine keeps no real time");
             return;

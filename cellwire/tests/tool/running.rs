@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// Nothing that is waited for takes so long, also on a machine with a great load.
+/// Nothing that is waited for takes this long, also on a machine with a great load.
 pub(crate) const DEADLINE: Duration = Duration::from_secs(60);
 
 /// A program that runs until the test ends.

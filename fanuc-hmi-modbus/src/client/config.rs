@@ -19,13 +19,13 @@ pub struct ClientConfig {
     pub in_flight: usize,
     /// Whether a reply from another unit than was asked is taken, as some gateways answer. Off.
     pub any_unit: bool,
-    /// Whether unit 0 is a broadcast that nobody answers. On for RTU; off on TCP, where 0 is often the server itself.
+    /// Whether unit 0 is a broadcast, which has no reply. On for RTU; off on TCP, where 0 is often the server itself.
     pub broadcast: bool,
     /// How long the units of a serial line get to carry out a broadcast, from when it is handed out. 100 ms, to which
     /// [`rtu`](Self::rtu) adds the time of the longest frame.
     pub turnaround: Duration,
     /// An assumption: no reply comes later than this after its request has timed out. Without a transaction in it, a late reply
-    /// could be taken for the reply to the next request, so that waits so long. Not used on TCP. Where a reply is later still,
+    /// could be taken for the reply to the next request, so that waits this long. Not used on TCP. Where a reply is later still,
     /// it may be taken for another one's; the reply that belongs there is then reported as a stray. 1 s on a serial line; 10 s for
     /// RTU over TCP, where a new connection ends the wait at once.
     pub settle: Duration,

@@ -40,7 +40,7 @@ pub enum ClientEvent {
         #[cfg_attr(feature = "serde", serde(skip))]
         unit: u8,
     },
-    /// A broadcast was sent. Nobody will reply.
+    /// A broadcast was sent; it has no reply.
     Announced {
         /// The request.
         ticket: Ticket,
@@ -53,7 +53,7 @@ pub enum ClientEvent {
         #[cfg_attr(feature = "serde", serde(rename = "reason"))]
         failure: Failure,
     },
-    /// A reply that nobody waits for was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
+    /// An unexpected reply was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
     /// that assumption is wrong.
     Stray {
         /// Its transaction on TCP.
@@ -99,10 +99,10 @@ impl ClientEvent {
 #[non_exhaustive]
 pub enum Failure {
     /// The reply did not come in time. Whether the request was carried out is unknown.
-    #[error("no reply came in time; whether the request was carried out is unknown")]
+    #[error("no reply before the timeout; the outcome of the request is unknown")]
     TimedOut,
     /// The connection was lost while the request was in flight. Whether it was carried out is unknown.
-    #[error("the connection was lost; whether the request was carried out is unknown")]
+    #[error("the connection was lost; the outcome of the request is unknown")]
     Disconnected,
     /// The connection was lost before the request was sent.
     #[error("the connection was lost before the request was sent")]
@@ -128,13 +128,13 @@ pub struct ClientStatistics {
     pub replies: u64,
     /// Requests that failed.
     pub failures: u64,
-    /// Replies that nobody waited for.
+    /// Unexpected replies.
     pub strays: u64,
     /// Runs of corrupt bytes.
     pub corrupt: u64,
     /// Inputs that the machine did not expect: the caller broke the contract.
     pub unexpected: u64,
-    /// Notices that nobody polled in time.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

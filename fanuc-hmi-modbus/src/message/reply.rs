@@ -154,7 +154,7 @@ impl<'a> Reply<'a> {
 }
 
 impl Reply<'_> {
-    /// The same reply with so many bits, where it has bits: the last byte of a reply does not show how many of its bits were
+    /// The same reply with this many bits, where it has bits: the last byte of a reply does not show how many of its bits were
     /// asked for.
     pub(crate) fn with_bits(self, bits: u16) -> Self {
         match self {

@@ -11,7 +11,7 @@ pub struct ServerConfig {
     /// The unit that it is, 1 to 247 (0 and 255 too on TCP): requests to others are not carried out. `None`, the default, answers
     /// every unit with its own identifier, as most Modbus TCP servers do.
     pub unit: Option<u8>,
-    /// Whether unit 0 is a broadcast: carried out, never answered. Off on TCP, where 0 is often the server itself; on for RTU.
+    /// Whether unit 0 is a broadcast, executed without a reply. Off on TCP, where 0 is often the server itself; on for RTU.
     pub broadcast: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]

@@ -54,7 +54,7 @@ pub struct ServerStatistics {
     pub corrupt: u64,
     /// Inputs that the machine did not expect: the caller broke the contract.
     pub unexpected: u64,
-    /// Notices that nobody polled in time.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

@@ -39,7 +39,7 @@ pub enum Input {
     Connected,
     /// The connection is lost.
     Disconnected,
-    /// Time has passed. Given after what has arrived was read: a silence that nobody has seen is none.
+    /// Time has passed. Given after what has arrived was read: an unobserved silence does not count.
     Timeout,
     /// Bytes have arrived. Given before they are decoded.
     Received,
@@ -69,11 +69,11 @@ pub enum Action {
     Cut,
     /// It carries the request out, and keeps the reply.
     Serve,
-    /// It carries the request out; nobody waits for a reply.
+    /// It executes the request, without a reply.
     ServeBroadcast,
     /// The request is for another unit.
     Ignore,
-    /// On a serial line nobody waits for the reply any more, or there is no place for it: the request is not carried out.
+    /// On a serial line the reply is no longer awaited, or there is no room for it: the request is not executed.
     Refuse,
     /// The oldest reply was sent.
     Sent,

@@ -376,7 +376,7 @@ fn assign(input: &str, item: Item) -> Parsed<'_, Operation> {
     Ok((rest, Operation::Assign(item, value)))
 }
 
-/// A macro by its name, or a word that nobody knows.
+/// A macro by its name, or an unknown word.
 fn named(input: &str) -> Parsed<'_, Operation> {
     let text = blank(input);
     if text.is_empty() {

@@ -1,4 +1,4 @@
-//! What goes wrong on purpose, to see what is reported: the UART loses bytes, and the motion task stands still.
+//! What goes wrong on purpose, to see what is reported: the UART loses bytes, and the motion task stalls.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -7,9 +7,9 @@ use critical_section::Mutex;
 
 use crate::now;
 
-/// So many bytes come for one that is lost.
+/// How many bytes come for one that is lost.
 const EVERY: u32 = 5003;
-/// When so many bytes have come the motion task stands still for so long: less than the watchdog allows.
+/// When this many bytes have come the motion task stalls for this time: less than the watchdog allows.
 const STANDS_FROM: u32 = 100;
 const STANDS_FOR: Duration = Duration::from_secs(1);
 
@@ -25,13 +25,13 @@ pub(crate) fn loses_byte() -> bool {
     })
 }
 
-/// Stands still once.
+/// Stalls once.
 pub(crate) fn stand_still() {
     let is_time = critical_section::with(|cs| {
         RECEIVED.borrow(cs).get() >= STANDS_FROM && !HAS_STOOD.borrow(cs).replace(true)
     });
     if is_time {
-        defmt::warn!("the motion stands still");
+        defmt::warn!("the motion stalls");
         let until = now() + STANDS_FOR;
         while now() < until {}
     }

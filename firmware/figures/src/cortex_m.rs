@@ -9,7 +9,7 @@ use crate::{measure, session};
 
 pub use cortex_m_rt::entry;
 
-/// So many instructions take so many ticks.
+/// How many instructions take this many ticks.
 pub(crate) const TICKS: (u64, u64) = (40, 64);
 const MOST: u32 = (1 << 24) - 1;
 

@@ -8,7 +8,7 @@ use crate::{measure, session};
 
 pub use riscv_rt::entry;
 
-/// So many instructions take so many ticks.
+/// How many instructions take this many ticks.
 pub(crate) const TICKS: (u64, u64) = (1, 1);
 
 pub(crate) fn init() {

@@ -18,7 +18,7 @@ struct World {
     peer: &'static mut dyn Peer,
     /// How long a byte takes on the line.
     byte: Duration,
-    /// What the peer says: so many bytes, of which so many have come, and when the next one comes.
+    /// What the peer says: this many bytes, of which this many have come, and when the next one comes.
     to_board: [u8; LONGEST],
     length: usize,
     come: usize,

@@ -26,7 +26,7 @@ pub const ROOM: usize = 260;
 /// How often each request is served.
 const ROUNDS: u32 = 500;
 
-/// Unit, PDU, and so many bytes of data behind it.
+/// Unit, PDU, and this many bytes of data behind it.
 struct Case {
     name: &'static str,
     unit: u8,

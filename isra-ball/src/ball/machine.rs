@@ -95,7 +95,7 @@ impl Machine for BallMachine {
     type Config = BallConfig;
 
     /// # Errors
-    /// A poll without a connection, a reply that nobody asked for.
+    /// A poll without a connection, an unsolicited reply.
     fn on(&mut self, _now: Duration, input: Input, config: &BallConfig) -> Result<Action, Unexpected> {
         match (self.link, input) {
             (Link::Disconnected | Link::Ready | Link::Replying, Input::Timeout) => Ok(Action::Nothing),

@@ -25,7 +25,7 @@ use machine::{Action, BallMachine, Input, Reply};
 ///   [`Status::Old`].
 /// - Any other byte than ENQ is an event and changes nothing; an ENQ before the reply to the last one is sent asks for nothing more.
 /// - A poll of one connection is not answered on the next. The values outlast it.
-/// - Every event is a notice: of more than eight that nobody takes, the oldest are dropped.
+/// - Every event is a notice: when more than eight wait, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Ball {
     core: CoreOf<Self>,
@@ -67,7 +67,7 @@ pub struct BallStatistics {
     pub unknown: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

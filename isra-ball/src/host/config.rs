@@ -17,13 +17,13 @@ pub struct HostConfig {
     /// The longest that ball, line and driver together delay a packet beyond its time on the line: an assumption. Default: 14 ms,
     /// which with the packet fits the period.
     ///
-    /// A poll without a packet for so long is missed, and the next one is later than a period after it, because packets have no
+    /// A poll without a packet for this long is missed, and the next one is later than a period after it, because packets have no
     /// number: were all of them late by whole periods, each would seem to be the reply to another poll. So they are
     /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) now and then, and no values are new.
     pub max_delay: Duration,
     /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
     /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
-    /// reply is as late as it may be; the source gives none. [`Duration::MAX`] is for ever.
+    /// reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
     pub max_age: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]

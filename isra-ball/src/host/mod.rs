@@ -23,7 +23,7 @@ use machine::{Action, Enquiry, HostMachine, Input};
 /// [`Missed`](HostEvent::Missed). No poll is sent before the outcomes of the ones before are taken.
 ///
 /// - **Age.** A ball that cannot measure repeats its values and marks them as old; one that measured long ago marks the values as
-///   new all the same, because nobody has asked since. So values are reported as new only if the reply before proves that they
+///   new all the same, because no poll came since. So values are reported as new only if the reply before proves that they
 ///   are at most [`max_age`](HostConfig::max_age) old, the first reply of a connection never; and they are
 ///   [`Stale`](HostEvent::Stale) when they become older. [`live_until`](Self::live_until) is when.
 /// - **Replies.** Packets have no number: the reply to a poll is the packet that comes when a reply can come. Any other is
@@ -90,7 +90,7 @@ pub struct HostStatistics {
     pub corrupt: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

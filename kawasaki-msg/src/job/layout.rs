@@ -25,7 +25,7 @@ pub enum FieldType {
     /// A number.
     #[allow(missing_docs, reason = "the names say it")]
     Number { min: Decimal, max: Decimal },
-    /// Text of so many characters.
+    /// Text of this many characters.
     #[allow(missing_docs, reason = "the names say it")]
     Text { min: usize, max: usize },
 }

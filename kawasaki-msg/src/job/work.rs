@@ -45,7 +45,7 @@ pub trait Work: Copy + Default {
 pub trait Fields {
     /// A number with up to `places` decimals, 0 to 9, as whole units of the last one: 1500 with 3 places is `1.5`.
     ///
-    /// Written with exactly so many decimals, `1.500`, and without a point where `places` is 0. Read as well: `1.5`, `1.50`,
+    /// Written with exactly this many decimals, `1.500`, and without a point where `places` is 0. Read as well: `1.5`, `1.50`,
     /// `1.5000`, `-.5`, `2.`, `2`, with zeros and blanks before it and blanks after it. An error is `1e3`, `+1`, and a digit other
     /// than 0 after the last place: nothing is rounded. Where `places` is 0, so is any point.
     ///
@@ -59,7 +59,7 @@ pub trait Fields {
         range: RangeInclusive<i32>,
     ) -> Result<(), Unfit>;
 
-    /// Text of so many characters, as it is, blanks too. The four marks and what the dialect's character set does not have cannot
+    /// Text of this many characters, as it is, blanks too. The four marks and what the dialect's character set does not have cannot
     /// be in it.
     ///
     /// # Errors
@@ -120,7 +120,7 @@ impl Decimal {
     /// The most decimals that a number can have.
     pub const MAX_PLACES: u8 = 9;
 
-    /// The nearest number with so many decimals; halves are rounded away from zero. `None` of NaN and infinities, of what is beyond an
+    /// The nearest number with this many decimals; halves are rounded away from zero. `None` of NaN and infinities, of what is beyond an
     /// `i32` of units, and of more places than 9.
     ///
     /// ```

@@ -10,30 +10,30 @@ use crate::packet::Limits;
 use crate::role::Role;
 use crate::timing;
 
-/// How a PC session works. The source gives the limits and the reply delay; the rest is ours.
+/// Settings of a PC session. The source gives the limits and the reply delay; the other defaults are this project's.
 ///
-/// Every duration may be [`Duration::MAX`]: never.
+/// Every duration can be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PcConfig<'a> {
     /// The table of messages; by default [`Dialect::DEFAULT`].
     pub dialect: Dialect<'a>,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
-    /// Every input is a datagram: no message goes on in the next one, and it may come late. False by default.
+    /// Every input is a datagram: messages do not continue in the next one, and it may come late. False by default.
     pub datagrams: bool,
     /// The highest job number, 2 to 9999, which both ends have agreed on; above the capacity of the robot's queue. 9999 by default.
-    /// At most one job less is in flight, over datagrams half as many. Where it covers the whole order, a mistake at the wrap is
+    /// At most one job fewer is in flight, over datagrams half as many. Where it covers the whole order, a mistake at the wrap is
     /// impossible (thesis, section 11.1.1).
     pub max_number: u16,
-    /// Whether an acknowledgement covers all jobs before it: not where jobs may overtake one another. True by default.
+    /// Whether an acknowledgement covers all earlier jobs; false where jobs may overtake one another. True by default.
     pub cumulative_acks: bool,
     /// How long after the last byte from the robot the answer is sent; 2 ms by default.
     pub reply_delay: Duration,
-    /// After so long without a message the connection is given up, and after so long without an answer to a start; 10 s by default.
+    /// The timeout without a message, or without an answer to a start, after which the connection is dropped; 10 s by default.
     pub silence: Duration,
     /// What to do when the robot refuses a start because another order is active; by default it is interrupted.
     pub takeover: Takeover,
-    /// How often a start that the robot refuses without an active order is tried again; 10 times by default.
+    /// How often a start is retried that the robot refuses without an active order; 10 by default.
     pub start_retries: u16,
     /// End the order when all its jobs are executed. True by default.
     pub end_when_done: bool,
@@ -41,7 +41,7 @@ pub struct PcConfig<'a> {
     pub rules: Rules<Rule>,
 }
 
-/// What of a [`PcConfig`] the machine works with, and which messages of the robot the table answers.
+/// The fields of a [`PcConfig`] that the machine uses, and which messages of the robot have an answer in the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Config {
     /// [`PcConfig::datagrams`]
@@ -69,7 +69,7 @@ pub struct Config {
 }
 
 robot_session::rules! {
-    /// The rules that keep a PC from reporting what is not so; the model shows that each is needed.
+    /// The rules against false reports of a PC; the model shows that each is needed.
     #[doc(hidden)]
     pub enum Rule {
         /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
@@ -80,7 +80,7 @@ robot_session::rules! {
         /// A start is sent once on a connection; one that is not answered in time ends the connection, and with it what is still in
         /// flight.
         StartOnce,
-        /// Where each job is acknowledged by itself, an end after corrupt or lost bytes leaves unknown what else was executed.
+        /// With individual acknowledgements, an end after corrupt or lost bytes leaves other jobs unknown.
         DoubtCorrupt,
         /// One number is never in flight twice.
         Window,
@@ -108,7 +108,7 @@ impl PcConfig<'_> {
     /// Over UDP.
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
 
-    /// A job's own fields have so many bytes at most; a session can hold a message of `MESSAGE` bytes, and so many `WORDS` of numbers.
+    /// A job's own fields have this many bytes at most; a session can hold a message of `MESSAGE` bytes, and this many `WORDS` of numbers.
     pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
         &self,
         work: usize,
@@ -125,7 +125,7 @@ impl PcConfig<'_> {
         self.limits.check(&self.dialect, work, MESSAGE)
     }
 
-    /// What the machine works with.
+    /// The machine's configuration.
     pub fn machine(&self) -> Config {
         Config {
             datagrams: self.datagrams,
@@ -149,7 +149,7 @@ impl Config {
         Numbering::new(self.max_number)
     }
 
-    /// How many jobs may be in flight: with as many as there are numbers one would be executed twice, and a late datagram may
+    /// The maximum of jobs in flight: with all numbers in use one job could be executed twice, and a late datagram may
     /// bring an old number back: half the numbers are kept apart for it.
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
@@ -167,7 +167,7 @@ impl Default for PcConfig<'_> {
     }
 }
 
-/// How an order that the robot is still in is brought to an end before ours begins (thesis, section 11.2).
+/// How the robot's active order is ended before a new one begins (thesis, section 11.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Takeover {
     /// Not at all: the start is given up.

@@ -14,11 +14,11 @@ use crate::phase::Phase;
 pub enum PcEvent {
     /// The robot is silent: close the connection, then call `handle_disconnected`.
     Disconnect,
-    /// The robot has taken the order.
+    /// The robot has accepted the order.
     OrderStarted { order: u16 },
-    /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be tried again.
+    /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be retried.
     OrderRefused { order: u16, active: u16, given_up: bool },
-    /// So many jobs are executed, all of them from the first on; the robot has queued so many.
+    /// How many jobs are executed, all of them from the first on; the robot has queued this many.
     Progress { executed: u32, queued: u32 },
     /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too;
     /// [`Pc::is_executed`](crate::Pc::is_executed) has all of them.
@@ -28,22 +28,22 @@ pub enum PcEvent {
     JobUnfit { order: u16, index: u32, error: FieldError },
     /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed ahead.
     OrderOver { order: u16, executed: u32, complete: bool },
-    /// The robot no longer knows the order: it was restarted, or somebody else has begun another. Or it has broken the order off,
-    /// jobs may overtake one another, and the acknowledgement of one may be lost. The jobs before `executed` are executed; of those
-    /// from there up to `sent` nobody knows; those from `sent` on are not.
+    /// The robot no longer knows the order: it was restarted, or another client has begun another. Or it has interrupted the
+    /// order, jobs may overtake one another, and the acknowledgement of one may be lost. The jobs before `executed` are executed;
+    /// those up to `sent` are unknown; later ones are not executed.
     OutcomeUnknown { order: u16, executed: u32, sent: u32 },
-    /// The robot takes no jobs for now.
+    /// The robot does not accept jobs for now.
     Paused { queued: u32 },
     /// The robot has sent its status.
     PeerStatus { order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16> },
-    /// What became of a command.
+    /// The outcome of a command.
     Command { id: u8, value: i32, outcome: CommandOutcome },
-    /// Corrupt bytes; everything around them was read.
+    /// Corrupt bytes; the messages around them were read.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A whole message that cannot be used; everything around it was.
+    /// A complete message that cannot be used; the messages around it were.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
-    /// The caller did what the state does not allow: it has changed nothing.
+    /// A call that is invalid in this state; nothing has changed.
     Unexpected { state: &'static str, input: &'static str },
 }

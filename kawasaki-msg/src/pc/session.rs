@@ -31,7 +31,7 @@ use crate::statistics::PcStatistics;
 /// filler.
 ///
 /// **Corrupt bytes** cost the message that they touch and are reported as an event; the bytes always advance. All bytes of an
-/// input are taken. **Events** that nobody polls: see [`PcEvent`].
+/// input are taken. **Events** that are not fetched: see [`PcEvent`].
 ///
 /// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
 /// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
@@ -100,7 +100,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// Begins an order. The robot receives it in its next cycle, also when it is not connected yet.
     ///
     /// # Errors
-    /// When there is an order already, `order` is 0, or too many events wait.
+    /// When there is an order already, `order` is 0, or the event queue is full.
     pub fn start(&mut self, order: u16, source: S) -> Result<(), SessionError> {
         if order == 0 {
             return Err(SessionError::OrderZero);
@@ -125,7 +125,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// and the highest job number has to be the same.
     ///
     /// # Errors
-    /// When there is an order already, `order` is 0, too many events wait, or more jobs are in flight than numbers can tell apart.
+    /// When there is an order already, `order` is 0, the event queue is full, or more jobs are in flight than numbers can tell apart.
     pub fn resume(
         &mut self,
         order: u16,
@@ -211,7 +211,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         self.core.machine.phase()
     }
 
-    /// The order of ours; `None` when there is none.
+    /// This session's order, if any.
     pub fn order(&self) -> Option<u16> {
         let number = self.core.machine.order.number();
         (number != 0).then_some(number)

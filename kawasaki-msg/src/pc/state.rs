@@ -239,7 +239,7 @@ pub struct Answer {
     pub status: Option<(Phase, Option<u16>, Option<u16>)>,
     /// What the order asks of the robot.
     pub request: Option<FromPc>,
-    /// So many commands, those that wait.
+    /// How many commands, those that wait.
     pub commands: u8,
     /// The jobs of these places, as many as there are.
     pub jobs: Option<(u32, u32)>,
@@ -250,9 +250,9 @@ pub struct Answer {
 pub struct Sent {
     /// What the order asks of the robot.
     pub request: bool,
-    /// So many commands.
+    /// How many commands.
     pub commands: u8,
-    /// So many jobs.
+    /// How many jobs.
     pub jobs: u32,
     /// Why no more of them.
     pub rest: Rest,
@@ -277,21 +277,21 @@ pub enum Action {
     Nothing,
     /// The message is not used.
     Rejected(Rejection),
-    /// The robot has taken the order.
+    /// The robot has accepted the order.
     Started,
     /// It has not, because of this order, or of none: 0. It is tried again.
     Refused {
         /// The order.
         active: u16,
     },
-    /// The robot takes no jobs for now.
+    /// The robot does not accept jobs for now.
     Paused,
     /// A job was executed ahead of others.
     ExecutedAhead {
         /// Which, counted from 0.
         index: u32,
     },
-    /// The commands in flight, so many, are known to be transmitted, or it is unknown.
+    /// The commands in flight, this many, are known to be transmitted, or it is unknown.
     Commands {
         /// How many, oldest first.
         count: u8,
@@ -318,12 +318,12 @@ pub enum Report {
     Progress,
 }
 
-/// What became of a command.
+/// The outcome of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum CommandOutcome {
-    /// It was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was obeyed nobody reports.
+    /// It was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was executed is unknown.
     Transmitted,
     /// It was sent, and the connection has ended before the robot's next packet.
     Unknown,
@@ -340,7 +340,7 @@ pub enum Outcome {
         /// They are all jobs of the order.
         complete: bool,
     },
-    /// The jobs before `executed` and those ahead are executed, of the others up to `sent` nobody knows.
+    /// The jobs before `executed` and those ahead are executed, the others up to `sent` are unknown.
     Unknown {
         /// The count.
         executed: u32,

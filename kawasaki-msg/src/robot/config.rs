@@ -11,42 +11,42 @@ use crate::robot::state::RecoveryStep;
 use crate::role::Role;
 use crate::timing;
 
-/// How a robot session works. The source gives the limits and the exchange time; the other times and counts are ours.
+/// Settings of a robot session. The source gives the limits and the exchange time; the other defaults are this project's.
 ///
-/// Every duration may be [`Duration::MAX`]: never.
+/// Every duration can be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RobotConfig<'a> {
     /// The table of messages; by default [`Dialect::DEFAULT`].
     pub dialect: Dialect<'a>,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
-    /// Every input is a datagram: no message goes on in the next one, and it may come late. The start of an order that has ended
+    /// Every input is a datagram: messages do not continue in the next one, and it may come late. The start of an order that has ended
     /// is refused, and none is looked at for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the first connection. False by
     /// default.
     pub datagrams: bool,
     /// The highest job number, 2 to 9999, which both ends have agreed on; the queue's too. 9999 by default.
     pub max_number: u16,
-    /// How executed jobs are acknowledged; the PC has to know. Every job by default.
+    /// How executed jobs are acknowledged, as configured at the PC too. Every job by default.
     pub acks: Acks,
-    /// After the queue was full, jobs are asked for when at most this many are left in it; half the queue by default.
+    /// After the queue was full, jobs are requested when at most this many are left in it; half the queue by default.
     pub low_water: Option<usize>,
     /// How often each step of the recovery is taken; 3 resends, 3 pauses and 1 clear by default.
     pub recovery: RecoveryLimits,
-    /// How long nothing may be left to execute, and the next job be missing, before a step of the recovery is taken: 1 s by
+    /// How long the next job may be missing, with nothing left to execute, before a recovery step is taken: 1 s by
     /// default, which an order whose jobs take longer to work out must raise. See [`alarm_bound`](Self::alarm_bound).
     pub patience: Duration,
     /// How long the recovery pauses; 500 ms by default.
     pub pause: Duration,
-    /// How long a cycle waits for an answer, and for the rest of one that comes in pieces, before it starts again; 1 s by default. On a
+    /// How long a cycle waits for an answer, and for the rest of a partial one, before it starts again; 1 s by default. On a
     /// serial line longer than both packets take: 4096 bytes at 115200 baud take 356 ms.
     pub reply_timeout: Duration,
-    /// The least time from one packet to the next; by default the 32 ms of the source's controller.
+    /// The shortest time between packets; by default the 32 ms of the source's controller.
     pub exchange: Duration,
-    /// After so many cycles without an answer the connection is given up; 0: never. 5 by default.
+    /// The number of cycles without an answer after which the connection is dropped; 0: never. 5 by default.
     pub silent_cycles: u16,
-    /// How long to wait before a lost connection is opened again; 1 s by default.
+    /// The delay before a lost connection is reopened; 1 s by default.
     pub reconnect_delay: Duration,
-    /// How often at least the status is sent; once in 1 s by default.
+    /// The longest time between two status messages; 1 s by default.
     pub status_period: Duration,
     /// Answer 0 to the start of the order that is active already and has jobs: without it the source's answer, the order's own
     /// number, looks like acceptance. The start of an order without jobs is accepted again in any case. True by default.
@@ -58,7 +58,7 @@ pub struct RobotConfig<'a> {
     pub rules: Rules<Rule>,
 }
 
-/// What of a [`RobotConfig`] the machine works with.
+/// The fields of a [`RobotConfig`] that the machine uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Config {
     /// [`RobotConfig::datagrams`]
@@ -92,14 +92,14 @@ pub struct Config {
 }
 
 robot_session::rules! {
-    /// The rules that keep a robot from executing wrong jobs or none; the model shows that each is needed.
+    /// The rules against wrong execution and deadlock; the model shows that each is needed.
     #[doc(hidden)]
     pub enum Rule {
-        /// What follows a failed message in what is read is destroyed, the order's end too; corrupt bytes are a failed message.
+        /// Messages after a failed one are dropped, also the order's end; corrupt bytes are a failed message.
         DestroyRest,
         /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
         EndFillsGap,
-        /// After a new connection jobs are missing, too, and an end is not obeyed while the list is cleared.
+        /// After a new connection jobs are missing, too, and an end has no effect while the list is cleared.
         GapAtConnection,
         /// Steps of recovery by the clock, while nothing is left to execute.
         StepsByClock,
@@ -109,9 +109,9 @@ robot_session::rules! {
         SettledTwice,
         /// Over datagrams, the start of an order that is over is refused.
         NewStarts,
-        /// Over datagrams, a robot that was just started looks at no start.
+        /// Over datagrams, a robot ignores starts for a while after its own start.
         IgnoreStarts,
-        /// Over datagrams, a start that waited to be read while nobody called the robot is late, too.
+        /// Over datagrams, a start that waited to be read while the session was not called is late, too.
         DrainStarts,
     }
 }
@@ -152,7 +152,7 @@ impl RobotConfig<'_> {
         each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
     }
 
-    /// A job's own fields have so many bytes at most; a session can hold a message of `MESSAGE` bytes, and so many `WORDS` of numbers.
+    /// A job's own fields have this many bytes at most; a session can hold a message of `MESSAGE` bytes, and this many `WORDS` of numbers.
     pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
         &self,
         work: usize,
@@ -166,7 +166,7 @@ impl RobotConfig<'_> {
         self.limits.check(&self.dialect, work, MESSAGE)
     }
 
-    /// What the machine works with.
+    /// The machine's configuration.
     pub const fn machine(&self) -> Config {
         Config {
             datagrams: self.datagrams,
@@ -193,7 +193,7 @@ impl Config {
         Numbering::new(self.max_number)
     }
 
-    /// What is done about so many failures.
+    /// The recovery step after this many failures.
     pub(super) fn step(&self, failures: u32) -> RecoveryStep {
         let RecoveryLimits { resends, pauses, clears } = self.recovery;
         let (resends, pauses, clears) = (u32::from(resends), u32::from(pauses), u32::from(clears));
@@ -217,16 +217,16 @@ impl Default for RobotConfig<'_> {
 pub enum Acks {
     /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every k-th,
     /// and what is left when there is nothing else to send or to execute.
-    #[allow(missing_docs, reason = "the sentence says it")]
+    #[allow(missing_docs, reason = "see the error's message")]
     Cumulative { every: NonZeroU16 },
-    /// Jobs may overtake one another: each is acknowledged by itself.
+    /// Jobs may overtake one another: each is acknowledged individually.
     Individual,
 }
 
-/// How often each step of the recovery is taken before the next. The source names the steps; the counts are ours.
+/// How often each step of the recovery is taken before the next. The source names the steps; the counts are this project's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RecoveryLimits {
-    /// How often the jobs are asked for again.
+    /// How often jobs are requested again.
     pub resends: u16,
     /// How often the PC is asked to pause.
     pub pauses: u16,

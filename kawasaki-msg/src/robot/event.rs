@@ -19,34 +19,34 @@ pub enum RobotEvent {
     OrderStarted { order: u16 },
     /// A start was refused because of the active order; 0 for none.
     OrderRefused { order: u16, active: u16 },
-    /// No job follows those that are queued.
+    /// No job follows the queued ones.
     OrderEnding { order: u16 },
-    /// The order ends when the job that is being executed is done.
+    /// The order ends after the current job.
     OrderInterrupted { order: u16 },
-    /// An order is over; so many jobs of it were executed.
+    /// An order is over; this many jobs of it were executed.
     OrderOver { order: u16, executed: u32 },
-    /// A command past the queue: it takes effect after the job that is being executed.
+    /// A command that bypasses the queue: it takes effect after the current job.
     Command { id: u8, value: Option<i32> },
-    /// The PC has sent its status: its order, how far it is, the last job sent, the last job known to be executed.
+    /// The PC has sent its status: its order, its phase, the last job sent, the last job known to be executed.
     PeerStatus { order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16> },
     /// The queue is full after this job; the PC is asked to pause.
     QueueFull { last: Option<u16> },
-    /// The queue has drained: jobs from this one on are asked for.
+    /// The queue has drained: jobs from this one on are requested.
     QueueDrained { next: u16 },
-    /// Nothing is left to execute, and the next job has not come in time; this is done about it.
+    /// Nothing is left to execute, and the next job is overdue; the recovery step.
     Recovery { step: RecoveryStep, next: u16 },
     /// For the motion program: stop and raise an alarm. `clear_queue` or `reset_order` leads out of it.
     Alarm { order: u16, next: u16 },
-    /// The queue is cleared; jobs come again from this one on.
+    /// The queue was cleared; jobs are sent again from this one on.
     QueueCleared { next: u16 },
     /// A cycle has ended without an answer.
     NoReply,
-    /// Corrupt bytes; everything around them was read.
+    /// Corrupt bytes; the messages around them were read.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A whole message that cannot be used. A job that cannot takes the rest of its packet with it.
+    /// A whole message that cannot be used. An unusable job also invalidates the rest of its packet.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
-    /// The caller did what the state does not allow: it has changed nothing.
+    /// A call that is invalid in this state; nothing has changed.
     Unexpected { state: &'static str, input: &'static str },
 }

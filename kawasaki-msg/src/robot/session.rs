@@ -35,7 +35,7 @@ use crate::statistics::RobotStatistics;
 ///
 /// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
 /// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that
-/// nobody polls: see [`RobotEvent`]; while there is no room for outcomes, no order begins.
+/// are not fetched: see [`RobotEvent`]; while there is no room for outcomes, no order begins.
 ///
 /// **No progress**: while nothing is left to execute and the next job does not come, a step of recovery is taken after each
 /// [`RobotConfig::patience`], up to the alarm, which comes within [`RobotConfig::alarm_bound`]. A job that takes long is progress.
@@ -117,7 +117,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     /// of an alarm.
     ///
     /// # Errors
-    /// When no order is active, or it is ending or being cleared; when too many events wait.
+    /// When no order is active, or it is ending or being cleared; when the event queue is full.
     pub fn clear_queue(&mut self) -> Result<(), SessionError> {
         if !self.core.events.has_room(OF_ORDER) {
             return Err(SessionError::TooManyEvents);

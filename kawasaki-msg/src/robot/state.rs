@@ -45,7 +45,7 @@ pub enum Link {
     },
     /// Bytes can flow.
     Connected {
-        /// Who is to speak.
+        /// Whose turn it is to send.
         cycle: Cycle,
         /// Cycles without an answer, in a row.
         silent: u16,
@@ -58,7 +58,7 @@ pub enum Link {
     },
 }
 
-/// Who is to speak.
+/// Whose turn it is to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cycle {
     /// A packet is sent at this time.
@@ -269,7 +269,7 @@ pub enum Input {
 /// What was in a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Sent {
-    /// Cumulative: by how many jobs more than before are acknowledged; individual: so many acknowledgements.
+    /// Cumulative: by how many jobs more than before are acknowledged; individual: this many acknowledgements.
     pub acked: u32,
     /// The answer to a start.
     pub start: bool,
@@ -300,7 +300,7 @@ pub enum Action {
     Started,
     /// The start is refused.
     Refused,
-    /// No job follows those that are queued.
+    /// No job follows the queued ones.
     Ending,
     /// The order is over.
     Over,

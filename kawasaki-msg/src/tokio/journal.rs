@@ -16,7 +16,7 @@ use fs4::FileExt;
 pub struct Kept {
     /// Its number; 0 when there is none.
     pub order: u16,
-    /// So many of its jobs are known to be executed, all of them from the first on.
+    /// How many of its jobs are known to be executed, all of them from the first on.
     pub executed: u32,
     /// From this one on none was sent.
     pub sent: u32,

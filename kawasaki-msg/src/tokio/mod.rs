@@ -1,4 +1,4 @@
-//! Both ends in a task of their own that connects again by itself: a [`Pc`] gives orders by `.await` and keeps how far they are, a
+//! Both ends in a task of their own that reconnects automatically: a [`Pc`] gives orders by `.await` and keeps how far they are, a
 //! [`Robot`] has its jobs executed by a [`Motion`].
 //!
 //! ```no_run
@@ -75,15 +75,15 @@ pub type Spawned<W, K, C> = (Pc<W, K>, Task<Orders<W, K>, C>);
 /// How far an order is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Progress {
-    /// So many of its jobs are executed, all of them from the first on.
+    /// How many of its jobs are executed, all of them from the first on.
     pub executed: u32,
-    /// So many the robot has queued.
+    /// How many the robot has queued.
     pub queued: u32,
 }
 
 /// An order that has begun: a future of its outcome. It goes on when this is dropped; its outcome is an event then, as it always is.
 #[derive(Debug)]
-#[must_use = "the order goes on, and nobody knows what became of it"]
+#[must_use = "the order continues, but its outcome is lost"]
 pub struct Order {
     progress: watch::Receiver<Progress>,
     outcome: Outcome<Result<Over, Error>>,
@@ -92,7 +92,7 @@ pub struct Order {
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Over {
-    /// So many of its jobs were executed, from the first on.
+    /// How many of its jobs were executed, from the first on.
     pub executed: u32,
     /// They are all.
     pub complete: bool,
@@ -116,10 +116,10 @@ pub enum Error {
         /// The robot's order.
         active: u16,
     },
-    /// The robot no longer knows the order: it was restarted, or somebody else has begun another one.
+    /// The robot no longer knows the order: it was restarted, or another client has begun another one.
     #[error("the outcome of jobs {executed} to {sent} is unknown: the robot no longer knows the order")]
     OutcomeUnknown {
-        /// So many are executed, from the first on.
+        /// How many are executed, from the first on.
         executed: u32,
         /// From this one on none was sent.
         sent: u32,

@@ -182,7 +182,7 @@ impl<W: Job> Service for Queueing<W> {
             Call::ClearQueue(reply) => (reply, session.clear_queue()),
             Call::ResetOrder(reply) => (reply, session.reset_order()),
         };
-        // Whoever has gone learns of it from the events.
+        // A caller that is gone is informed by the events.
         let _ = reply.send(done.map_err(RobotError::from));
     }
 

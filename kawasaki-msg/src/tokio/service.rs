@@ -83,7 +83,7 @@ impl<W, K> Orders<W, K> {
         Self { keep, kept: (0, 0), active: None, commands: VecDeque::new(), jobs: core::marker::PhantomData }
     }
 
-    /// The order has an outcome. Without somebody who waits for it, its event says it.
+    /// The order has an outcome. If it is not awaited, it is an event.
     fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<Over, Error>) {
         if let Some(Active { reply, unfit, .. }) = self.active.take() {
             let _ = reply.send(outcome(unfit));

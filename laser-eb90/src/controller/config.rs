@@ -9,18 +9,18 @@ use crate::profile::Profile;
 use crate::timing;
 use crate::words::Words;
 
-/// How the controller behaves.
+/// Settings of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerConfig {
     /// How frames are written.
     pub profile: Profile,
     /// Command words and error codes.
     pub words: Words,
-    /// The most instructions that a frame may hold. Default: 7 (§3(6)); at least 1.
+    /// The maximum of instructions in a frame. Default: 7 (§3(6)); at least 1.
     pub batch: u8,
     /// The controller's cycle, at whose end answers are sent. Default: 16 ms (§4.1).
     pub tick: Duration,
-    /// How long no byte must come before corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
+    /// The silence after which corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
     /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
     pub silence: Duration,
     /// The rules of the machine, all of which are kept.
@@ -29,13 +29,13 @@ pub struct ControllerConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the controller's machine that no setting takes out.
+    /// The rules of the controller's machine that are independent of settings.
     pub enum Rule {
         /// Bytes that are too few for a frame are not answered.
         IgnoreShort,
         /// Bytes without a head, after an error code, are the rest of what it answers.
         IgnoreRest,
-        /// A frame behind corrupt bytes is not taken before the line was silent.
+        /// A frame after corrupt bytes is not executed before the line was silent.
         TrustSilence,
     }
 }

@@ -96,7 +96,7 @@ pub enum Input {
     Disconnected,
     /// Bytes came.
     Bytes,
-    /// So many of them, up to 255, are no frame.
+    /// How many of them, up to 255, are no frame.
     Corrupt {
         /// How they are answered.
         refusal: Refusal,
@@ -169,7 +169,7 @@ impl Machine for ControllerMachine {
             return Err(self.unexpected(&input));
         }
         let (work, line, action) = match (self.work, self.line, input) {
-            // What is being executed goes on, but has nobody to answer.
+            // Execution continues, but without an answer.
             (Is::Executing { word, .. }, _, On::Connected) => {
                 (Is::Executing { word, connected: false }, Line::Silent, Nothing)
             }
@@ -198,7 +198,7 @@ impl Machine for ControllerMachine {
                 (work, Line::Bytes(Stretch { partial, ..stretch }), Nothing)
             }
             (work, Line::Silent, On::Read { partial: false }) => (work, Line::Silent, Nothing),
-            // What was executed had nobody left to answer.
+            // The execution had no client left to answer.
             (work @ Is::Listening { .. }, Line::Disconnected, On::Read { partial: false }) => {
                 (work, Line::Disconnected, Nothing)
             }
@@ -390,7 +390,7 @@ impl Receiving {
 }
 
 impl Fault {
-    /// The length of the shortest frame: fewer bytes are no frame that somebody waits for.
+    /// The length of the shortest frame: fewer bytes are not a frame.
     pub const ENOUGH: u8 = 8;
     /// The length of a head.
     const HEAD: u8 = 3;

@@ -25,8 +25,8 @@ use crate::words::{Class, Refusal};
 /// The controller (下位机): interpreted instructions go into a [`robot_work_queue`] and are answered at once, immediate ones
 /// are executed first (§2). Drive it as every [`Session`](robot_session::Session).
 ///
-/// `T` is what the motion task takes: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
-/// called twice for each instruction, because a frame is queued whole or not at all: every instruction is checked, and the
+/// `T` is the job of the motion task: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
+/// called twice for each instruction, because a frame is queued completely or not at all: every instruction is checked, and the
 /// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none. The queue's
 /// [`Wake`] wakes the motion task; the controller looks at the queue when a frame comes, and need not be woken.
 ///
@@ -37,8 +37,8 @@ use crate::words::{Class, Refusal};
 ///   would make the host send, and the robot execute, a frame twice; so bytes that are too few for a frame are not answered at all,
 ///   nor is corruption between a good frame and its answer, nor, after an error code, what has no head: it is the rest of what was
 ///   answered.
-/// - Nothing is executed out of the middle of corrupt bytes: behind them a frame is taken only when the line was silent in between,
-///   and answered with an error code before. Fewer than eight bytes of noise in front of it are no reason.
+/// - Nothing is executed from the middle of corrupt bytes: after them a frame is executed only when the line was silent in between,
+///   and answered with an error code before. Fewer than eight bytes of noise before it do not count.
 /// - A frame with an immediate instruction or a query and another instruction is refused, and so is a NaN or an infinity.
 /// - An answer is sent at the end of the controller's cycle. If another frame comes before, the host has stopped waiting: the
 ///   older answer is withdrawn.
@@ -74,10 +74,10 @@ pub enum ControllerEvent {
     /// A notice: a frame, or corrupt bytes, are answered with an error code.
     #[cfg_attr(feature = "serde", serde(serialize_with = "refusal"))]
     Refused(Refusal),
-    /// A notice: bytes that are no frame.
+    /// A notice: bytes that are not a frame.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A notice: a call that the state does not allow.
+    /// A notice: a call that is invalid in this state.
     Unexpected(Unexpected),
 }
 
@@ -86,7 +86,7 @@ fn refusal<S: serde::Serializer>(refusal: &Refusal, serializer: S) -> Result<S::
     robot_session::under::name("refusal", refusal, serializer)
 }
 
-/// What a controller has counted since it was made.
+/// Counters of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -96,15 +96,15 @@ pub struct ControllerStatistics {
     pub queued: u64,
     /// Immediate instructions and queries to execute.
     pub executed: u64,
-    /// Frames and corrupt stretches refused.
+    /// Refused frames and runs of corrupt bytes.
     pub refused: u64,
-    /// Corrupt stretches of bytes.
+    /// Runs of corrupt bytes.
     pub corrupt: u64,
     /// Answers sent.
     pub answers: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 
@@ -119,7 +119,7 @@ where
     /// A controller without a connection that queues into `queue`.
     ///
     /// # Errors
-    /// A configuration that cannot work.
+    /// An invalid configuration.
     pub fn new(config: ControllerConfig, queue: Writer<'q, T, R>) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
@@ -159,7 +159,7 @@ where
         Ok(())
     }
 
-    /// What is to be executed; `None` when nothing is.
+    /// The instruction to execute, if any.
     pub fn instruction(&self) -> Option<Instruction<'_>> {
         match self.core.machine.work {
             Work::Executing { word, .. } => {
@@ -169,7 +169,7 @@ where
         }
     }
 
-    /// The queue's end, to clear it or to look at its room.
+    /// The writer of the queue, to clear it or to read its free room.
     pub fn queue_mut(&mut self) -> &mut Writer<'q, T, R> {
         &mut self.queue
     }

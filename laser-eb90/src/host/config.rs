@@ -10,10 +10,10 @@ use crate::profile::Profile;
 use crate::timing;
 use crate::words::{Class, Words};
 
-/// How the host behaves, and what it assumes of controller and line.
+/// Settings of the host, and its assumptions about controller and line.
 ///
-/// Frames have no number, so which frame an answer belongs to follows from time alone: the fields marked *assumption*. Where
-/// one of them is wrong, an answer can be taken for another frame's. It is then followed by an answer that nobody asked for:
+/// Frames have no number, so an answer is matched to its frame by time alone: the fields marked *assumption*. If
+/// one of them is wrong, an answer can be taken for another frame's. It is then followed by an unsolicited answer:
 /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
@@ -26,9 +26,9 @@ pub struct HostConfig {
     pub baud: u32,
     /// How many interpreted instructions a frame holds at most. Default: 7, as in the source (§3(6)); at least 1.
     pub batch: u8,
-    /// How often a frame that an error code answers is sent again. Default: 3; the source gives no limit.
+    /// How often a frame is resent after an error code. Default: 3; the source gives no limit.
     pub resends: u8,
-    /// Sends a frame again when no answer comes, up to the same limit: whatever it holds may then be executed several
+    /// Resends a frame without an answer, up to the same limit: its contents may then be executed several
     /// times. Default: off.
     pub resend_on_silence: bool,
     /// From the frame's last byte to the answer of interpreted instructions. Default: 250 ms, which holds the controller's
@@ -37,11 +37,11 @@ pub struct HostConfig {
     /// From the frame's last byte to the answer of an immediate instruction or a query, which is executed first.
     /// *Assumption:* above the longest execution. Default: 30 s.
     pub execution_timeout: Duration,
-    /// *Assumption:* no answer comes later than this after the last byte of what it answers, or after the end of the
+    /// *Assumption:* the latest answer after the last byte of its frame, or after the end of the
     /// execution. After an error code and after an unknown outcome nothing is sent until all of the frame has certainly been
     /// received, and for this long after that. Above the controller's silence, cycle and answer together. Default: 100 ms.
     pub settle: Duration,
-    /// *Assumption:* the longest that PC and line pause within a frame, all pauses together. A driver that calls
+    /// *Assumption:* the longest total pause of PC and line within a frame. A driver that calls
     /// `handle_transmitted` before it passes on what was received since makes it unnecessary, but for the first frame of a
     /// connection. Default: 300 ms.
     pub max_pause: Duration,
@@ -55,13 +55,13 @@ pub struct HostConfig {
     /// connection is made: its answer could be taken for the first frame's. Default: 0; set it to the longest execution where
     /// a host may be restarted while the robot executes.
     pub earlier_execution: Duration,
-    /// The controller drops the bytes that it holds of a frame when it answers an error code, as ours does. Then "bad frame"
-    /// always proves that nothing was taken. A controller that keeps them takes the rest after a pause as the same frame, so
+    /// The controller drops a partial frame when it answers an error code, as this crate's does. Then "bad frame"
+    /// always proves that nothing was queued. A controller that keeps it reads the rest after a pause as the same frame, so
     /// "bad frame" that comes early proves nothing: the outcome is
     /// [`UnknownReason::PartialFrame`](crate::UnknownReason::PartialFrame) unless the echo follows. Default: off, the safe
     /// side.
     pub controller_drops_partial: bool,
-    /// How long to wait when the controller's queue is full. Default: 100 ms.
+    /// The delay when the controller's queue is full. Default: 100 ms.
     pub backoff: Duration,
     /// How long the queue may stay full before the frame counts as refused. Default: 60 s.
     pub full_timeout: Duration,
@@ -71,21 +71,21 @@ pub struct HostConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the host's machine that no setting takes out.
+    /// The rules of the host's machine that are independent of settings.
     pub enum Rule {
-        /// The first frame of a connection waits until what an earlier host has sent has been answered.
+        /// The first frame of a connection waits until frames of an earlier host have been answered.
         DrainFirst,
         /// An echo confirms, also after an error code.
         ConfirmLate,
-        /// Only a bad checksum, a bad frame and a full queue are answered by sending again.
+        /// Only after a bad checksum, a bad frame and a full queue is a frame resent.
         FinalCodes,
         /// An immediate instruction whose execution failed has an unknown outcome.
         FailedIsUnknown,
-        /// What may be executing is waited for before the next frame.
+        /// The next frame waits for a possible execution.
         OutlastExecution,
         /// An error code refers to the last transmission alone.
         UnansweredIsUnknown,
-        /// Another word than the command's is no confirmation.
+        /// A word other than the command's is not a confirmation.
         CompareWord,
     }
 }
@@ -125,7 +125,7 @@ impl HostConfig {
         }
     }
 
-    /// How long an instruction is executed before it is answered.
+    /// The execution time of an instruction before its answer.
     pub(crate) fn execution(&self, class: Class) -> Duration {
         match class {
             Class::Interpreted => Duration::ZERO,
@@ -133,7 +133,7 @@ impl HostConfig {
         }
     }
 
-    /// How long an answer is awaited.
+    /// The timeout of an answer.
     pub(crate) fn timeout(&self, class: Class) -> Duration {
         match class {
             Class::Interpreted => self.answer_timeout,
@@ -141,7 +141,7 @@ impl HostConfig {
         }
     }
 
-    /// How long what an earlier host has sent can still have effects.
+    /// How long frames of an earlier host can still have effects.
     pub(crate) fn drain(&self) -> Duration {
         timing::transmission_time(self.longest_frame, self.baud)
             .saturating_add(self.max_pause)

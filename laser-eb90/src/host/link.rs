@@ -109,7 +109,7 @@ pub enum Action {
     Sent(Due),
     /// Reports what became of a frame.
     Report(Batch, Outcome),
-    /// Reports an answer that nobody asked for.
+    /// Reports an unsolicited answer.
     Unasked {
         /// Its word.
         word: u16,

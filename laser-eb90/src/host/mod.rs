@@ -27,18 +27,18 @@ use crate::words::{Class, Refusal};
 ///
 /// - Interpreted instructions that are submitted while a frame is in flight travel together in the next one, up to
 ///   [`batch`](HostConfig::batch); immediate instructions and queries travel alone.
-/// - A bad checksum, a bad frame and a full queue prove that nothing of the frame was taken: it is sent again, up to
+/// - A bad checksum, a bad frame and a full queue prove that nothing of the frame was queued: it is resent, up to
 ///   [`resends`](HostConfig::resends) times. Other error codes refuse it for good. An immediate instruction whose execution
 ///   failed may have had effects: its outcome is [`Unknown`](HostEvent::Unknown).
-/// - Silence proves nothing, because the frames have no number: what was lost may be the answer. Its outcome is unknown, and so
+/// - Silence proves nothing, because frames have no number: the answer may have been lost. The outcome is unknown, and so
 ///   is that of an answer with another command word.
-/// - After an error code and after an unknown outcome the line is left alone until whatever the frame can cause has come. The
-///   first frame of a connection waits until the same holds for what an earlier host has sent.
-/// - After `Refused` and `Unknown` nothing is sent until [`resume`](Self::resume), so that the caller can look first.
-/// - Corrupt bytes are skipped and reported. An answer that nobody asked for is reported: it is the only sign that an assumption
+/// - After an error code and after an unknown outcome nothing is sent until every possible effect of the frame has occurred. The
+///   first frame of a connection waits until the same holds for frames of an earlier host.
+/// - After `Refused` and `Unknown` nothing is sent until [`resume`](Self::resume), so that the caller can check first.
+/// - Corrupt bytes are skipped and reported. An unsolicited answer is reported: it is the only sign that an assumption
 ///   of [`HostConfig`] is wrong.
-/// - There is one outcome for each frame, and nothing is sent before it has been taken. What was submitted and not sent when a
-///   connection is lost is sent on the next.
+/// - There is one outcome for each frame, and nothing is sent before it has been taken. Instructions that were submitted but not sent when a
+///   connection is lost are sent on the next.
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
@@ -48,7 +48,7 @@ pub struct Host {
     answer: Buffer,
 }
 
-/// What has happened. Instructions are numbered as they were submitted, from 0.
+/// The events. Instructions are numbered as they were submitted, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -61,9 +61,9 @@ pub enum HostEvent {
         first: u64,
         /// How many.
         count: u8,
-        /// How often the frame was sent again.
+        /// How often the frame was resent.
         resends: u8,
-        /// How many of the transmissions before brought no answer: each may have been taken as well. 0 unless
+        /// How many earlier transmissions had no answer: each may have been queued as well. 0 unless
         /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
         unanswered: u8,
     },
@@ -72,7 +72,7 @@ pub enum HostEvent {
         /// The query.
         ticket: u64,
     },
-    /// Error codes to the end: nothing of the frame was taken.
+    /// Only error codes: nothing of the frame was queued.
     Refused {
         /// The first instruction.
         first: u64,
@@ -81,7 +81,7 @@ pub enum HostEvent {
         /// The last error code.
         refusal: Refusal,
     },
-    /// The instructions may have been taken or not, not more than once unless
+    /// The instructions may have been queued or not, but not more than once unless
     /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
     Unknown {
         /// The first instruction.
@@ -91,20 +91,20 @@ pub enum HostEvent {
         /// Why.
         reason: UnknownReason,
     },
-    /// A notice: an answer that nobody asked for. An assumption of [`HostConfig`] is wrong, or somebody else talks to the
+    /// A notice: an unsolicited answer. An assumption of [`HostConfig`] is wrong, or another host talks to the
     /// controller.
     Unasked {
         /// Its word.
         word: u16,
     },
-    /// A notice: bytes that are no answer.
+    /// A notice: bytes that are not an answer.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A notice: a call that the state does not allow.
+    /// A notice: a call that is invalid in this state.
     Unexpected(Unexpected),
 }
 
-/// What a host has counted since it was made.
+/// Counters of a host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -116,13 +116,13 @@ pub struct HostStatistics {
     pub frames: u64,
     /// Frames sent again.
     pub resends: u64,
-    /// Answers that nobody asked for.
+    /// Unsolicited answers.
     pub unasked: u64,
-    /// Corrupt stretches of bytes.
+    /// Runs of corrupt bytes.
     pub corrupt: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 
@@ -132,7 +132,7 @@ impl Host {
     /// A host without a connection.
     ///
     /// # Errors
-    /// A configuration that cannot work.
+    /// An invalid configuration.
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, Decoder::new(&config.profile));
@@ -142,11 +142,11 @@ impl Host {
     /// Adds an instruction to the next frame; returns the number that events know it by: 0, 1, 2 …
     ///
     /// `parameters` writes what follows the command word. In an interpreted instruction no item may be a single short: that
-    /// begins the next instruction. In any other no single short may be a command word.
+    /// begins the next instruction. In others a single short must not be a command word.
     ///
     /// # Errors
     /// [`SessionError::Full`] when the frame has no room, or would mix classes: call again when it has been sent. A word
-    /// that is no command, and parameters that no frame can carry. Nothing has changed then.
+    /// that is not a command, and parameters that do not fit a frame. Nothing has changed then.
     pub fn submit(
         &mut self,
         word: u16,
@@ -180,12 +180,12 @@ impl Host {
         Ok(ticket)
     }
 
-    /// Goes on after `Refused` or `Unknown`. What has been submitted meanwhile is sent when the line has settled.
+    /// Continues after `Refused` or `Unknown`. Instructions submitted meanwhile are sent when the line has settled.
     pub fn resume(&mut self) {
         self.advance(Duration::ZERO, Input::Resume, None);
     }
 
-    /// Takes back the instructions that have not been sent yet; returns how many. They will have no event.
+    /// Withdraws the instructions that are not yet sent; returns their number. They will have no event.
     pub fn take_back(&mut self) -> u8 {
         let count = self.core.machine.next.map_or(0, |next| next.count);
         self.advance(Duration::ZERO, Input::TakeBack, None);
@@ -219,7 +219,7 @@ impl Host {
         &self.core.machine
     }
 
-    /// The event of what became of a frame.
+    /// The event of a frame's outcome.
     fn report(&mut self, batch: Batch, outcome: Outcome) {
         let (first, count) = (batch.first, batch.count);
         let event = match outcome {

@@ -16,7 +16,7 @@ use crate::shadow::{Report, Seen, Setup, Shadow, UNSEEN, ms};
 const CLIENT: &str = "client";
 const SERVER: &str = "server";
 
-/// So many requests are remembered that were not answered in time.
+/// How many requests are remembered that were not answered in time.
 const REMEMBERED: usize = 16;
 
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
@@ -184,7 +184,7 @@ impl Modbus {
             if of_malformed {
                 self.malformed -= 1;
             } else if self.is_known {
-                report.rule(SERVER, "FM-48", format!("{}, and nobody has asked for it", name(frame)));
+                report.rule(SERVER, "FM-48", format!("{}, which was not requested", name(frame)));
             }
             return;
         };

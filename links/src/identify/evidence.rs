@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::combination::{Combination, Level, Piece, Reading};
 
-/// Evidence of so many bits rules a combination out.
+/// Evidence of this many bits rules a combination out.
 pub(super) const ENOUGH: f64 = 10.0;
 /// Where nothing else is corrupt, what is not likely to be a message by chance is not corrupt either.
 const CLEAN: f64 = 5.0;
@@ -16,7 +16,7 @@ const UNLIKELY: f64 = 1.0 / 32.0;
 const AGAIN: f64 = 12.0;
 /// How many corrupt messages are tried: a few, and where they do not decide, many.
 const TRIALS: [u32; 2] = [64, 8192];
-/// So many messages are looked at.
+/// How many messages are looked at.
 const MESSAGES: usize = 200;
 
 /// The evidence for `a` against `b`, in bits, from what `a` explains better.

@@ -10,17 +10,17 @@ use super::{Decided, Finding, Open, Stream};
 use crate::link::{Guess, Link};
 use crate::settings::Setting;
 
-/// So many bytes of each stream are read with every combination.
+/// How many bytes of each stream are read with every combination.
 const SAMPLE: usize = 16 * 1024;
-/// So many combinations are read exactly.
+/// How many combinations are read exactly.
 const KEPT: usize = 128;
-/// So many are read on all bytes.
+/// How many are read on all bytes.
 const WHOLE: usize = 24;
-/// Numbers that make no sense rule a combination out with so many bits.
+/// Numbers that make no sense rule a combination out with this many bits.
 const SENSE: f64 = 20.0;
 /// The sense by which one message decides.
 const SENSE_OF_ONE: f64 = 5.0;
-/// So many bytes are shuffled to see what is read by chance.
+/// How many bytes are shuffled to see what is read by chance.
 const SHUFFLED: usize = 64 * 1024;
 const MOST_SHUFFLES: usize = 1024;
 

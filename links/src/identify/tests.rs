@@ -254,7 +254,7 @@ fn where_the_block_is_read_is_said() {
     assert!(notes.len() == 1 && notes[0].starts_with("the block is read at address 1: either"), "{notes:?}");
 }
 
-/// The bytes of few floats in the wrong order are numbers that nobody measures.
+/// The bytes of few floats in the wrong order are implausible numbers.
 #[test]
 fn one_move_decides_the_order_of_bytes() {
     let items = json!({"items": [{"i16": [257]}, {"f32": [100.0, -50.5, 250.0, 0.5, 90.0, -45.25]}]});

@@ -56,7 +56,7 @@ impl Shadow for Polled {
                 for byte in bytes {
                     match *byte {
                         ENQ => self.ask(report),
-                        byte => report.rule(HOST, "IB-9", format!("sends {byte:02X}h, which is no poll")),
+                        byte => report.rule(HOST, "IB-9", format!("sends {byte:02X}h, which is not a poll")),
                     }
                 }
             }

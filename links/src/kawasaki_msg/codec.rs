@@ -59,7 +59,7 @@ impl codec::Messages for Messages {
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
-        let object: Object = serde_json::from_value(message).context("is no kawasaki-msg message")?;
+        let object: Object = serde_json::from_value(message).context("is not a kawasaki-msg message")?;
         let (header, fields) = (values(&object.header), values(&object.fields));
         let message = Message {
             name: Field::Text(&object.name),

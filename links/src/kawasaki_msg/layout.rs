@@ -20,7 +20,7 @@ pub const MAX_TEXT: usize = 32;
 /// The range of a number that has none: whole numbers that a real of an AS program holds exactly.
 const WIDEST: i32 = 9_999_999;
 
-/// The fields of a job. They are shared by whoever reads and writes jobs.
+/// The fields of a job. They are shared by readers and writers of jobs.
 #[derive(Debug, Clone)]
 pub struct Layout(Arc<[Field]>);
 
@@ -41,7 +41,7 @@ pub enum Holds {
     /// A number, in units of its last decimal.
     #[allow(missing_docs, reason = "the names say it")]
     Number { places: u8, min: i32, max: i32 },
-    /// Text of so many characters.
+    /// Text of this many characters.
     #[allow(missing_docs, reason = "the names say it")]
     Text { min: usize, max: usize },
 }

@@ -16,7 +16,7 @@ pub struct CodecSettings {
 impl Configure for CodecSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, roles } = self;
-        let about = "message objects are a role and values in place of a name and fields";
+        let about = "message objects have a role and values instead of a name and fields";
         fields.flag("roles", about, roles);
         plant.configure(fields);
     }

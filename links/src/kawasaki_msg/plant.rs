@@ -84,7 +84,7 @@ impl Configure for Plant {
         let Self { charset, udp, limits, max_number, acks, bounds, job, messages } = self;
         let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
         fields.choice("charset", &choices, "the characters of names and fields", charset);
-        let about = "packets are datagrams, which may be lost, repeated and late; the source has chosen TCP";
+        let about = "use UDP, where packets can be lost, repeated and late; the source uses TCP";
         fields.flag("udp", about, udp);
         if *udp {
             *limits = Limits::UDP;
@@ -95,7 +95,7 @@ impl Configure for Plant {
         acks.configure(fields);
         const SHAPE: &str =
             "tables [[job]]: name; kind: whole, decimal with places, or text; range or length; default";
-        let about = "a job's own fields in order; without them it is a line of a drawing";
+        let about = "a job's own fields in order; by default a line of a drawing";
         let line = Layout::default().given();
         let mut given = job.take().unwrap_or_else(|| line.clone());
         fields.parsed("job", SHAPE, about, &mut given);
@@ -114,12 +114,12 @@ impl Configure for Message {
         const FIELDS: &str =
             "a list of order, number, work, queued, executed, ended, phase, unused, or =TEXT";
         let Self { default: _, sent, name, header, fields: own } = self;
-        fields.flag("sent", "false where the plant has no such message", sent);
+        fields.flag("sent", "false if the plant has no such message", sent);
         let mut called = Some(core::mem::take(name));
-        fields.text("name", "a name", "the message cannot be", "what the message is called", &mut called);
+        fields.text("name", "a name", "the message is invalid", "the name of the message", &mut called);
         *name = called.unwrap_or_default();
-        fields.parsed("header", FIELDS, "what is between name and length", header);
-        let about = "its fields in order; work: all of a job's own, =TEXT: always this text";
+        fields.parsed("header", FIELDS, "the fields between name and length", header);
+        let about = "its fields in order; work: all of a job's own fields, =TEXT: a constant text";
         fields.parsed("fields", FIELDS, about, own);
     }
 }
@@ -274,7 +274,7 @@ impl TryFrom<String> for FieldSetting {
 
     fn try_from(text: String) -> Result<Self, String> {
         let is_known = text.starts_with('=') || NAMES.iter().any(|(name, _)| *name == text);
-        if is_known { Ok(Self(text)) } else { Err(format!("`{text}` is no field")) }
+        if is_known { Ok(Self(text)) } else { Err(format!("`{text}` is not a field")) }
     }
 }
 

@@ -41,20 +41,20 @@ impl codec::Messages for Roles {
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let Object { role, values, work } =
-            serde_json::from_value(message).context("is no message of a role")?;
+            serde_json::from_value(message).context("is not a message of a role")?;
         let entry = self.0.entries().iter().find(|entry| role_name(entry.role) == role);
         let entry = entry.with_context(|| format!("the plant has no message of the role `{role}`"))?;
         let (mut params, mut used) = (Params::default(), 0);
         for field in entry.header.iter().chain(entry.fields) {
             if let Some(value) = field_name(*field).and_then(|name| values.get(name)) {
                 let number = value.as_i64().and_then(|number| i32::try_from(number).ok());
-                params.set(*field, number.with_context(|| format!("{value} is no whole number of 32 bits"))?);
+                params.set(*field, number.with_context(|| format!("{value} is not a 32-bit integer"))?);
                 used += 1;
             }
         }
         if used < values.len() {
             let values = Value::Object(values);
-            Err(anyhow!("a value is no field of the message `{}`: {values}", entry.name))?;
+            Err(anyhow!("a value is not a field of the message `{}`: {values}", entry.name))?;
         }
         let text = |field: &Field<'static>| match field {
             Field::Constant(text) => Text::Text(text),

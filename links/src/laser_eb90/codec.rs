@@ -46,7 +46,7 @@ impl Messages for Eb90 {
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let mut buffer = [0; MAX_PAYLOAD];
         let mut payload = Payload::new(&mut buffer, &self.profile);
-        payload.deserialize(message).context("is no laser-eb90 message")?;
+        payload.deserialize(message).context("is not a laser-eb90 message")?;
         let frame = payload.frame().map_err(EncodeError::refused)?;
         bytes(frame.encoded_len(), |out| frame.encode(out))
     }

@@ -22,7 +22,7 @@ pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ro
 const QUEUE: usize = 8;
 const MAX_NUMBER: u16 = 9999;
 
-/// The outcomes of instructions; those that are taken back have none.
+/// The outcomes of instructions; withdrawn ones have none.
 const TOLD: &[By<'static>] =
     &[By::Event("done"), By::Event("answer"), By::Event("refused"), By::Event("unknown")];
 

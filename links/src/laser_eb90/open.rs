@@ -24,7 +24,7 @@ pub(super) const OPEN: Open = Open {
         },
         Deciding {
             side: "host",
-            about: "a frame with bytes that are no text",
+            about: "a frame with bytes that are not text",
             message: r#"{"items":[{"u8":[0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15]}]}"#,
         },
     ],
@@ -53,11 +53,11 @@ pub(super) const OPEN: Open = Open {
 const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
 const FLAG: u8 = 0xF0;
 const MARK: u8 = 0x90;
-/// So many payloads are looked at.
+/// How many payloads are looked at.
 const MOST: usize = 400;
 /// How many values have which sizes: one type of four bytes, one of two, two of one.
 const SIZES: [(usize, usize); 3] = [(4, 1), (2, 1), (1, 2)];
-/// So many values are suggested.
+/// How many values are suggested.
 const SUGGESTED: usize = 6;
 
 /// A tag and the size of its values.

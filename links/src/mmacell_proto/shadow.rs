@@ -138,7 +138,7 @@ impl Cell {
         let kind = reply["reply"].as_str().unwrap_or_default();
         let Some(open) = self.open.pop_front() else {
             if self.is_known {
-                report.rule(device, "MM-3", format!("`{kind}`, and nobody has asked"));
+                report.rule(device, "MM-3", format!("`{kind}`, unsolicited"));
             }
             return;
         };
@@ -153,7 +153,7 @@ impl Cell {
         }
         let Some(command) = &open.command else {
             if kind != "error" {
-                report.rule(device, "MM-51", format!("`{kind}` answers a line that is no command"));
+                report.rule(device, "MM-51", format!("`{kind}` answers a line that is not a command"));
             }
             return;
         };
@@ -187,7 +187,7 @@ impl Cell {
             (Axes::Unknown, _) | (_, Axes::Fault | Axes::Unknown) => None,
             (Axes::Off, Axes::Off) | (Axes::Still | Axes::Moving(_), Axes::Still) => None,
             (Axes::Moving(_), Axes::Moving(_)) => None,
-            (Axes::Fault, _) => Some("without RST the error has gone"),
+            (Axes::Fault, _) => Some("the error was cleared without RST"),
             (Axes::Off, _) => Some("without an order the servo is on"),
             (_, Axes::Off) => Some("without an order or an error the servo is off"),
             (Axes::Still, _) => Some("without an order it moves"),

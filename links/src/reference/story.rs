@@ -183,7 +183,7 @@ struct Step {
 }
 
 impl Story {
-    /// Whether our end does what the story says, step by step; the name of its state is nobody's rule.
+    /// Whether our end does what the story says, step by step; the name of its state is not checked.
     ///
     /// # Errors
     /// When it does not: what it does instead.

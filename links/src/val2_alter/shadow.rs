@@ -126,7 +126,7 @@ impl Alter {
         let kind = message["kind"].as_str().unwrap_or_default();
         let error = message["error"].as_u64().unwrap_or_default();
         if kind == "motion" && matches!(self.phase, Phase::Off | Phase::Starting) {
-            // Nobody answers it (AL-49); a start message still is.
+            // It is not answered (AL-49); a start message still is.
             return report.rule(ROBOT, "AL-89", "a standard message, and ALTER was not accepted");
         }
         let before = self.asked.take();
@@ -156,7 +156,7 @@ impl Alter {
                         format!("the first start message has the error code {error}"),
                     );
                 }
-                // One that begins where nobody knows what was before may not be taken.
+                // One that begins after unknown bytes may not be used.
                 let is_known = matches!(self.phase, Phase::Off | Phase::Starting);
                 self.mode = message["mode"].as_u64().filter(|_| is_known);
                 (self.phase, self.last, self.moves) = (Phase::Starting, None, true);
@@ -234,14 +234,13 @@ impl Alter {
                 report.rule(ROBOT, "AL-76", "error code 0, and no reply came in time");
             }
             ("motion", None) if !before.is_start && error == NO_REPLY => {
-                report.rule(ROBOT, "AL-76", "ALTER goes on, and no reply came");
+                report.rule(ROBOT, "AL-76", "ALTER continues without a reply");
             }
             ("motion" | "end", Some(_)) if error == NO_REPLY => {
                 report.budget(HOST, "AL-61", "the controller says that the reply did not come in time");
             }
             ("motion" | "end", Some(_)) if error != 0 => {
-                let text =
-                    format!("error code {error}, and the reply was good: what is wrong is beyond the tap");
+                let text = format!("error code {error}, but the reply was good: the fault is beyond the tap");
                 report.rule(ROBOT, "AL-19", text);
             }
             _ => {}

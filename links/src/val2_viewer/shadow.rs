@@ -144,7 +144,7 @@ impl Viewer {
     fn answer(&mut self, message: &Value, report: &mut Report<'_>) {
         let now = report.now;
         match self.request {
-            Request::None => report.rule(HOST, "VV-3", "a packet that nobody has asked for"),
+            Request::None => report.rule(HOST, "VV-3", "an unsolicited packet"),
             Request::Unknown => {}
             Request::Open { at, is_missed } => {
                 if is_missed {

@@ -12,7 +12,7 @@ pub struct CentralConfig {
     pub accepts: Dialect,
     /// How commands are written: each reading that is on is written instead of the source's own. Default: [`Dialect::STRICT`].
     pub writes: Dialect,
-    /// How long a reply may take, from 1 ns; `Duration::MAX` is for ever, and then a connection that is half open is never
+    /// How long a reply may take, from 1 ns; `Duration::MAX` means no timeout, and then a half-open connection is never
     /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
     pub timeout: Duration,
     /// A status that is asked for sooner than this after the start of a motion may be older than the motion: that the device
@@ -38,7 +38,7 @@ robot_session::rules! {
         ForgetTarget,
         /// An abort after the command was sent ends the connection.
         AbortEnds,
-        /// A reply that nobody asked for ends the connection.
+        /// An unsolicited reply ends the connection.
         StrayEnds,
     }
 }

@@ -56,7 +56,7 @@ pub struct CentralStatistics {
     pub unknown: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody polled them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

@@ -32,12 +32,12 @@ use crate::pose::Pose;
 /// then the session wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read
 /// then is not obeyed. Input that comes all the same may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
 ///
-/// A new connection takes the place of the one before at once, also where nobody has reported that one gone: the one before may
+/// A new connection takes the place of the one before at once, also if its loss was not reported: the one before may
 /// be half open. Nothing of it is answered on the new one; what the axes do goes on.
 ///
 /// What the source leaves open is decided thus: a motion is refused while another goes on, with the servo motors off, or out
 /// of the range that a status can hold; an error stops the motion, switches the servo motors off, shows in the status, and is
-/// cleared by a reset; a reset is answered at once, switches the servo motors on and goes home; whoever refuses a command
+/// cleared by a reset; a reset is answered at once, switches the servo motors on and goes home; a device that refuses a command
 /// does not latch an error.
 #[derive(Debug, Clone)]
 pub struct Device<P: Pose> {
@@ -62,7 +62,7 @@ pub struct DeviceStatistics {
     pub rejected: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody polled them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

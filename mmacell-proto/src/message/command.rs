@@ -87,7 +87,7 @@ pub enum Command<P> {
 pub enum Mode {
     /// `A`: to this pose.
     Absolute,
-    /// `R`: by so much.
+    /// `R`: a relative motion by this distance.
     Relative,
 }
 

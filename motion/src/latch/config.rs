@@ -24,7 +24,7 @@ pub struct LatchConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the latch, without which an arm moves that nobody moves, or does not move and nobody knows why.
+    /// The rules of the latch, without which an arm would move without a hand, or stop without a reason shown.
     pub enum Rule {
         /// The hand has to rest before it moves the arm.
         Rest,
@@ -72,7 +72,7 @@ robot_session::rules! {
         EndInTime,
         /// When no message is answered any more, the end does not wait for long.
         Farewell,
-        /// Whoever shows the latch learns of every change.
+        /// Every change of the latch is reported.
         Report,
     }
 }

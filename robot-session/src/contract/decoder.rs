@@ -75,7 +75,7 @@ pub fn decoder_where<D>(
     assert!(!frames.is_empty(), "{name}: no frames to try");
     let mut rng = Rng::new(1);
     for frame in frames {
-        let whole = tiles(name, &new, frame);
+        let whole = items_of(name, &new, frame);
         for pieces in chunkings(frame) {
             assert_eq!(decode(&mut new(), &pieces), whole, "{name}: in pieces: {frame:02X?}");
         }
@@ -84,13 +84,13 @@ pub fn decoder_where<D>(
         let picks: Vec<_> = (0..6).map(|_| &frames[rng.below(frames.len())]).collect();
         let noise: Vec<u8> = (0..rng.below(40)).map(|_| rng.next_u64() as u8).collect();
         let mut stream = picks.iter().flat_map(|frame| frame.iter().copied()).collect::<Vec<_>>();
-        let clean = tiles(name, &new, &stream);
+        let clean = items_of(name, &new, &stream);
         pieces_change_nothing(name, &new, &stream, &clean, &mut rng);
         after_clear(name, &new, &stream, &clean, &mut rng);
 
         let at = rng.below(stream.len());
         stream[at] ^= 1 << rng.below(8);
-        let corrupt = tiles(name, &new, &stream);
+        let corrupt = items_of(name, &new, &stream);
         pieces_change_nothing(name, &new, &stream, &corrupt, &mut rng);
         let start =
             clean.iter().map(|item| item.end as usize).take_while(|end| *end <= at).last().unwrap_or(0);
@@ -98,13 +98,13 @@ pub fn decoder_where<D>(
         costs_no_more(name, &clean, &corrupt, at as u64, spread);
 
         let noisy = [&noise[..], &stream].concat();
-        let items = tiles(name, &new, &noisy);
+        let items = items_of(name, &new, &noisy);
         pieces_change_nothing(name, &new, &noisy, &items, &mut rng);
     }
 }
 
 /// Every byte is in exactly one item, and after the end nothing more comes.
-fn tiles<D>(name: &str, new: &impl Fn() -> D, stream: &[u8]) -> Vec<Item>
+fn items_of<D>(name: &str, new: &impl Fn() -> D, stream: &[u8]) -> Vec<Item>
 where
     D: Decoder<Error: Debug>,
     for<'a> D::Frame<'a>: Debug,

@@ -1,4 +1,4 @@
-//! A seeded generator: the same seed gives the same run on every machine, for ever. And one whose choices are a fuzzer's bytes.
+//! A seeded generator: the same seed gives the same run on every machine and in every version. And one whose choices are a fuzzer's bytes.
 
 use core::time::Duration;
 use std::vec::Vec;

@@ -75,7 +75,7 @@ impl Caller {
     const OTHERS: [Self; 5] = [Self::Often, Self::SmallBuffer, Self::Pieces, Self::Polls, Self::Awaits];
 }
 
-/// So many are endless.
+/// How many are endless.
 const MANY: usize = 10_000;
 
 /// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] is never.

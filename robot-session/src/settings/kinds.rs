@@ -224,7 +224,7 @@ impl Fields for Table<'_> {
         let outer = core::mem::replace(&mut self.omitted, names.to_vec());
         visit(self);
         let left = core::mem::replace(&mut self.omitted, outer);
-        debug_assert!(left.is_empty(), "{left:?} are no fields of it");
+        debug_assert!(left.is_empty(), "{left:?} are not fields of it");
     }
 }
 

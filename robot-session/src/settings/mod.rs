@@ -13,7 +13,7 @@
 //! # impl Configure for HostConfig {
 //! #     fn configure(&mut self, fields: &mut impl Fields) {
 //! #         fields.whole("resends", 0..=u8::MAX, "times", "how often a frame is sent again", &mut self.resends);
-//! #         fields.time("timeout", SOME_TIME, "how long a reply is awaited", &mut self.timeout);
+//! #         fields.time("timeout", SOME_TIME, "the reply timeout", &mut self.timeout);
 //! #     }
 //! # }
 //! robot_session::deserialize!(HostConfig, HostConfig::DEFAULT);

@@ -19,7 +19,7 @@ pub trait Service: Send {
     type Session: Session + Send;
     /// One call: what is asked for, and where its outcome goes.
     type Call: Send;
-    /// What [`Handle::events`] gives: all that is no outcome of a call that somebody waits for.
+    /// The items of [`Handle::events`]: all events except outcomes of awaited calls.
     type Event: Clone + Send;
 
     /// Calls are made without a connection too: those of a robot are about itself.
@@ -28,10 +28,10 @@ pub trait Service: Send {
     /// Whether the session takes another call now. Those that it does not take wait, the oldest first.
     fn has_room(&self, session: &Self::Session) -> bool;
 
-    /// Makes a call, unless whoever made it has gone: nothing has happened yet.
+    /// Makes a call, unless its caller is gone: nothing has happened yet.
     fn call(&mut self, session: &mut Self::Session, now: Duration, call: Self::Call);
 
-    /// Gives an event to whom it belongs. The outcome of a call that nobody waits for any more is an event of the handle.
+    /// Gives an event to whom it belongs. The outcome of a call that is no longer awaited is an event of the handle.
     fn event(
         &mut self,
         session: &mut Self::Session,
@@ -68,12 +68,12 @@ impl<T> Reply<T> {
     /// Ends the call.
     ///
     /// # Errors
-    /// Nobody waits for it any more: the outcome is given back.
+    /// It is no longer awaited: the outcome is given back.
     pub fn send(self, outcome: T) -> Result<(), T> {
         self.0.send(outcome)
     }
 
-    /// Nobody waits for it any more.
+    /// It is no longer awaited.
     pub fn is_abandoned(&self) -> bool {
         self.0.is_closed()
     }
@@ -81,7 +81,7 @@ impl<T> Reply<T> {
 
 /// The outcome of a call, when there is one.
 #[derive(Debug)]
-#[must_use = "a call whose outcome nobody waits for is abandoned"]
+#[must_use = "a call whose outcome is not awaited is abandoned"]
 pub struct Outcome<T>(oneshot::Receiver<T>);
 
 impl<T> Future for Outcome<T> {
@@ -102,7 +102,7 @@ pub struct Reports<'a, E> {
 impl<E: Clone> Reports<'_, E> {
     /// An event for [`Handle::events`].
     pub fn event(&self, event: E) {
-        // Without a receiver nobody wants to know.
+        // Without a receiver the event is dropped.
         let _ = self.events.send(event);
     }
 
@@ -161,12 +161,12 @@ impl<S: Service> Handle<S> {
         Ok(Outcome(outcome))
     }
 
-    /// Makes a call whose outcome nobody waits for, if there is room for it now: says whether there is.
+    /// Makes a call without awaiting its outcome, if there is room for it now; returns whether there is.
     pub fn try_call(&self, call: S::Call) -> bool {
         self.calls.try_send(call).is_ok()
     }
 
-    /// The events from now on. Whoever reads too slowly loses the oldest ones, and is told how many.
+    /// The events from now on. A slow reader loses the oldest ones, and gets their number.
     pub fn events(&self) -> broadcast::Receiver<S::Event> {
         self.events.resubscribe()
     }

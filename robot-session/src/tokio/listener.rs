@@ -18,7 +18,7 @@ use crate::Session;
 /// Accepts TCP connections, `most` at a time, and runs a session of its own over each: `session` makes it, `event` is given what it
 /// reports. Beyond `most` the system lets peers wait. A dropped future ends all connections.
 ///
-/// It goes on until the listener fails, which it does not for a peer that has gone, nor for want of descriptors.
+/// It goes on until the listener fails, which does not happen for a lost peer or a lack of descriptors.
 ///
 /// # Errors
 /// The listener's.

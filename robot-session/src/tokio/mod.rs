@@ -1,4 +1,4 @@
-//! For tokio: a session in a task of its own that connects again by itself, with a [`Handle`] for those who use it; below that, the
+//! For tokio: a session in a task of its own that reconnects automatically, with a [`Handle`] for those who use it; below that, the
 //! loop of [`drive`](crate::drive) over any `AsyncRead + AsyncWrite`, and a decoder under `tokio_util`'s framed transports.
 
 mod codec;

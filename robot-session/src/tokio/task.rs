@@ -18,9 +18,9 @@ use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
 use crate::turn::Handler;
 use crate::{Ended, STALL, Session, now};
 
-/// So many calls wait in the task for room in the session; those beyond it wait where they were made.
+/// How many calls wait in the task for room in the session; those beyond it wait where they were made.
 const CALLS: usize = 16;
-/// So many events are kept for who has not read them yet.
+/// How many events are kept for who has not read them yet.
 const EVENTS: usize = 256;
 /// A session without a connection that is due is called as often as this at most.
 const SHORTEST: Duration = Duration::from_millis(1);
@@ -220,7 +220,7 @@ impl<S: Service, C: Connector> Task<S, C> {
                     break Over::Lost(error);
                 }
                 Woken::Turn(Ok(ControlFlow::Break(Ended::Stalled))) => {
-                    let stalled = "the peer does not read what it is sent";
+                    let stalled = "the peer does not read";
                     break Over::Lost(io::Error::new(io::ErrorKind::TimedOut, stalled));
                 }
                 Woken::Turn(Ok(ControlFlow::Break(Ended::ByPeer))) => {
@@ -329,7 +329,7 @@ async fn until(at: Option<Duration>) {
     }
 }
 
-/// The task is to end: somebody has said so, or nobody has a handle any more.
+/// The task is to end: on request, or because no handle is left.
 async fn stopped(stop: &mut watch::Receiver<bool>) {
     let _ = stop.wait_for(|stop| *stop).await;
 }

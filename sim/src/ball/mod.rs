@@ -74,7 +74,7 @@ impl Device for HeldBall {
         notes.event(event);
     }
 
-    /// Measures where a poll may come: in between nobody sees it.
+    /// Measures when a poll may come.
     fn advance(&mut self, now: Duration, _: &mut Notes<BallEvent, Infallible>) {
         if now >= self.measured {
             let Grip { force, moment, keys } = (self.settings.hand)(now);

@@ -1,4 +1,4 @@
-//! Faults of the simulated controller: telemetry that cannot be, to try a client with.
+//! Faults of the simulated controller: implausible telemetry, to test a client.
 
 use core::ops::Range;
 use core::str::FromStr;

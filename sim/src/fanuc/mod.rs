@@ -25,7 +25,7 @@ pub struct Fanuc {
     pub config: ServerConfig,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// Telemetry that cannot be, and when.
+    /// Implausible telemetry, with times.
     pub faults: TelemetryFaults,
 }
 

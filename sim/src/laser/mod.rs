@@ -99,7 +99,7 @@ impl Job {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum LaserEvent {
-    /// So many instructions were queued.
+    /// How many instructions were queued.
     Queued(u8),
     /// A frame, or corrupt bytes, were answered with an error code.
     Refused(Refusal),
@@ -122,7 +122,7 @@ pub struct LaserRobot {
 }
 
 impl LaserRobot {
-    /// A robot that has been started so often, this time included.
+    /// A robot that has been started this often, this time included.
     ///
     /// # Errors
     /// Settings that cannot work.

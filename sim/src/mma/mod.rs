@@ -86,7 +86,7 @@ mod spec {
     impl<P> Configure for Mma<P> {
         fn configure(&mut self, fields: &mut impl Fields) {
             let Self { config, speed, faults, mute_every, drop_every, home: _ } = self;
-            let about = "how many times faster than life the axes move";
+            let about = "how many times faster than real time the axes move";
             fields.whole("speed", 1..=10_000, "times", about, speed);
             faults.configure(fields);
             let about = "every how many replies one is lost; 0: never";
@@ -141,7 +141,7 @@ pub enum MmaEvent<P> {
     Home,
     /// The servo motors are on, or off.
     Servo(bool),
-    /// The override is so many percent.
+    /// The override is this many percent.
     Override(u8),
     /// A motion was refused with this number.
     Refused(ErrorCode),
@@ -175,7 +175,8 @@ impl<P: Simulated> MmaDevice<P> {
     pub fn new(settings: Mma<P>) -> Result<Self, Error> {
         let MotionFaults { refuse_every, refuse_code, .. } = settings.faults;
         if refuse_every > 0 && !ErrorCode::from(refuse_code).has_form(&settings.config.writes) {
-            let why = format!("refuse_code={refuse_code} is no error number: any but 0 that fits its field");
+            let why =
+                format!("refuse_code={refuse_code} is not an error number: not 0, and within its field");
             return Err(Error::settings(why));
         }
         let mut session = Session::new(settings.config).map_err(Error::settings)?;
@@ -427,7 +428,7 @@ mod tests {
         assert_eq!(robot.device().motions(), 1);
         let zero = MotionFaults { refuse_every: 1, refuse_code: 0, ..NONE };
         let error = MmaRobot { faults: zero, ..MmaRobot::default() }.device().unwrap_err();
-        assert_eq!(error.to_string(), "refuse_code=0 is no error number: any but 0 that fits its field");
+        assert_eq!(error.to_string(), "refuse_code=0 is not an error number: not 0, and within its field");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::pose::Pose;
 /// The robot that ALTER moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmConfig {
-    /// Which way round mode bit 1 is.
+    /// The polarity of mode bit 1.
     pub polarity: Polarity,
     /// The robot's scaling.
     pub scale: Scale,

@@ -7,7 +7,7 @@ use val2_alter::{ErrorCode, Frame, Framing, SegmentStatus};
 /// What can happen. It waits until ALTER runs; what happens on the line, until it runs or starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Incident {
-    /// The program runs a subroutine that takes so long.
+    /// The program runs a subroutine that takes this long.
     Interrupt(Duration),
     /// The next reply reaches the controller so that it has this error.
     Misread(ErrorCode),

@@ -4,7 +4,7 @@ use val2_alter::Transform;
 
 use super::pose::Pose;
 
-/// How the twelve words make a pose. Nobody has said; the default is the natural reading: percentages are Q14 and lengths
+/// How the twelve words make a pose. This is not documented; the default is the natural reading: percentages are Q14 and lengths
 /// 1/32 mm elsewhere in the protocol, and VAL lists transformations by columns.
 ///
 /// To find out on a live robot, compare [`Pose::orthonormality`] of each [`Layout::NAMED`] and move the arm along one axis:

@@ -35,7 +35,7 @@ pub struct Puma {
     pub config: ControllerConfig,
     /// The arm.
     pub arm: ArmConfig,
-    /// The operator starts the program again so long after it has ended.
+    /// How long after its end the operator restarts the program.
     pub restart: Duration,
     /// The subroutine that closes or opens the gripper takes this long.
     pub subroutine_time: Duration,
@@ -93,13 +93,13 @@ pub enum PumaEvent {
     Reply([i16; AXES]),
     /// The host has refused ALTER.
     Refused,
-    /// Nobody has answered.
+    /// No answer came.
     GaveUp,
     /// A reply could not be read, or did not come.
     BadReply(ErrorCode),
     /// The gripper closes (true) or opens.
     Gripper(bool),
-    /// An exception that the subroutine does not know, or that nobody handles.
+    /// An exception that the subroutine does not know, or that is not handled.
     Exception(Exception),
     /// ALTER is over, and the arm stands there.
     Ended(ErrorCode, Pose),
@@ -128,7 +128,7 @@ pub struct MarkIii {
     resume_at: Option<Duration>,
     /// When the first ALTER began.
     begun_at: Option<Duration>,
-    /// So many incidents have happened.
+    /// How many incidents have happened.
     happened: usize,
     /// Cycles in which the program of this ALTER went on along its path.
     path_cycles: u64,

@@ -10,7 +10,7 @@ impl Configure for Puma {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { config, arm, restart, subroutine_time, incidents: _, is_paced: _ } = self;
         config.configure(fields);
-        let about = "the wait until the operator starts the program again";
+        let about = "the time until the operator restarts the program";
         fields.time("restart", ANY_TIME, about, restart);
         let about = "how long the subroutine of an exception runs";
         fields.time("subroutine_time", ANY_TIME, about, subroutine_time);
@@ -22,7 +22,7 @@ impl Configure for ArmConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { polarity, scale, layout, home } = self;
         let choices = [("tool_is_one", Polarity::ToolIsOne), ("world_is_one", Polarity::WorldIsOne)];
-        fields.choice("polarity", &choices, "which way round mode bit 1 is", polarity);
+        fields.choice("polarity", &choices, "the polarity of mode bit 1", polarity);
         fields.group("scale", |fields| {
             let Scale { per_mm, per_degree } = scale;
             fields.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the words", per_mm);
@@ -48,7 +48,7 @@ impl Configure for ArmConfig {
         });
         fields.group("home", |fields| {
             let reach = -1023.0..=1023.0;
-            let about = "where the arm is at first";
+            let about = "the arm's start position";
             for (name, value) in ["x", "y", "z"].into_iter().zip(&mut home.p) {
                 fields.real(name, reach.clone(), "mm", about, value);
             }

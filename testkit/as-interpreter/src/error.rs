@@ -5,7 +5,7 @@ use core::fmt;
 pub enum Error {
     /// The variable has no value.
     Undefined,
-    /// A real where a string is needed, or the other way round.
+    /// A real where a string is needed, or vice versa.
     Type,
     /// An index that is no whole number from 0 to 9999.
     Index,

@@ -61,7 +61,7 @@ pub trait Host {
     fn print(&mut self, task: usize, line: &str);
 }
 
-/// A controller without a network whose arm is where it is sent at once, and whose clock stands still.
+/// A controller without a network whose arm is where it is sent at once, and whose clock is stopped.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoHost;
 

@@ -36,7 +36,7 @@ pub(crate) enum What {
     Return,
     /// `WAIT`: until it is so.
     Wait(Expression),
-    /// `TWAIT`: so many seconds.
+    /// `TWAIT`: this many seconds.
     WaitTime(Expression),
     /// `TIMER (n) = …`
     SetTimer(Expression, Expression),

@@ -126,7 +126,7 @@ program!("isra-ball", {
             host.handle_input(now + Duration::from_millis(14), buf.get(..n)?);
             match host.poll_event()? {
                 HostEvent::Packet(packet) => return Some(packet.axes()),
-                // Of the first packet nobody knows how old it is.
+                // The age of the first packet is unknown.
                 HostEvent::Old(_) => {}
                 _ => return None,
             }

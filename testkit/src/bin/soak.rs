@@ -80,11 +80,11 @@ fn main() -> ExitCode {
     let blind: Vec<_> = blind.map(|(row, _)| row.name()).collect();
     for (name, seed) in failures.values().flatten().take(10) {
         println!(
-            "broken promise, see it with: cargo run --release -p testkit --bin soak -- --link '{name}' --seed {seed} --trace"
+            "failed check, reproduce with: cargo run --release -p testkit --bin soak -- --link '{name}' --seed {seed} --trace"
         );
     }
     for name in &blind {
-        println!("broken promise: {name} misses more corruption than its check can be blamed for");
+        println!("failed check: {name} misses more corruption than its checksum explains");
     }
     let good = failures.is_empty() && blind.is_empty() && sessions > 0;
     println!("{}", if good { "nothing lost, nothing repeated, nothing stuck" } else { "FAILED" });

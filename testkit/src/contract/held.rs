@@ -68,7 +68,7 @@ impl Held {
         }
     }
 
-    /// With every time for ever that may be, the longest of those that limit one another first.
+    /// With every time that can be unlimited set so, the longest of those that limit one another first.
     fn endless(&self, config: &Map<String, Value>) -> Map<String, Value> {
         let mut endless = config.clone();
         for time in self.times.iter().rev() {

@@ -16,7 +16,7 @@ use robot_session::contract::Rng;
 
 /// The number of the one socket.
 const SOCKET: i32 = 7;
-/// So many statements at one time are a loop without a wait.
+/// How many statements at one time are a loop without a wait.
 const ENDLESS: u64 = 20_000_000;
 /// Tasks of the controller.
 const COMMUNICATION: usize = 0;

@@ -8,7 +8,7 @@ use super::machine::Edge;
 pub const DEADLOCK: &str = "no deadlock";
 /// The property that breaks in a state from which a run without faults never comes to the end of all work.
 pub const STANDSTILL: &str = "no standstill: a run without faults ends all work";
-/// The property that breaks where the system can stand still for ever.
+/// The property that breaks where the system can stall forever.
 pub const STANDS_FOR_EVER: &str = "recovery ends every pause";
 
 /// Every state by its number, in the order of breadth first: the first is where it begins, and each has the step that led there
@@ -29,9 +29,9 @@ pub struct Graph<A> {
     pub standstill: Option<u32>,
     /// The longest run without faults to the end of all work, in ticks, and where it begins.
     pub longest_benign: (u32, u32),
-    /// The longest time in which the system stands still, in ticks, and where it begins; `None` if it can for ever.
+    /// The longest stall of the system in ticks, and where it begins; `None` if it can be endless.
     pub longest_standing: Option<(u32, u32)>,
-    /// A state from which it can stand still for ever.
+    /// A state from which it can stall forever.
     pub stands_for_ever: Option<u32>,
     /// Every transition that the machines took, and the first state and act with it. Collected on demand.
     pub edges: BTreeMap<Edge, (u32, A)>,

@@ -109,7 +109,7 @@ pub struct Explored {
     pub broken: Vec<Broken>,
     /// The longest run without faults to the end of all work, in ticks.
     pub longest_benign: u32,
-    /// The longest time in which it stands still, in ticks; `None` if for ever.
+    /// The longest stall in ticks; `None` if endless.
     pub longest_standing: Option<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! What is known only once every state is: whether runs without faults end, and how long the system can stand still.
+//! What is known only once every state is: whether runs without faults end, and how long the system can stall.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ pub(super) struct Runs {
     /// For each state the next one of the run without faults and the ticks to it: [`END`] where it is over, the state itself
     /// where nothing happens.
     pub(super) benign: Vec<(u32, u32)>,
-    /// The steps between states that stand still, and their ticks.
+    /// The steps between stalled states, and their ticks.
     pub(super) standing: Vec<(u32, u32, u32)>,
 }
 
@@ -59,7 +59,7 @@ impl Runs {
         }
     }
 
-    /// The longest path in ticks between states that stand still; for ever where a cycle takes time. A cycle that takes none is
+    /// The longest path in ticks between stalled states; endless where a cycle takes time. A cycle that takes none is
     /// one state.
     fn longest_standing<A>(&self, graph: &mut Graph<A>) {
         let mut numbers: HashMap<u32, usize> = HashMap::new();

@@ -31,7 +31,7 @@ pub trait System {
     /// Whether all work has come to its end. A run without faults has to lead here from every state.
     fn is_over(&self, state: &Self::State) -> bool;
 
-    /// Whether the system is standing still for now, and recovery has to lead out of it: how long that takes at most is reported.
+    /// Whether the system is stalled for now, so that recovery must follow: the longest time of that is reported.
     fn stands(&self, _state: &Self::State) -> bool {
         false
     }

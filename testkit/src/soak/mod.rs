@@ -49,7 +49,7 @@ pub struct Row {
     pub transport: &'static str,
     /// What a job is.
     pub job: &'static str,
-    /// Of so many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
+    /// Of this many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
     pub one_in: Option<u32>,
     session: fn(u64, Log) -> Tally,
 }

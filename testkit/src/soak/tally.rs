@@ -15,7 +15,7 @@ pub enum Reported {
     NotDone,
     /// Unknown, but not more than once.
     Unknown,
-    /// Unknown how often, but so often at least: the sender has asked for resends that may do this.
+    /// Unknown how often, but this often at least: the sender has asked for resends that may do this.
     AnyTimes(u32),
 }
 

@@ -15,7 +15,7 @@ pub enum Check {
     Nothing,
     /// A message that only the check refuses.
     Refused,
-    /// A valid message of so many bytes.
+    /// A valid message of this many bytes.
     Good(usize),
 }
 

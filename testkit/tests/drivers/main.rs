@@ -1,5 +1,5 @@
 //! What a peer, a line and an impatient caller do to a session under each driver: every request has one outcome, at its time, and nothing
-//! stands still. `cargo test -p testkit --test drivers -- --nocapture` prints the table.
+//! hangs. `cargo test -p testkit --test drivers -- --nocapture` prints the table.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
@@ -24,7 +24,7 @@ use robot_session::{Driver, Session as _, now};
 
 const MS: Duration = Duration::from_millis(1);
 const TIMEOUT: Duration = Duration::from_millis(200);
-/// What takes longer stands still.
+/// What takes longer hangs.
 const LONG: Duration = Duration::from_secs(60);
 const NEVER: [usize; 2] = [usize::MAX; 2];
 
@@ -138,7 +138,7 @@ impl Row {
         );
     }
 
-    /// Nothing is lost, nothing comes twice, nothing stands still.
+    /// Nothing is lost, nothing comes twice, nothing hangs.
     fn check(&self) {
         self.print();
         let Caller { asked, twice, requests, replied, failed, .. } = &self.caller;
@@ -199,7 +199,7 @@ fn serve(pipe: Pipe) -> JoinHandle<()> {
     })
 }
 
-/// A peer that reads so many bytes at once after each pause, and sends nothing.
+/// A peer that reads this many bytes at once after each pause, and sends nothing.
 fn slow(pipe: Pipe, pause: Duration) -> JoinHandle<()> {
     thread::spawn(move || {
         while pipe.read(&mut [0]) > 0 {

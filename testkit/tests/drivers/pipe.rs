@@ -23,13 +23,13 @@ pub struct Pipe {
 struct Line {
     room: usize,
     ways: [VecDeque<u8>; 2],
-    /// So many bytes more go each way; then the line is cut.
+    /// How many bytes more go each way; then the line is cut.
     until_cut: [usize; 2],
     is_cut: bool,
     waiting: Vec<Waker>,
 }
 
-/// Both ends of a line that holds so many bytes each way, and is cut after so many: [`usize::MAX`] never.
+/// Both ends of a line that holds this many bytes each way, and is cut after this many: [`usize::MAX`] never.
 pub fn line(room: usize, until_cut: [usize; 2]) -> [Pipe; 2] {
     let ways = [VecDeque::new(), VecDeque::new()];
     let line = Arc::new((

@@ -67,7 +67,7 @@ impl Rig {
         }
     }
 
-    /// One turn. With `polls` the future of an asynchronous driver is dropped after so many polls, otherwise after [`TURN`]. `keep` is
+    /// One turn. With `polls` the future of an asynchronous driver is dropped after this many polls, otherwise after [`TURN`]. `keep` is
     /// asked before anything is written, after an `.await` of its own.
     pub fn turn<S: Session>(
         &mut self,

@@ -41,7 +41,7 @@ pub struct Rig<C = Native> {
     pub link: Link,
     pub robot: C,
     pub pc: LargePc<'static, Source>,
-    /// How long one job takes; `None` while the motion task stands still.
+    /// How long one job takes; `None` while the motion task is stopped.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
     /// Whether jobs may overtake one another: the last one waiting is taken first.
@@ -150,7 +150,7 @@ impl<C: Controller> Rig<C> {
 
     pub fn motion_task(&mut self) {
         let Some(time) = self.motion else {
-            // Stands still, but keeps looking at its queue without taking anything.
+            // Does not move, but keeps looking at its queue without taking anything.
             return;
         };
         while self.motion_at <= self.now {

@@ -28,7 +28,7 @@ fn a_frame_that_pauses_is_executed_once() {
                     frames += 1;
                 }
             }
-            assert_eq!(article.settle(), 0, "an answer that nobody asked for");
+            assert_eq!(article.settle(), 0, "an unsolicited answer");
             assert_once(&article, first, &format!("{baud} baud, {late} ms late"));
         }
     }
@@ -55,7 +55,7 @@ fn a_frame_that_is_corrupt_and_pauses_is_executed_once() {
             corrupt.push(Fault::Flip(place, 1 << rng.below(8)));
             assert!(article.exchange(first, &[&corrupt, &again, &last[..1]]));
         }
-        assert_eq!(article.settle(), 0, "an answer that nobody asked for");
+        assert_eq!(article.settle(), 0, "an unsolicited answer");
         assert_once(&article, 140, &format!("run {run}"));
         transmissions += article.transmissions;
     }

@@ -137,7 +137,7 @@ fn values_that_are_not_transmitted_mean_the_same_to_every_controller() {
         }
         assert!(all.iter().all(|applied| *applied == all[0]), "mode {mode}: {all:?}");
     }
-    // Word for word, an increment that is not transmitted repeats for ever.
+    // Word for word, an increment that is not transmitted repeats without end.
     let mut controller =
         in_first_cycle(ControllerConfig { unselected: Unselected::Hold, ..Default::default() });
     controller.handle_input(CYCLE + 12 * MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");

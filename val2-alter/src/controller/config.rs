@@ -21,7 +21,7 @@ pub struct ControllerConfig {
     pub mode: Mode,
     /// The data list of the ALTER instruction. Default: empty.
     pub data: List,
-    /// Whether the ALTER instruction names an exception subroutine; without one, an exception aborts the program. Default: no.
+    /// Whether the ALTER instruction has an exception subroutine; without one, an exception aborts the program. Default: no.
     pub subroutine: bool,
     /// Start messages sent before giving up, from 1. Default: 3. (The source has "up to twice repeated" in one place and "after
     /// the third repetition" in another; set 4 for the second reading.)
@@ -88,7 +88,7 @@ impl Default for ControllerConfig {
 /// What a controller makes of a value that a reply does not transmit.
 ///
 /// The source: "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen.
-/// Anfangs werden alle Werte als Null angenommen" (§3.3.2). Word for word, an increment would then repeat for ever.
+/// Anfangs werden alle Werte als Null angenommen" (§3.3.2). Taken literally, an increment would then repeat without end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Unselected {
     /// Cumulative: zero, nothing moves. Non-cumulative: as before, the offset stays.
@@ -183,7 +183,7 @@ pub struct ControllerStatistics {
     pub strays: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody fetched them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

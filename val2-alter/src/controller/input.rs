@@ -28,7 +28,7 @@ pub enum Input {
     Corrupt(ErrorCode),
     /// Time has passed.
     Timeout,
-    /// The message that was due, of so many bytes, is sent.
+    /// The message that was due, of this many bytes, is sent.
     Sent {
         /// Its length.
         len: u8,

@@ -30,7 +30,7 @@ use machine::{
 /// The first good reply in the window of a message decides; what comes outside a window, or while the message is still on the
 /// line, has no effect and is reported. A reply that cannot be read gives the error code of the next message, and the arm does
 /// not move by it; a missing one ends ALTER with error 6. A session that is late itself sends the next message late: it never
-/// sends two in one cycle. Of 16 events that nobody fetches, the oldest notice is dropped and counted; how a start goes,
+/// sends two in one cycle. When 16 events wait, the oldest notice is dropped and counted; how a start goes,
 /// exceptions and the end of ALTER are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Controller {

@@ -21,7 +21,7 @@ pub struct HostConfig {
     pub mode: Mode,
     /// What each axis may do. Default: [`Limits::GENTLE`].
     pub limits: Limits,
-    /// Whether the ALTER instruction names an exception subroutine. Without one an exception aborts the robot's program,
+    /// Whether the ALTER instruction has an exception subroutine. Without one an exception aborts the robot's program,
     /// and [`Host::exception`](crate::Host::exception) refuses it. Default: no.
     pub subroutine: bool,
     /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it. Default: accept.
@@ -35,7 +35,7 @@ pub struct HostConfig {
     /// an adapter that collects them. Default: 4 ms.
     pub gap: Option<Duration>,
     /// How long a target holds. Then speeds go to zero (cumulative), and an offset stays where it is (non-cumulative).
-    /// [`Duration::MAX`] is for ever. Default: 200 ms.
+    /// [`Duration::MAX`] means no limit. Default: 200 ms.
     pub target_timeout: Duration,
     /// What must be left of the window when another axis begins to move: for doubled DLEs in the next messages, and for the time
     /// that the host takes. Matters on slow lines. Default: 1 ms.
@@ -84,7 +84,7 @@ robot_session::rules! {
         ZerosRead,
         /// After a stop no message is answered.
         Silent,
-        /// A target is not for ever.
+        /// A target expires.
         Stale,
         /// What is too old is not followed, also before a late caller says what time it is.
         FreshInUse,
@@ -246,11 +246,11 @@ pub enum ExceptionOutcome {
     Done,
     /// It was never sent, or the controller did not read it, also not late.
     NotDone,
-    /// It was sent, and nobody knows whether it was read.
+    /// It was sent, and it is unknown whether it was read.
     Unknown(UnknownReason),
 }
 
-/// Why nobody knows whether an exception was read.
+/// Why it is unknown whether an exception was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -291,7 +291,7 @@ pub struct HostStatistics {
     pub lost: u64,
     /// Inputs that the machine did not expect.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody fetched them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

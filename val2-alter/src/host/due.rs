@@ -22,7 +22,7 @@ impl Due {
         Self::new(now, window, config.reply_len(0).saturating_sub(1), config)
     }
 
-    /// The reply, of so many values at least, to a standard message of `len` bytes that arrived at `now`.
+    /// The reply, of this many values at least, to a standard message of `len` bytes that arrived at `now`.
     pub(super) fn reply(now: Duration, len: usize, values: u32, config: &HostConfig) -> Self {
         let window = window_after_nanos(config.mode.accumulation(), config.baud, len);
         Self::new(now, window, config.reply_len(values as usize), config)

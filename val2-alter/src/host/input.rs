@@ -21,7 +21,7 @@ pub enum Input {
         /// It names the configured mode.
         is_expected: bool,
     },
-    /// A standard message of so many bytes.
+    /// A standard message of this many bytes.
     Motion {
         /// Whether ALTER is interrupted.
         phase: MotionPhase,

@@ -35,7 +35,7 @@ use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judg
 /// rest until another has come to rest.
 ///
 /// A corrupt frame costs the bytes that the error covers; the session goes on, and asks again for a corrupt start message. Of 16
-/// events that nobody fetches, the oldest notice is dropped and counted; [`HostEvent::End`] and [`HostEvent::Lost`] of an ALTER,
+/// events wait, the oldest notice is dropped and counted; [`HostEvent::End`] and [`HostEvent::Lost`] of an ALTER,
 /// [`HostEvent::Exception`] and [`HostEvent::Stopped`] are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Host {
@@ -106,7 +106,7 @@ impl Host {
         self.advance(now, Input::Policy(policy), None);
     }
 
-    /// Whether the ALTER instruction names an exception subroutine, when that changes with the robot's program.
+    /// Whether the ALTER instruction has an exception subroutine, when that changes with the robot's program.
     pub fn set_subroutine(&mut self, now: Duration, installed: bool) {
         self.advance(now, Input::Subroutine(installed), None);
     }
@@ -185,7 +185,7 @@ impl Host {
 
     #[cold]
     fn missed(&mut self) {
-        // The arm is at rest for want of a reply: should ALTER go on all the same, it begins again from rest.
+        // The arm is at rest without a reply: if ALTER continues, it begins again from rest.
         self.limiter.rest();
         self.core.statistics.missed += 1;
         self.core.events.push_notice(HostEvent::Missed);

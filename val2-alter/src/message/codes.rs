@@ -87,8 +87,8 @@ codes! {
 }
 
 impl SegmentStatus {
-    /// Whether somebody or something brakes the arm or has stopped it: HALT, REACTI or BREAK, a fault, a panic stop, a signal; also
-    /// where the code has no name, because nobody knows what it is. The others are those of a path that is followed, or
+    /// Whether the arm is braked or was stopped: HALT, REACTI or BREAK, a fault, a panic stop, a signal; also
+    /// where the code is unknown. The others are those of a path that is followed, or
     /// that has ended by itself, which ALTER moves (ours: the source does not say).
     ///
     /// | code | the arm | |

@@ -106,8 +106,8 @@ pub enum CoordinateFrame {
     Tool,
 }
 
-/// Which way round mode bit 1 is. The source prints 0 for World and 0 for Tool. All its other rows list 0 first, and
-/// World is listed first; the successor language V+ is remembered the other way round.
+/// The polarity of mode bit 1. The source prints 0 for World and 0 for Tool. All its other rows list 0 first, and
+/// World is listed first; the successor language V+ is remembered with the opposite polarity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Polarity {
     /// World = 0, Tool = 1.

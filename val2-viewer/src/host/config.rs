@@ -18,9 +18,9 @@ pub struct HostConfig {
     /// workstation, which draws for 200 ms, is never slowed down. [`Duration::MAX`] is never.
     pub interval: Duration,
     /// How old a pose may become before it is not sent any more. Above 0. Default: 200 ms, a display cycle: seven poses of ALTER.
-    /// [`Duration::MAX`] is for ever.
+    /// [`Duration::MAX`] means no limit.
     ///
-    /// When ALTER has ended, nobody knows where the arm is: requests then wait for a new pose. The source's host stops reading
+    /// When ALTER has ended, the arm's position is unknown: requests then wait for a new pose. The source's host stops reading
     /// them (§9.4).
     pub max_age: Duration,
     /// The longest time from an XOFF to the next byte that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the source
@@ -53,7 +53,7 @@ robot_session::rules! {
         Prolong,
         /// XON lets it go on.
         Resume,
-        /// An XOFF that may be noise does not hold for ever.
+        /// An XOFF, which may be noise, expires.
         EndHold,
         /// A connection begins without an XOFF.
         ForgetHold,

@@ -29,7 +29,7 @@ use machine::{Action, Answer, HostMachine, Input};
 /// - A request of one connection is not answered on the next. The pose outlasts it.
 /// - XOFF holds the next packet until XON, or until [`max_hold`](HostConfig::max_hold) is over.
 /// - Any other byte is an event and changes nothing.
-/// - Every event is a notice: of more than eight that nobody takes, the oldest are dropped.
+/// - Every event is a notice: when more than eight wait, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
@@ -85,7 +85,7 @@ pub struct HostStatistics {
     pub unknown: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

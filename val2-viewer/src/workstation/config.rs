@@ -11,7 +11,7 @@ pub struct WorkstationConfig {
     /// The pause between two display cycles after which it asks again although no answer has come. Above
     /// [`timing::CYCLE`]. Default: 2 s (§9.4; "about 5 seconds" in §10.5). [`Duration::MAX`] is never.
     pub pause: Duration,
-    /// Without a pose for so long, the picture is [stale](crate::WorkstationEvent::Stale), and without an answer for so long a request is
+    /// Without a pose for this long, the picture is [stale](crate::WorkstationEvent::Stale), and without an answer for so long a request is
     /// [missed](crate::WorkstationEvent::Missed). Above [`timing::CYCLE`]. Default: 1.5 s; the source gives none. [`Duration::MAX`] is
     /// never.
     pub stale_after: Duration,
@@ -52,7 +52,7 @@ robot_session::rules! {
         Prolong,
         /// XON lets it go on.
         Resume,
-        /// An XOFF that may be noise does not hold for ever.
+        /// An XOFF, which may be noise, expires.
         EndHold,
         /// A connection begins without an XOFF.
         ForgetHold,

@@ -85,7 +85,7 @@ pub struct WorkstationStatistics {
     pub corrupt: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
-    /// Notices that were dropped because nobody took them.
+    /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,
 }
 

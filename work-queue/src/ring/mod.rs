@@ -148,7 +148,7 @@ impl<T> Shared<T> {
     ///
     /// # Safety
     ///
-    /// Nobody uses an end any more, and it is known where the slots are.
+    /// No end is in use any more, and it is known where the slots are.
     unsafe fn drop_jobs(&self) {
         let tail = self.tail.0.load(Ordering::Relaxed);
         loop {
@@ -157,7 +157,7 @@ impl<T> Shared<T> {
                 return;
             }
             let cursor = Cursor::new(head, 1, self.limits());
-            // SAFETY: the slot is nobody else's, and by 1 holds a job if its flag does not say otherwise; the head moves over it.
+            // SAFETY: no one else has the slot, and by 1 holds a job if its flag does not say otherwise; the head moves over it.
             let job = (!self.done(&cursor).load(Ordering::Relaxed))
                 .then(|| unsafe { self.slot(&cursor).place().read() });
             self.head.0.store(self.limits().after(head, 1), Ordering::Relaxed);

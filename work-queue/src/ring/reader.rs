@@ -326,7 +326,7 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     }
 }
 
-/// Frees the slots when it is dropped, also where the drop of a job panics: nobody finds these jobs again.
+/// Frees the slots when it is dropped, also where the drop of a job panics: these jobs are not found again.
 struct Freed<'a, T, W: Wake>(TakenBatch<'a, T, W>);
 
 impl<T, W: Wake> Drop for Freed<'_, T, W> {

@@ -234,7 +234,7 @@ type BoxedRing<T> = Ring<T, alloc::boxed::Box<[Slot<T>]>, alloc::boxed::Box<[Ato
 ///
 /// # Safety
 ///
-/// It came from [`boxed_with`], and nobody uses it any more.
+/// It came from [`boxed_with`], and is no longer used.
 #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
 pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
     // SAFETY: as above; `shared` is first in it.

@@ -39,7 +39,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
         Ok(Claim { hold: self.end.hold, cursor: &mut self.cursor, publish: Some(&self.end.other) })
     }
 
-    /// Claims so many slots. The jobs in them are published together.
+    /// Claims this many slots. The jobs in them are published together.
     ///
     /// # Errors
     ///

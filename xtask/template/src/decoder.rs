@@ -9,7 +9,7 @@ use crate::message::Message;
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     buffer: StreamBuffer<64>,
-    /// So many of the bytes end no line.
+    /// How many of the bytes end no line.
     searched: usize,
     finished: bool,
 }

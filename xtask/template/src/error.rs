@@ -11,7 +11,7 @@ pub enum DecodeError {
         found: u8,
     },
     /// A number is decimal, without leading zeros or a plus sign, and in its range.
-    #[error("no number in its range at byte {offset}")]
+    #[error("expected a number in its range at byte {offset}")]
     Number {
         /// Where it begins.
         offset: usize,
@@ -59,10 +59,10 @@ pub enum SessionError {
     #[error("there is no connection")]
     NotConnected,
     /// The request before has no outcome yet, or nobody has taken the events.
-    #[error("the request before has no outcome yet, or its event waits")]
+    #[error("the previous request has no outcome yet, or its event is not fetched")]
     Busy,
     /// Nothing was asked for.
-    #[error("nothing was asked for")]
+    #[error("there is no open request")]
     NotAsked,
 }
 

@@ -15,7 +15,7 @@ use super::{JOBS, line};
 pub const BY_SESSION: &str = "a PC's exchange: 98 jobs acknowledged, a packet of lines sent";
 pub const BY_CODEC: &str = "… by the codec alone";
 
-/// Of so many rounds one is an exchange: the robot's packets are recorded first, always the same number of them.
+/// Of this many rounds one is an exchange: the robot's packets are recorded first, always the same number of them.
 pub const ROUNDS: f64 = 10.0;
 /// Those of 1000 rounds.
 const EXCHANGES: usize = 100;

@@ -37,13 +37,13 @@ pub struct DemoOptions {
 /// What is done to the record of a run before it is judged, to show that the verdict finds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MustFail {
-    /// Something that was done is taken out
+    /// Remove one entry
     Lost,
-    /// Something that was done once is entered twice
+    /// Enter one entry twice
     Repeated,
-    /// A value goes beyond its limit
+    /// Put one value beyond its limit
     Limit,
-    /// Where there is a budget, no time is allowed
+    /// Set every time budget to zero
     Late,
 }
 

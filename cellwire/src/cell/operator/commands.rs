@@ -9,7 +9,7 @@ use super::keys::{Stop, stop};
 use super::model::{Model, Test, View};
 use crate::cell::teleop::{Axes, Order, PortConfig, Profile};
 
-/// The tests of ball and workstation take so long.
+/// How long the tests of ball and workstation take.
 const TEST: Duration = Duration::from_secs(3);
 /// What a key asks for.
 #[derive(Debug, Clone, PartialEq)]

@@ -62,7 +62,7 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let traces = end(teleop);
     traces.iter().for_each(|line| remark(line));
     shown?;
-    ensure!(has_ended, "a thread of the host has failed: the robot ends ALTER by itself");
+    ensure!(has_ended, "a thread of the host failed: the robot ends ALTER on its own");
     Ok(!interrupt::requested())
 }
 

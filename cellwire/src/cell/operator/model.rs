@@ -175,7 +175,7 @@ impl Model {
         match notification {
             Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
             Notification::Latency(name, ms) => self.show(format!(
-                "{name}: its USB adapter collects bytes for {ms} ms: set its latency timer to 1 ms, docs/alter.md"
+                "{name}: its USB adapter buffers bytes for {ms} ms: set its latency timer to 1 ms, see docs/alter.md"
             )),
             Notification::PortLost(name, why) => {
                 if name == "robot" {
@@ -184,7 +184,7 @@ impl Model {
                 self.show(format!("{name}: {why}"));
             }
             Notification::Priority(true) => self.show("replies at real-time priority".into()),
-            Notification::Priority(false) => self.show("replies at normal priority: no right to more".into()),
+            Notification::Priority(false) => self.show("replies at normal priority: no permission for more".into()),
             Notification::Start(start) => {
                 self.control = ("starting", start.control(), error_text(start.error));
                 self.take_start(start);
@@ -298,9 +298,9 @@ impl Model {
     pub(super) fn unfinished(&self) -> Option<&'static str> {
         match self.state {
             HostState::Running | HostState::Interrupted | HostState::Stopping => {
-                Some("ended before the values were zero: the robot ends ALTER for want of a reply")
+                Some("ended before the values were zero: without replies the robot ends ALTER")
             }
-            HostState::Silent => Some("ended before the robot has reported the end of ALTER"),
+            HostState::Silent => Some("ended before the robot reported the end of ALTER"),
             HostState::Disconnected | HostState::Idle | HostState::Starting => None,
         }
     }
@@ -353,9 +353,11 @@ impl Model {
             Policy::Accept if start.mode == self.mode => self.show(format!("start, mode {found}: accepted")),
             Policy::Accept => {
                 self.refused = Some(start.mode);
-                self.show(format!("start refused: the robot has mode {found}, expected {expected}: --mode"));
+                self.show(format!(
+                    "start refused: the robot has mode {found}, expected {expected}: see --mode"
+                ));
             }
-            Policy::Refuse => self.show(format!("start, mode {found}: refused, as asked for")),
+            Policy::Refuse => self.show(format!("start, mode {found}: refused as configured")),
         }
     }
 
@@ -363,7 +365,7 @@ impl Model {
         let before = core::mem::replace(&mut self.latch, latch);
         match latch {
             Latch::Disarmed(cause) if before.cause() != Some(cause) => {
-                self.show(format!("disarmed: {}; let go of the input for 0.3 s", cause_text(cause)));
+                self.show(format!("disarmed: {}; release the input for 0.3 s", cause_text(cause)));
             }
             Latch::Ready { .. } => self.show("the input is at rest: Enter arms".into()),
             Latch::Halted => self.show(format!("{}: {}", cause_text(Cause::Halt), self.segment_text())),
@@ -376,7 +378,7 @@ impl Model {
     fn take_held(&mut self) {
         if self.counts.held == 0 {
             self.show(format!(
-                "at {} baud not all axes fit the window: one waits; 38400 baud or mode 19 has room",
+                "at {} baud not all axes fit the window: one waits; use 38400 baud or mode 19",
                 self.ports.robot.baud
             ));
         }

@@ -178,7 +178,7 @@ fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {
     assert!(head(&model).contains(" ROBOT STOPPED  segment status 10, stop: fault"), "{}", head(&model));
     assert_eq!(last(&model), "the robot has stopped the arm: segment status 10, stop: fault");
     model.take(2200 * MS, Notification::Latch(Latch::Disarmed(Cause::Halt)));
-    assert!(head(&model).contains("the robot has stopped the arm: let go for 0.3 s"), "{}", head(&model));
+    assert!(head(&model).contains("the robot has stopped the arm: release for 0.3 s"), "{}", head(&model));
     model.take(3500 * MS, Notification::BallLate);
     assert!(head(&model).contains("the ball answers late"), "{}", head(&model));
     assert_eq!((last(&model), model.counts.ball_late), ("ball: it answers late, and no packet counts", 1));

@@ -176,7 +176,7 @@ fn state(model: &Model) -> (&'static str, String, Color) {
         };
         return ("ROBOT LOST", format!("{why}; {answered}"), Color::Red);
     }
-    let rest = |cause| format!("{}: let go for 0.3 s", cause_text(cause));
+    let rest = |cause| format!("{}: release for 0.3 s", cause_text(cause));
     match model.latch {
         Latch::Off(_) => match (model.state, model.policy) {
             (HostState::Starting, _) => ("STARTING", "the robot begins ALTER".into(), Color::Yellow),
@@ -192,7 +192,7 @@ fn state(model: &Model) -> (&'static str, String, Color) {
         Latch::Halted => ("ROBOT STOPPED", model.segment_text(), Color::Red),
         Latch::Interrupted => ("INTERRUPTED", "the robot's subroutine runs".into(), Color::Yellow),
         Latch::Disarmed(Cause::InputLost) => {
-            ("INPUT LOST", "it is tried again; then let go for 0.3 s".into(), Color::Red)
+            ("INPUT LOST", "reconnecting; then release for 0.3 s".into(), Color::Red)
         }
         Latch::Disarmed(_) if model.ball_is_late() => {
             ("DISARMED", "the ball answers late: its adapter, docs/alter.md".into(), Color::Yellow)

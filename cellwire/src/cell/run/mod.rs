@@ -41,7 +41,7 @@ pub enum Word {
 
 impl Word {
     /// The words, for a hint.
-    pub const HINT: &str = "type pause, continue or stop; answer a question with done, repeat or stop";
+    pub const HINT: &str = "type pause, continue or stop; answer questions with done, repeat or stop";
 
     /// The word that a line is, also by its first letter.
     pub fn parse(line: &str) -> Option<Self> {

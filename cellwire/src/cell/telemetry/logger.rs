@@ -52,7 +52,7 @@ pub enum Reading<'a> {
     Disconnected(&'a str),
     /// An attempt has failed, in words.
     Retried(&'a str),
-    /// There is a connection again, after so long.
+    /// There is a connection again, after this long.
     Reconnected(Duration),
 }
 
@@ -60,7 +60,7 @@ pub enum Reading<'a> {
 /// block.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
-/// So many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
+/// How many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
 /// open for a quarter of an hour.
 const MOST_SILENT: u32 = 3;
 /// An interrupt is seen after this time at the latest.
@@ -133,7 +133,7 @@ impl Logger {
                     return Err(Lost("the controller closed the connection".into()).into());
                 }
                 ControlFlow::Break(Ended::Stalled) => {
-                    return Err(Lost("the controller does not read what it is sent".into()).into());
+                    return Err(Lost("the controller does not read".into()).into());
                 }
                 ControlFlow::Break(Ended::ByHandler(reading)) => Some(reading),
             };
@@ -203,7 +203,7 @@ enum Answer {
     Silence(String),
 }
 
-/// A late reply, or one that nobody asked for, ends nothing: the request is still in flight.
+/// A late or unsolicited reply ends nothing: the request is still in flight.
 fn reading(client: &Client<1>, event: ClientEvent) -> Option<Answer> {
     Some(match event {
         ClientEvent::Replied { ticket, .. } => match client.reply(ticket)? {

@@ -1,4 +1,4 @@
-//! Telemetry that cannot be: what no robot reports, and a life counter that stands still.
+//! Implausible telemetry: values that no robot reports, and a stalled life counter.
 
 use core::num::FpCategory;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::TelemetryBlock;
 
 use cellwire_motion::{Arm, Limits, Pose, Quaternion};
 
-/// Telemetry that cannot be was recorded.
+/// Implausible telemetry was recorded.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Implausible(pub String);
@@ -32,12 +32,12 @@ pub enum Fault {
 impl Fault {
     /// Every one, with the key of its count in a report and the words for people.
     pub const ALL: [(Self, &'static str, &'static str); 6] = [
-        (Self::Nan, "nan", "blocks with a value that is no number"),
+        (Self::Nan, "nan", "blocks with NaN"),
         (Self::Infinite, "infinite", "blocks with an infinite value"),
         (Self::Denormal, "denormal", "blocks with a denormal value"),
-        (Self::Quaternion, "quaternion", "blocks whose quaternion is not of unit length"),
-        (Self::Unreachable, "unreachable", "blocks with a pose that the robot cannot reach"),
-        (Self::StandsStill, "standstill", "blocks after the life counter stood still"),
+        (Self::Quaternion, "quaternion", "blocks with a quaternion not of unit length"),
+        (Self::Unreachable, "unreachable", "blocks with an unreachable pose"),
+        (Self::StandsStill, "standstill", "blocks with a stalled life counter"),
     ];
 
     /// Its name in a row of the recording.

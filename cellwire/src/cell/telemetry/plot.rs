@@ -71,13 +71,13 @@ pub fn draw(folder: &Path, comparison: &Comparison) -> Result<Vec<PathBuf>> {
         ),
         (
             "position-errors.svg",
-            errors("Error of the position, recorded minus asked for", "mm", &xyz(|d: &Deviation| d.position)),
+            errors("Position error, recorded minus planned", "mm", &xyz(|d: &Deviation| d.position)),
             errors("Error of the speed", "mm/s", &xyz(|d: &Deviation| d.velocity)),
         ),
         (
             "orientation.svg",
             both(
-                "Orientation of the tool: quaternion, its sign made continuous",
+                "Orientation of the tool: quaternion with continuous sign",
                 "part of the quaternion",
                 &[
                     quaternion("q1", NORM, Box::new(|s: &State| s.orientation.w)),

@@ -102,7 +102,7 @@ pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSa
     writeln!(out, ",")
 }
 
-/// A line of a block that cannot be: what the controller reports, and why it is no sample.
+/// A line for an implausible block: the reported values, and why it is not a sample.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -139,9 +139,8 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
     let mut columns = [0; 8];
     for (column, name) in columns.iter_mut().zip(names) {
         let found = header.iter().position(|column| column == &name);
-        *column = found.with_context(|| {
-            format!("the first line has no column {name}: is this a table of `fanuc log`?")
-        })?;
+        *column = found
+            .with_context(|| format!("the first line has no column {name}: is this a log of `fanuc log`?"))?;
     }
     let mut states: Vec<State> = Vec::new();
     for (number, line) in (2..).zip(lines).filter(|(_, line)| !line.trim().is_empty()) {
@@ -154,16 +153,16 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
             let field = fields.get(column).and_then(|field| field.trim().parse::<f64>().ok());
             *value = field
                 .filter(|v| v.is_finite())
-                .with_context(|| format!("line {number}: {name} is no number"))?;
+                .with_context(|| format!("line {number}: {name} is not a number"))?;
         }
         let [time, x, y, z, quaternion @ ..] = values;
         anyhow::ensure!(
             states.last().is_none_or(|last| time > last.time),
-            "line {number}: the time is not later than the one before (was the controller restarted?)"
+            "line {number}: the time does not increase (was the controller restarted?)"
         );
         states.push(State::at(time, [x, y, z], Quaternion::normalised(quaternion)));
     }
-    anyhow::ensure!(states.len() > 2, "there are {} samples, which is too few", states.len());
+    anyhow::ensure!(states.len() > 2, "too few samples: {}", states.len());
     cellwire_motion::differentiate(&mut states);
     Ok(states)
 }
@@ -202,12 +201,11 @@ pub struct Comparison {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ComparisonError {
     /// One has no states, or the recorded robot is at rest all the time.
-    #[error("there is nothing to compare: the recorded robot does not move")]
+    #[error("nothing to compare: the recorded robot does not move")]
     Nothing,
     /// The search for the delay ended at its border.
     #[error(
-        "no delay found: within {latest} s either way the two differ least at the border, {at:+.3} s; the recording is of another \
-         motion, or begins more than {latest} s before or after it"
+        "no delay found: the best fit within ±{latest} s is at the border, {at:+.3} s; check the motion, or give a longer --within"
     )]
     DelayNotFound {
         /// Where it ended, in s.
@@ -245,18 +243,18 @@ impl Comparison {
         let confidence = self.confidence;
         let millis = |Bounds { low, high }| Bounds { low: (delay + low) * 1e3, high: (delay + high) * 1e3 };
         let certain = within(confidence.map(|it| millis(it.delay)), 1);
-        report.fact("delay_ms", "delay that fits best", format!("{:.1} ms{certain}", delay * 1e3));
+        report.fact("delay_ms", "best-fit delay", format!("{:.1} ms{certain}", delay * 1e3));
         report.fact("compared", "samples compared", self.summary.count);
-        report.fact("idle", "samples left out: nothing moves, or before or after the motion", self.idle);
+        report.fact("idle", "samples left out: at rest, or before or after the motion", self.idle);
         let bounds = confidence.map(|it| [it.position, it.rotation, it.velocity, it.angular_velocity]);
         for (index, (key, label, figures, (measured, unit))) in self.figures().into_iter().enumerate() {
             let certain = within(bounds.and_then(|bounds| bounds.get(index).copied()), 3);
-            let label = format!("error of the {label}, rms and greatest (source: {measured} {unit})");
+            let label = format!("error of the {label}, rms and maximum (source: {measured} {unit})");
             let text = format!("{:.3} {unit}{certain}   {:.3} {unit}", figures.rms, figures.max);
             report.fact(key, &label, text);
         }
         if let Some(confidence) = confidence {
-            report.fact("confidence", "the brackets", "95 % of other stretches of this motion");
+            report.fact("confidence", "the brackets", "95 % interval over parts of this motion");
             report.field("bounds", json(confidence));
         }
     }

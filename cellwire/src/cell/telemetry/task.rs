@@ -12,7 +12,7 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules};
 ///
 /// - it makes Q1 positive, so the quaternion jumps to its negative near 180°, and its difference with it;
 /// - it divides by the period although a period may be lost;
-/// - its first difference is taken against registers that nobody has set.
+/// - its first difference is taken against unset registers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BackgroundTask {
     /// The program's name.
@@ -21,11 +21,11 @@ pub struct BackgroundTask {
     pub comment: String,
     /// The period of the task: 8 ms, the interpolation period of most controllers. 1 ms to 999 s, in whole ms.
     pub period: Duration,
-    /// The register of the life counter; 18 more follow it (override, X Y Z W P R, Q1 to Q4, and seven speeds).
+    /// The register of the life counter, followed by 18 more (override, X Y Z W P R, Q1 to Q4, and seven speeds).
     pub first: u16,
-    /// The first of 13 registers that the task keeps for itself. They must not be among the other 19.
+    /// The first of 13 scratch registers of the task. They must not be among the other 19.
     pub scratch: u16,
-    /// The motion group that is watched, from 1.
+    /// The motion group to observe, from 1.
     pub group: u8,
 }
 

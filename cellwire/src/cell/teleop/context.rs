@@ -39,7 +39,7 @@ impl Context {
         report_trace(&self.trace, why, &self.notify, self.clock);
     }
 
-    /// The same, while the next session may begin already: a file system keeps nobody waiting.
+    /// The same, while the next session may begin already: a file system blocks nothing.
     pub(super) fn end_trace_aside(&self, why: &str) {
         let _ = self.ended_traces.send((self.trace.clone(), why.into()));
     }

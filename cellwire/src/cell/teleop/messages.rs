@@ -1,4 +1,4 @@
-//! What the threads of the host say to each other, and to whoever shows it.
+//! Messages between the threads of the host and to the screen.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,9 +45,9 @@ pub enum Order {
 pub enum Notification {
     /// A port is open (again).
     PortOpen(&'static str, String),
-    /// The chip of a port's USB adapter collects bytes for so many milliseconds.
+    /// The chip of a port's USB adapter collects bytes for this many milliseconds.
     Latency(&'static str, u32),
-    /// A port is gone; it is tried again.
+    /// A port is gone; it is retried.
     PortLost(&'static str, String),
     /// Whether the reply thread runs before all others.
     Priority(bool),

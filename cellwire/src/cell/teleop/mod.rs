@@ -10,9 +10,9 @@
 //!                                  └──────▶ screen, demo, records: one way
 //! ```
 //!
-//! The robot thread alone answers the controller, and has the [latch](cellwire_motion::latch). It waits for nobody: not for the screen and
+//! The robot thread alone answers the controller, and has the [latch](cellwire_motion::latch). It never waits: not for the screen and
 //! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
-//! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where nobody takes it.
+//! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where it is not taken.
 
 mod config;
 mod context;
@@ -48,7 +48,7 @@ use self::sample::Jog;
 use crate::io::line::Clock;
 use crate::io::trace::Trace;
 
-/// So many reports wait for whoever shows them; what comes then is dropped: the control loop waits for nobody.
+/// How many reports wait for the screen; more are dropped: the control loop never waits.
 const NOTIFICATIONS: usize = 4096;
 /// A thread that does not end is left alone after this time: it may hang in a driver.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -88,7 +88,7 @@ pub struct Traces {
 }
 
 impl Teleop {
-    /// Opens the ports and begins. Everything that happens is reported; nobody needs to take it.
+    /// Opens the ports and begins. Every event is reported; reports need not be taken.
     ///
     /// # Errors
     /// When a port cannot be opened, or the ball cannot be polled that fast.

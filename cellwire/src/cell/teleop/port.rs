@@ -1,4 +1,4 @@
-//! A serial port, or a serial device server, that may go away and come back. Nobody waits for it: a thread of its own closes and
+//! A serial port, or a serial device server, that may go away and come back. Other threads do not wait for it: a thread of its own closes and
 //! opens it.
 
 use std::collections::VecDeque;
@@ -27,7 +27,7 @@ pub struct PortConfig {
     pub baud: u32,
 }
 
-/// A port that is gone is tried again this often; the session goes on meanwhile.
+/// How often a lost port is retried; the session continues meanwhile.
 const REOPEN: Duration = Duration::from_millis(200);
 /// A wait that has run out still takes what is there.
 const LEAST_WAIT: Duration = Duration::from_micros(50);
@@ -156,7 +156,7 @@ impl Port {
         }
     }
 
-    /// Listens at another baud rate for so long, after sending `ask`; what was received. `None` when the port is gone or does not
+    /// Listens at another baud rate for this long, after sending `ask`; what was received. `None` when the port is gone or does not
     /// know the rate.
     pub(super) fn listen(&mut self, baud: u32, ask: &[u8], time: Duration) -> Option<Vec<u8>> {
         let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return None };

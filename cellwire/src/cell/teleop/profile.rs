@@ -36,7 +36,7 @@ pub struct Profile {
 pub struct Source {
     /// X, Y, Z, RX, RY, RZ as 0 to 5; `None`: the robot's axis stays where it is.
     pub axis: Option<u8>,
-    /// The other way round.
+    /// Reversed.
     pub is_inverted: bool,
 }
 
@@ -121,19 +121,18 @@ impl Configure for Profile {
     fn configure(&mut self, fields: &mut impl Fields) {
         let choices = [("all", Axes::All), ("tra", Axes::Translation), ("rot", Axes::Rotation)];
         fields.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
-        let about = "only the strongest of them passes";
+        let about = "pass only the strongest axis";
         fields.flag("dominant", about, &mut self.filter.dominant);
-        let about = "values up to this count as none; all of them below it is rest";
+        let about = "values up to this count as zero; all of them below it is rest";
         fields.whole("dead_zone", 0..=50, "% of full deflection", about, &mut self.dead_zone);
-        let about = "the speed that full deflection asks for";
+        let about = "the speed at full deflection";
         fields.whole("speed", 1..=100, "% of the limits", about, &mut self.speed);
-        let about = "the same for each axis of the robot; below 0 the other way round";
+        let about = "the same for each axis of the robot; negative: reversed";
         fields.wholes("gain", -200..=200, "% of speed", about, &mut self.gain);
-        let shape =
-            "[6 of \"x\" \"y\" \"z\" \"rx\" \"ry\" \"rz\", with a minus the other way round, or \"none\"]";
-        let about = "the axis of the input that X, Y, Z, RX, RY, RZ of the robot follow";
+        let shape = "[6 of \"x\" \"y\" \"z\" \"rx\" \"ry\" \"rz\", with a minus for reversed, or \"none\"]";
+        let about = "the input axis of the robot's X, Y, Z, RX, RY, RZ";
         fields.parsed("axes", shape, about, &mut self.axes);
-        let about = "non-cumulative ALTER: how far off the path full deflection asks for";
+        let about = "non-cumulative ALTER: the offset from the path at full deflection";
         fields.whole("reach_mm", 0..=1000, "mm", about, &mut self.reach_mm);
         fields.whole("reach_degrees", 0..=170, "°", about, &mut self.reach_degrees);
         let about = "the button for --hold-to-run";

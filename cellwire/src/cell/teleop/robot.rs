@@ -22,7 +22,7 @@ use crate::io::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);
-/// The port test listens so long at each rate.
+/// How long the port test listens at each rate.
 const LISTEN: Duration = Duration::from_millis(1200);
 
 pub(super) struct Robot {

@@ -16,7 +16,7 @@ use super::port::{Port, PortConfig};
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
-/// The port test listens so long at each rate.
+/// How long the port test listens at each rate.
 const LISTEN: Duration = Duration::from_secs(1);
 
 pub(super) struct Feed {

@@ -34,10 +34,7 @@ pub fn advice(config: &HostConfig) -> Option<String> {
         true => String::new(),
         false => format!("; {} {has} room for all", remedies.join(" or ")),
     };
-    Some(format!(
-        "{baud} baud, mode {}: {axes} of {AXES} axes fit a reply, the others wait{remedies}",
-        mode.0
-    ))
+    Some(format!("{baud} baud, mode {}: only {axes} of {AXES} axes fit a reply{remedies}", mode.0))
 }
 
 #[cfg(test)]
@@ -70,13 +67,13 @@ mod tests {
         assert_eq!(advice(&at(19_200, 19)), None);
         assert_eq!(
             advice(&at(19_200, 23)).unwrap(),
-            "19200 baud, mode 23: 3 of 6 axes fit a reply, the others wait; 38400 baud or mode 19 have room for all"
+            "19200 baud, mode 23: only 3 of 6 axes fit a reply; 38400 baud or mode 19 have room for all"
         );
         assert_eq!(
             advice(&at(9600, 19)).unwrap(),
-            "9600 baud, mode 19: 2 of 6 axes fit a reply, the others wait; 38400 baud has room for all"
+            "9600 baud, mode 19: only 2 of 6 axes fit a reply; 38400 baud has room for all"
         );
         let slow = HostConfig { reserve: Duration::from_millis(14), ..at(19_200, 19) };
-        assert_eq!(advice(&slow).unwrap(), "19200 baud, mode 19: 0 of 6 axes fit a reply, the others wait");
+        assert_eq!(advice(&slow).unwrap(), "19200 baud, mode 19: only 0 of 6 axes fit a reply");
     }
 }

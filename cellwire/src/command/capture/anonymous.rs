@@ -95,11 +95,11 @@ impl<'a> Anonymous<'a> {
             self.replaced.iter().map(|(name, count)| format!("{count} in `{name}`")).collect();
         let what = if what.is_empty() { "nothing".to_owned() } else { what.join(", ") };
         remark(&format!(
-            "replaced: {what}; not replaced: names of messages, addresses, words, codes, what is true or false, and times; look at the file before you send it"
+            "replaced: {what}; not replaced: message names, addresses, words, codes, booleans and times; check the file before you share it"
         ));
         if self.left_out > 0 {
             remark(&format!(
-                "left out: {} pieces that are no message, or could not be written again",
+                "left out: {} pieces that are not messages, or cannot be encoded",
                 self.left_out
             ));
         }

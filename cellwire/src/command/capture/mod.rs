@@ -15,7 +15,7 @@ use clap::Subcommand;
 use self::stretch::StretchArgs;
 use crate::io::files;
 
-/// Turns a stretch of a capture into a file of the reference's form, which the project's tests read in `reference/field/`.
+/// Converts part of a capture to a test file in the reference's format, for `reference/field/`.
 ///
 /// `cellwire vectors check reference/field` checks such a file.
 #[derive(Debug, clap::Args)]
@@ -30,7 +30,7 @@ enum Command {
     ToStory(story::Args),
 }
 
-/// Writes the messages of a stretch as vectors, and what each side sent as a stream
+/// Writes the messages of a range as vectors, and each side's bytes as a stream
 #[derive(Debug, clap::Args)]
 struct VectorsArgs {
     #[command(flatten)]
@@ -42,7 +42,7 @@ struct VectorsArgs {
 /// Where the file goes, and what is said in it.
 #[derive(Debug, clap::Args)]
 struct OutArgs {
-    /// What was recorded: the machine, its controller's version, and the date
+    /// The origin of the capture: machine, controller version, and date
     #[arg(long, value_name = "TEXT")]
     source: String,
     /// The file; - is standard output

@@ -14,11 +14,11 @@ use super::stretch::{Message, StretchArgs};
 use crate::command::compare::Compare;
 use crate::io::output::log;
 
-/// Writes a story of the session at one end: it is given what this end received, at the times of the capture, and does what our end does
+/// Writes a story of the session at one end, from the messages that this end received, at the captured times
 ///
-/// A capture has bytes and times, and not what a program asked of its end. What it asked is given with --call. Prints one line of JSON for
-/// each message of our end that departs from what the end of the capture sent, as replay does; the exit status is 1 if one was another
-/// message, not only other values.
+/// A capture has bytes and times, but not a program's calls of its session: give those with --call. Prints one line of JSON for
+/// each message of the session that differs from the captured one, as replay does; the exit status is 1 if more than values
+/// differ.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
@@ -26,10 +26,10 @@ pub(super) struct Args {
     /// The end
     #[arg(long = "as", value_name = "END")]
     end: String,
-    /// The fields of its configuration that are not the defaults, as stories have them: '{"resend_on_silence":true}'
+    /// The non-default fields of its configuration, as in stories: '{"resend_on_silence":true}'
     #[arg(long, value_name = "JSON", default_value = "{}", value_parser = object)]
     config: Map<String, Value>,
-    /// What its user asks, and when, in seconds since the connection: '1.5={"submit":{"word":257}}'
+    /// A call of its user, with the time in seconds since the connection: '1.5={"submit":{"word":257}}'
     #[arg(long, value_name = "TIME=JSON", value_parser = call)]
     call: Vec<Call>,
     /// What the story shows
@@ -46,18 +46,18 @@ struct Call {
 }
 
 fn object(text: &str) -> Result<Map<String, Value>, String> {
-    serde_json::from_str(text).map_err(|error| format!("no JSON object: {error}"))
+    serde_json::from_str(text).map_err(|error| format!("not a JSON object: {error}"))
 }
 
 fn call(text: &str) -> Result<Call, String> {
     let (at, call) = text.split_once('=').ok_or("give TIME=JSON")?;
     let at = at.parse().ok().and_then(|at| Duration::try_from_secs_f64(at).ok());
-    let at = at.ok_or("the time is no number of seconds")?;
+    let at = at.ok_or("the time is not a number of seconds")?;
     let input = Do::read(&object(call)?).map_err(|error| error.to_string())?;
     Ok(Call { at, input })
 }
 
-/// So many steps a story has at most: an end that polls makes one each time.
+/// How many steps a story has at most: an end that polls makes one each time.
 const MOST: usize = 10_000;
 
 pub(super) fn run(args: &Args) -> Result<bool> {
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         .map(|message| (message.at - begin, Do::Input(message.bytes.clone())))
         .chain(args.call.iter().map(|call| (call.at, call.input.clone())))
         .collect();
-    ensure!(!inputs.is_empty(), "`{}` was given nothing in the stretch", args.end);
+    ensure!(!inputs.is_empty(), "`{}` received nothing in the range", args.end);
     inputs.sort_by_key(|(at, _)| *at);
     for (at, input) in &inputs {
         playing.until(*at)?;
@@ -117,7 +117,7 @@ struct Playing {
 
 impl Playing {
     fn take(&mut self, at: Duration, input: &Do) -> Result<()> {
-        ensure!(self.lines.len() < MOST, "the story has more than {MOST} steps: take a shorter stretch");
+        ensure!(self.lines.len() < MOST, "the story has more than {MOST} steps: choose a shorter range");
         self.now = self.now.max(at);
         let done = step(&mut *self.end, self.now, input, Omits::default())?;
         let (deadline, state) = (self.end.poll_timeout(), self.end.state());

@@ -23,8 +23,8 @@ pub(super) struct StretchArgs {
     /// The last message, likewise
     #[arg(long, value_name = "PLACE", value_parser = place)]
     to: Option<Place>,
-    /// Replace texts that name something, and numbers that are positions or measured: what was replaced is said. Bytes that are no
-    /// message are left out
+    /// Replace names, positions and measured values, and list what was replaced. Bytes outside of messages are
+    /// left out
     #[arg(long)]
     anonymous: bool,
 }
@@ -39,7 +39,7 @@ enum Place {
 fn place(text: &str) -> Result<Place, String> {
     if let Some(seconds) = text.strip_suffix('s') {
         let seconds = seconds.parse().ok().and_then(|it| Duration::try_from_secs_f64(it).ok());
-        return seconds.map(Place::Time).ok_or(format!("`{text}` is no time in seconds"));
+        return seconds.map(Place::Time).ok_or(format!("`{text}` is not a time in seconds"));
     }
     match text.parse() {
         Ok(number @ 1..) => Ok(Place::Number(number)),
@@ -86,7 +86,7 @@ impl StretchArgs {
             };
             is_after && is_before
         });
-        ensure!(!messages.is_empty(), "the stretch has none of the {count} messages");
+        ensure!(!messages.is_empty(), "the range has none of the {count} messages");
         if self.anonymous {
             let mut anonymous = Anonymous::new(&self.of);
             messages.retain_mut(|message| anonymous.replace(message));

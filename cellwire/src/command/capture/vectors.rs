@@ -66,13 +66,13 @@ pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
         streams.push(object.end());
     }
     if silent > 0 {
-        remark(&format!("{silent} pieces are of an end that sends no messages: they are in no vector"));
+        remark(&format!("{silent} pieces are left out: their end sends no messages"));
     }
     let lists: Vec<(&str, Vec<String>)> = [("vectors", vectors), ("streams", streams)]
         .into_iter()
         .filter(|(_, items)| !items.is_empty())
         .collect();
-    anyhow::ensure!(!lists.is_empty(), "the stretch has no messages of a side");
+    anyhow::ensure!(!lists.is_empty(), "the range has no messages of either side");
     args.out.write(of.link.name, &lists)?;
     Ok(true)
 }

@@ -10,14 +10,14 @@ use serde_json::{Value, json};
 use self::follow::Follow;
 use crate::io::output;
 
-/// So many messages may be missing before one that is known again.
+/// How many messages may be missing before one that is known again.
 const AHEAD: usize = 8;
 
 /// Compares the messages of the other end with those that it sent then.
 #[derive(Debug)]
 pub(super) struct Compare {
     expected: Vec<Value>,
-    /// So many of them have come, or will not.
+    /// How many of them have come, or will not.
     pub(super) passed: usize,
     /// Those that have not come when later ones did.
     outstanding: Vec<usize>,

@@ -34,7 +34,7 @@ pub(super) fn decode(
     report(&summary);
     ensure!(
         found || !out.clean,
-        "the capture contains no TCP, UDP or serial bytes for {}{}",
+        "the capture has no TCP, UDP or serial bytes for {}{}",
         args.codec.of.link.name,
         args.source.on_port()
     );
@@ -92,7 +92,7 @@ impl<'a> Decoding<'a> {
             Flow::Serial(_) => return Ok(None),
         };
         if !self.watchers.contains_key(&ends) {
-            // Of a line nobody knows what was said before.
+            // What a line carried before is unknown.
             let mut watcher = self.args.codec.of.watcher(None, is_serial)?;
             if is_whole && !is_serial {
                 watcher.see(self.now, &Seen::Opened);
@@ -168,7 +168,7 @@ impl Directions for Decoding<'_> {
         }
         stream.finish(|item| write(&label, &mut polls, self.out, item))?;
         if let Some(bytes @ 1..) = polls {
-            remark(&format!("{bytes} bytes are of the end that sends no messages"));
+            remark(&format!("skipped {bytes} bytes of the end that sends no messages"));
         }
         Ok(())
     }

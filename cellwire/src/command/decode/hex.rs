@@ -31,7 +31,7 @@ impl HexReader {
                     let digit =
                         char::from(c).to_digit(16).and_then(|d| u8::try_from(d).ok()).with_context(|| {
                             format!(
-                                "line {}: `{}` is not a hex digit; use --format raw for the bytes themselves",
+                                "line {}: `{}` is not a hex digit; use --format raw for binary input",
                                 self.line,
                                 char::from(c).escape_default()
                             )
@@ -74,10 +74,7 @@ mod tests {
     #[test]
     fn an_error_names_the_character_and_its_line() {
         let error = HexReader::default().read(b"00\n0G").unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "line 2: `G` is not a hex digit; use --format raw for the bytes themselves"
-        );
+        assert_eq!(error.to_string(), "line 2: `G` is not a hex digit; use --format raw for binary input");
         let mut hex = HexReader::default();
         hex.read(b"00 1").unwrap();
         assert!(hex.finish().is_err());

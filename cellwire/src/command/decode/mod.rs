@@ -17,7 +17,7 @@ use super::source::{Format, SourceArgs};
 use crate::io::output::remark;
 use cellwire_links::codec::{Item, Kind};
 
-/// So much is read and written at once.
+/// How much is read and written at once.
 const CHUNK: usize = 64 * 1024;
 
 /// Reads bytes and writes one JSON object per line.
@@ -30,9 +30,9 @@ pub struct Args {
     codec: CodecArgs,
     #[command(flatten)]
     source: SourceArgs,
-    /// In a capture, hold what both ends say against the link's specification: a line with "shadow" says that an end breaks a rule
-    /// ("rule"), was later than the source allows ("budget"), or that a session of ours with its default settings would have assumed
-    /// something wrong ("assumption"), and by which clause
+    /// In a capture, check both ends against the link's specification: a line with "shadow" reports that an end broke a rule
+    /// ("rule"), was later than the source allows ("budget"), or contradicted a default setting of this project's sessions
+    /// ("assumption"), with the clause
     #[arg(long)]
     shadow: bool,
 }
@@ -77,7 +77,7 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) 
     let others: Vec<_> = args.codec.of.link.sides.iter().filter(|other| **other != side).copied().collect();
     if !out.clean && args.codec.from.is_none() && !others.is_empty() {
         remark(&format!(
-            "read as what the {side} sends; --from {} reads the other side",
+            "decoded as sent by the {side}; use --from {} for the other side",
             others.join(" or --from ")
         ));
     }

@@ -19,7 +19,7 @@ const MAX_LINE: u64 = 4096;
 /// When the input is no trace, with the number of the line.
 pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
     let mut lines = TraceLines::new(BufReader::new(input));
-    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let [sent, received] = sides(args, lines.next()?.and_then(parse_name).context(why)?)?;
     let (mut sent, mut received) = (Direction::new(args, sent)?, Direction::new(args, received)?);
     while let Some(text) = lines.next()? {
@@ -47,7 +47,7 @@ fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
         return trace.map(|(_, sides)| *sides).with_context(|| {
             let sides = link.sides.join(" or ");
             format!(
-                "the name `{name}` is none of a trace of {}: give the end that kept it, --from {sides}",
+                "`{name}` is not an end of {}: give the end that wrote the trace, --from {sides}",
                 link.name
             )
         });
@@ -114,7 +114,7 @@ impl Direction {
 
     fn finish(self, out: &mut Lines) -> Result<()> {
         if self.skipped > 0 {
-            remark(&format!("{} bytes are of the end that sends no messages", self.skipped));
+            remark(&format!("skipped {} bytes of the end that sends no messages", self.skipped));
         }
         match self.stream {
             Some((_, mut stream)) => stream.finish(|item| out.write(&self.label, item)),

@@ -11,20 +11,20 @@ use crate::cell::telemetry::recording::{self, Comparison, ComparisonError};
 use crate::command::ls::ArmArgs;
 use crate::io::output::remark;
 
-/// Compares a log with the trajectory that the robot was to run.
+/// Compares a log with the planned trajectory.
 ///
-/// Fits the delay between the two first (within --within seconds either way, so the log may begin before the motion does), then
-/// gives the errors of position, orientation and their speeds, and draws them with --out. What is recorded while nothing moves,
-/// or before or after the motion, is left out. In brackets are the bounds that 95 % of other stretches of the same motion would
-/// keep. The frame of the trajectory's arm must be the one in which the controller shows its position: the world frame, with the
-/// tool's frame given by --tool. The exit status is 1 when no delay is found.
+/// Fits the delay between the two (within ±--within seconds, so the log may begin before the motion), then
+/// gives the errors of position, orientation and their speeds, and draws them with --out. Samples while nothing moves,
+/// or before or after the motion, are left out. Brackets show the 95 % interval over other parts of the same
+/// motion. The trajectory and the controller must use the same frame: the world frame, with the
+/// tool frame given by --tool. The exit status is 1 when no delay is found.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The trajectory: time in seconds, J1 to J6 in degrees
     trajectory: PathBuf,
     /// The table that `fanuc log` wrote
     recording: PathBuf,
-    /// The longest delay that is looked for, in seconds
+    /// The maximum delay, in seconds
     #[arg(long, value_name = "N", default_value = "10", value_parser = crate::io::input::seconds(0.1..=3600.0))]
     within: std::time::Duration,
     /// Draw position, orientation and their errors into this folder
@@ -49,7 +49,7 @@ pub(super) fn evaluate(args: &Args) -> Result<bool> {
     let comparison = match Comparison::new(reference, recorded, args.within.as_secs_f64()) {
         Ok(comparison) => comparison,
         Err(error @ ComparisonError::DelayNotFound { .. }) => {
-            report.fact("delay_ms", "delay that fits best", "not found");
+            report.fact("delay_ms", "best-fit delay", "not found");
             report.require(false, || error.to_string());
             print(&report, args.json)?;
             remark(&format!("error: {error}"));

@@ -29,19 +29,19 @@ use cellwire_links::settings;
 
 /// Logs the telemetry block of a controller, as a table.
 ///
-/// Each line has the time by the robot's own life counter, what the controller reports, and the speeds without the controller's
-/// jumps. The word order is found by watching the life counter. Runs until --seconds have passed, or until interrupted: what
-/// was read is in the file by then.
+/// Each line has the time by the robot's life counter, the reported values, and the speeds without the controller's
+/// steps. The word order is detected from the life counter. Runs for --seconds, or until interrupted; lines are
+/// written at once.
 ///
-/// A line with a `note` is no sample of the motion. A block that cannot be has one of nan, infinite, denormal, quaternion (not of unit
-/// length), unreachable (by the robot of --robot, or by any) and standstill (of the life counter), and the value that shows it. A
-/// connection that is lost is opened again, after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
-/// `restarted`, after which the time begins anew.
+/// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
+/// length), unreachable (by the robot of --robot, or by any) and standstill (of the life counter), with the value. A lost
+/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
+/// `restarted`, after which the time starts at 0 again.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The controller: HOST:PORT, where the port is usually 502
     server: String,
-    /// The file to write; where there is one, a number is put behind its name
+    /// The file to write; a number is appended to its name if it exists
     #[arg(long, value_name = "FILE")]
     csv: PathBuf,
     /// How long to log [default: until interrupted]
@@ -50,19 +50,19 @@ pub(super) struct Args {
     /// The period of the background task, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 8, value_parser = clap::value_parser!(u64).range(1..=60_000))]
     period: u64,
-    /// The time from one request to the next, in milliseconds [default: the period]
+    /// The polling period in milliseconds [default: the period of the task]
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
     poll: Option<u64>,
-    /// The PDU address of the block's first register: one less than the $ADDRESS of its first assignment
+    /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment
     #[arg(long, value_name = "N", default_value_t = TelemetryBlock::ADDRESS)]
     address: u16,
     /// The Modbus unit
     #[arg(long, value_name = "N", default_value_t = 1)]
     unit: u8,
-    /// Which word of a value comes first
+    /// Word order of 32-bit values
     #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
     word_order: OrderArg,
-    /// The robot's description, as `ls make` takes it: poses that it cannot reach are marked
+    /// The robot description, as for `ls make`, to mark unreachable poses
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     #[command(flatten)]
@@ -78,7 +78,7 @@ pub(super) struct Args {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum OrderArg {
-    /// Found by watching the life counter
+    /// Detected from the life counter
     Auto,
     LowFirst,
     HighFirst,
@@ -139,19 +139,17 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     print(&log.report(&args.server, &csv), args.json)?;
     if let Some(order) = log.order.contradicted {
         let order = json!(order);
-        remark(&format!(
-            "warning: the life counter steps as if the word order were {order}: these values are wrong"
-        ));
+        remark(&format!("warning: the life counter indicates word order {order}: these values are wrong"));
     }
     let samples = log.recording.counts().samples;
     if let Some(why) = log.tally.why.filter(|_| samples == 0) {
-        remark(&format!("error: not one sample: {why}"));
+        remark(&format!("error: no samples: {why}"));
     }
     let wrong: u64 = log.tally.faults.values().sum();
     if wrong > 0 && outcome.as_ref().err().is_none_or(|error| !error.is::<Implausible>()) {
         let blocks = log.tally.blocks;
         return Err(Implausible(format!(
-            "{wrong} of {blocks} blocks cannot be: see the column `note` of {}",
+            "{wrong} of {blocks} blocks are implausible: see the column `note` of {}",
             csv.display()
         ))
         .into());
@@ -202,14 +200,14 @@ impl Log {
             }
             Reading::Disconnected(why) => {
                 self.tally.disconnected += 1;
-                self.progress.println(format!("{why}; connecting again"));
+                self.progress.println(format!("{why}; reconnecting"));
                 recording::write_event(&mut self.out, "disconnected")?;
             }
             Reading::Retried(why) => self.progress.set_message(why.to_owned()),
             Reading::Reconnected(after) => {
                 self.tally.away += after;
                 self.plausibility.reconnected();
-                self.progress.println(format!("connected again after {:.1} s", after.as_secs_f64()));
+                self.progress.println(format!("reconnected after {:.1} s", after.as_secs_f64()));
                 recording::write_event(
                     &mut self.out,
                     &format!("reconnected after {:.3} s", after.as_secs_f64()),
@@ -222,7 +220,7 @@ impl Log {
     fn block(&mut self, block: &TelemetryBlock) -> Result<()> {
         if let Some((fault, value)) = self.plausibility.check(block, self.clock.now()) {
             *self.tally.faults.entry(fault).or_default() += 1;
-            self.progress.set_message(format!("this block cannot be: {} ({value})", fault.name()));
+            self.progress.set_message(format!("implausible block: {} ({value})", fault.name()));
             return Ok(recording::write_marked(&mut self.out, block, &format!("{} {value}", fault.name()))?);
         }
         let restarts = self.recording.counts().restarts;
@@ -253,19 +251,19 @@ impl Log {
         let title = format!("telemetry of {server} in {}", csv.display());
         let mut report = Report::new("fanuc-hmi-modbus", title);
         report.fact("samples", "samples written", counts.samples);
-        report.fact("repeated", "runs of the task read twice", counts.repeated);
-        report.fact("gaps", "times that runs were missed", counts.gaps);
-        report.fact("missed", "runs of the task not read", counts.missed);
+        report.fact("repeated", "task runs read twice", counts.repeated);
+        report.fact("gaps", "gaps", counts.gaps);
+        report.fact("missed", "task runs missed", counts.missed);
         report.fact("restarts", "restarts of the life counter", counts.restarts);
-        report.fact("failed", "requests without a block", self.tally.failed);
+        report.fact("failed", "failed requests", self.tally.failed);
         report.fact("disconnected", "connections lost", self.tally.disconnected);
         if self.tally.disconnected > 0 {
             let away = self.tally.away.as_secs_f64();
-            report.fact("away_s", "seconds without a connection", json!((away * 1e3).round() / 1e3));
+            report.fact("away_s", "seconds disconnected", json!((away * 1e3).round() / 1e3));
         }
         let count = |fault| self.tally.faults.get(&fault).copied().unwrap_or(0);
         let wrong: u64 = self.tally.faults.values().sum();
-        report.fact("implausible", "blocks that cannot be", wrong);
+        report.fact("implausible", "implausible blocks", wrong);
         for (fault, key, label) in Fault::ALL {
             match count(fault) {
                 0 => report.field(key, Value::from(0)),
@@ -290,7 +288,7 @@ struct Order {
 }
 
 impl Order {
-    /// The life counter has not shown it after so many blocks: it stands still, or is something else.
+    /// The life counter has not shown it after this many blocks: it is stalled, or is something else.
     const PATIENCE: usize = 500;
 
     /// The blocks that can be read now.
@@ -305,7 +303,7 @@ impl Order {
                 self.waiting.len() < Self::PATIENCE,
                 Implausible(format!(
                     "the life counter does not count (it reads {first:#06X} {second:#06X}): is the background task running, \
-                     and does $SNPX_ASG show R[1] at address 1? --word-order logs it all the same"
+                     and does $SNPX_ASG show R[1] at address 1? --word-order logs it anyway"
                 ))
             );
             return Ok(Vec::new());

@@ -14,10 +14,10 @@ use crate::cell::report::Report;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{self, Setting};
 
-/// The telemetry and the registers of a FANUC controller over Modbus TCP (HMI Device Communication).
+/// Reads the telemetry and registers of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///
-/// For the telemetry the controller runs a background task (`cellwire ls background` writes it) and has the `$SNPX_ASG` lines that
-/// show its registers `R[1]` to `R[19]` as 37 Modbus registers from 0. Without a robot: `cellwire simulate fanuc --listen
+/// Telemetry needs a background task on the controller (`cellwire ls background` writes it) and the `$SNPX_ASG` lines that
+/// map registers `R[1]` to `R[19]` to 37 Modbus registers from 0. Without a robot: `cellwire simulate fanuc --listen
 /// 127.0.0.1:5020`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -29,14 +29,14 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire fanuc log 192.168.0.10:502 --csv run.csv              log a run of the robot
-  cellwire fanuc log 192.168.0.10:502 --csv a.csv --robot r.json and mark poses that the robot cannot reach
-  cellwire fanuc evaluate path.csv run.csv --out plots           how far was it from the plan
+  cellwire fanuc log 192.168.0.10:502 --csv a.csv --robot r.json and mark unreachable poses
+  cellwire fanuc evaluate path.csv run.csv --out plots           deviation from the plan
   cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
   cellwire fanuc write 192.168.0.10:502 string --address 400 '\"PART 7\"'
 
 Exit status of log:
-  0 a sound log   1 not one sample   2 it could not begin   3 no connection at the end
-  5 something was recorded that cannot be: its rows have a note, and the table at the end counts them";
+  0 success   1 no samples   2 the command could not be run   3 no connection at the end
+  5 implausible telemetry: its rows have a note, and the final table counts them";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -64,7 +64,7 @@ pub fn settings() -> Vec<Setting> {
     settings::list(ClientSettings(&mut ClientConfig::tcp()))
 }
 
-/// Which word of a value comes first.
+/// Word order of 32-bit values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum OrderArg {
     LowFirst,

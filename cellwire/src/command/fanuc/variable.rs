@@ -18,13 +18,13 @@ use cellwire_links::settings;
 
 /// Reads variables from holding registers, one JSON line each.
 ///
-/// TYPE is what `$SNPX_ASG` makes of the variable: `int16` (`R[n]@1.1`), `int32` (`R[n]`), `real` (`$MULTIPLY` 0), `string`
+/// TYPE is the type in `$SNPX_ASG`: `int16` (`R[n]@1.1`), `int32` (`R[n]`), `real` (`$MULTIPLY` 0), `string`
 /// (`$MULTIPLY` -1) or `position` (`PR[n]`, `$MULTIPLY` 0, 50 registers). --address is $ADDRESS - 1.
 #[derive(Debug, clap::Args)]
 pub(super) struct ReadArgs {
     #[command(flatten)]
     place: PlaceArgs,
-    /// How many variables, one after the other
+    /// The number of consecutive variables
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=16_384))]
     count: u16,
 }
@@ -32,8 +32,8 @@ pub(super) struct ReadArgs {
 /// Writes a variable into holding registers, and reads it back.
 ///
 /// The value is JSON: a number, a "string", or a position such as {"cartesian": {"xyzwpr": [500,0,300,180,0,0]}, "user_frame": 1}
-/// or {"joints": [0,0,0,0,-90,0,0,0,0]}. It is written in one request, so that the controller never has half of it. The exit
-/// status is 1 when the controller refuses it, or holds another value afterwards.
+/// or {"joints": [0,0,0,0,-90,0,0,0,0]}. It is written in one request, never in part. The exit
+/// status is 1 when the controller refuses it, or holds a different value afterwards.
 #[derive(Debug, clap::Args)]
 pub(super) struct WriteArgs {
     #[command(flatten)]
@@ -62,7 +62,7 @@ struct PlaceArgs {
     /// The Modbus unit
     #[arg(long, value_name = "N", default_value_t = 1)]
     unit: u8,
-    /// Which word of a value comes first
+    /// Word order of 32-bit values
     #[arg(long, value_enum, default_value_t = OrderArg::LowFirst)]
     word_order: OrderArg,
     #[command(flatten)]
@@ -95,7 +95,7 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
 pub(super) fn write(args: &WriteArgs) -> Result<bool> {
     let place = &args.place;
     let value = Value::from_str(&args.value)
-        .with_context(|| format!("{} is no JSON: a string needs its quotes, '\"text\"'", args.value))?;
+        .with_context(|| format!("{} is not JSON: a string needs quotes, '\"text\"'", args.value))?;
     let registers = place.registers_of(&value)?;
     let mut client = place.connect()?;
     let request =
@@ -162,7 +162,7 @@ impl PlaceArgs {
             Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
             Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
-            Answer::Announced => remark("error: nobody replies to unit 0"),
+            Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),
         }
         Ok(None)
     }
@@ -200,7 +200,7 @@ impl PlaceArgs {
             }
             KindArg::Position => {
                 let position: PositionRegister = serde_json::from_value(value.clone())
-                    .with_context(|| format!("{value} is no position: see --help"))?;
+                    .with_context(|| format!("{value} is not a position: see --help"))?;
                 ensure!(
                     position.cartesian.is_some() != position.joints.is_some(),
                     "a position has either cartesian or joints"
@@ -218,10 +218,10 @@ impl PlaceArgs {
 }
 
 fn scale(text: &str) -> Result<Multiply, String> {
-    let value: f32 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    let value: f32 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     match Multiply::new(value) {
         Ok(multiply @ Multiply::Scale(_)) => Ok(multiply),
-        Ok(_) => Err("give 0.0001 to 10000: reals and strings are types of their own".into()),
+        Ok(_) => Err("give 0.0001 to 10000; for reals and strings use their types".into()),
         Err(error) => Err(error.to_string()),
     }
 }

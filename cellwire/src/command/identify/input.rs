@@ -16,9 +16,9 @@ use crate::io::capture::{Fault, Flow, Reading};
 use crate::io::output::remark;
 use crate::io::trace::{Way, parse_line, parse_name};
 
-/// So many bytes of each stream are read.
+/// How many bytes of each stream are read.
 const MOST: u64 = 1 << 20;
-/// So many conversations are looked at: those with most bytes.
+/// How many conversations are looked at: those with most bytes.
 const CONVERSATIONS: usize = 8;
 
 /// What the ends of one link sent each other, on however many connections.
@@ -44,12 +44,12 @@ pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
         (_, None) => vec![stream(args, input)?],
     };
     all.retain(|conversation| conversation.len() > 0);
-    ensure!(!all.is_empty(), "the input has no bytes to look at");
+    ensure!(!all.is_empty(), "the input is empty");
     all.sort_by_key(|conversation| core::cmp::Reverse(conversation.len()));
     if let Some((first, rest)) = all.split_at_checked(CONVERSATIONS).filter(|(_, rest)| !rest.is_empty()) {
         let (looked, others) = (first.len(), rest.len());
         remark(&format!(
-            "only the {looked} largest conversations are looked at, {others} are not: choose with --port"
+            "only the {looked} largest conversations are examined, {others} are not: choose with --port"
         ));
         all.truncate(CONVERSATIONS);
     }
@@ -72,7 +72,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
         input.consume(taken);
     }
     if bytes.len() as u64 >= MOST {
-        remark("only the first 1 MiB is looked at");
+        remark("only the first 1 MiB is examined");
     } else if let Format::Hex = args.source.format {
         hex.finish()?;
     }
@@ -86,7 +86,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
 
 fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
     let mut lines = TraceLines::new(BufReader::new(input));
-    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
     let [mut sent, mut received] = [true, false].map(|sent| {
         let sender = match &args.from {
@@ -124,12 +124,12 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read + Send>) -> Resul
     report(&summary);
     let Collecting { conversations, faults, cut, .. } = collecting;
     if faults > 0 {
-        remark(&format!("{faults} packets could not be read: cellwire decode names them"));
+        remark(&format!("{faults} packets could not be read; cellwire decode lists them"));
     }
     if cut {
-        remark("only the first 1 MiB of each direction is looked at");
+        remark("only the first 1 MiB of each direction is examined");
     }
-    ensure!(found, "the capture contains no TCP, UDP or serial bytes{}", args.source.on_port());
+    ensure!(found, "the capture has no TCP, UDP or serial bytes{}", args.source.on_port());
     Ok(conversations)
 }
 

@@ -1,4 +1,4 @@
-//! Listening to a serial line of which nobody knows the rate.
+//! Listening to a serial line of unknown rate.
 
 use std::io::{self, IsTerminal as _, Write};
 use std::time::{Duration, Instant};
@@ -18,11 +18,11 @@ use crate::io::marked::Marked;
 const TURNS: u32 = 40;
 const SHORTEST: Duration = Duration::from_millis(300);
 const LONGEST: Duration = Duration::from_secs(2);
-/// So often the progress is shown, and an interrupt seen.
+/// How often the progress is shown, and an interrupt seen.
 const TICK: Duration = Duration::from_millis(100);
-/// So many bytes are kept.
+/// How many bytes are kept.
 const MOST: usize = 1 << 20;
-/// So many settings are tried with the links.
+/// How many settings are tried with the links.
 const TRIED: usize = 3;
 
 /// What was heard.
@@ -51,7 +51,7 @@ pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
     let mut judged = search.judged();
     ensure!(
         !judged.is_empty(),
-        "nothing was heard on {name}, at any rate: is the receive line connected, and does the other end send?"
+        "nothing was received on {name} at any rate: check the receive line, and that the other end sends"
     );
     let links: Vec<&'static Link> = args.link.map_or_else(|| LINKS.iter().collect(), |link| vec![link]);
     for candidate in judged.iter_mut().take(TRIED) {

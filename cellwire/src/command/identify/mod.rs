@@ -20,39 +20,39 @@ use super::source::SourceArgs;
 use crate::io::files;
 use crate::links::link_parser;
 
-/// Finds out which link a capture is of, and how its ends speak: the options that the link's source leaves open.
+/// Identifies the link of a capture, and the options that the link's source leaves open.
 ///
-/// Every combination of options is tried on the bytes, in every format that decode reads. A combination is ruled out when what another
-/// one explains would have to be corruption under it; corrupt bytes, and a capture that begins in the middle of a message, do not
-/// matter. What the bytes do not decide is said, with the other values and the message that would decide it: let the ends send
-/// that message, and capture again. --write makes the file for --settings of decode, simulate and the clients, --rust the lines
-/// for a program.
+/// Tries every combination of options on the bytes, in every format that decode reads. A combination is ruled out when another one
+/// decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that begins in the middle of a message, are
+/// tolerated. Options that the bytes do not determine are listed with their other values and the message that would decide:
+/// let the ends send that message, and capture again. --write writes a file for --settings of decode, simulate and the clients;
+/// --rust prints the configuration for a program.
 ///
-/// --serial listens to a serial line: with 300 to 115200 baud, eight or seven data bits, each parity, in turn. Which explain what is
-/// heard shows in broken characters (a low bit where a stop bit is due, a wrong parity), and in what the links make of the rest.
+/// --serial listens to a serial line at 300 to 115200 baud, with eight or seven data bits and each parity, in turn. The choice
+/// follows from framing and parity errors, and from how well the links decode the rest.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// The link, where it is known [default: all are tried]
+    /// The link, if known [default: all are tried]
     #[arg(long, value_parser = link_parser())]
     link: Option<&'static Link>,
-    /// The side that sends the bytes, where it is known; in a trace, the end that wrote it [default: all are tried]
+    /// The side that sends the bytes, if known; in a trace, the end that wrote it [default: all are tried]
     #[arg(long, value_name = "SIDE")]
     from: Option<String>,
-    /// Listen to this serial port in place of reading a file
+    /// Listen to this serial port instead of reading a file
     #[arg(long, value_name = "PORT", conflicts_with_all = ["file", "format", "port"])]
     serial: Option<String>,
-    /// How long to listen to a serial port; Ctrl-C ends it before
+    /// How long to listen to a serial port; Ctrl-C ends it earlier
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, default_value = "60s")]
     listen_for: Duration,
-    /// Print one JSON object for each conversation in place of tables
+    /// Print one JSON object for each conversation instead of tables
     #[arg(long)]
     json: bool,
-    /// Write the settings to a TOML file for --settings, with remarks on what is undecided
+    /// Write the settings to a TOML file for --settings, with comments on undecided ones
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a draft of what no bytes say to a TOML file: the messages of a kawasaki-msg plant by their roles, the words of a laser-eb90
-    /// installation by class, as they were used in the capture. What is uncertain has a remark with a ?: correct it
+    /// Write a draft of the plant's settings to a TOML file: for kawasaki-msg the messages by role, for laser-eb90 the words
+    /// by class, as used in the capture. Check the entries with a comment that has a ?
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
     /// Print the settings as Rust, for the configuration of the link's crate
@@ -65,14 +65,14 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire identify --format pcap monday.pcapng               each conversation of a capture
-  cellwire identify --format raw port.bin --link laser-eb90   the options of a link that is known
+  cellwire identify --format raw port.bin --link laser-eb90   the options of a known link
   cellwire identify --format pcap monday.pcapng --port 2001 --write cell.toml
-  cellwire identify --serial /dev/ttyUSB0 --listen-for 2m     a serial line of an unknown rate, by listening
-  cellwire decode laser-eb90 --settings cell.toml …           what was found, in use
+  cellwire identify --serial /dev/ttyUSB0 --listen-for 2m     a serial line of unknown baud rate
+  cellwire decode laser-eb90 --settings cell.toml …           use the result
 
-Exit status: 0 every conversation is explained   1 one is not";
+Exit status: 0 every conversation was identified   1 one was not";
 
-/// Returns true when every conversation is explained, and not by chance.
+/// Returns true when every conversation is identified, and not by chance.
 pub fn run(args: &Args) -> Result<bool> {
     if let (Some(from), Some(link)) = (&args.from, args.link) {
         link.side(Some(from))?;
@@ -106,9 +106,9 @@ pub fn run(args: &Args) -> Result<bool> {
         let text = match found.as_slice() {
             [(finding, conversation)] if is_draft => draft(finding, &conversation.streams)?,
             [(finding, _)] => settings::toml(finding)?,
-            [] => bail!("nothing is sure enough to be written to {}", file.display()),
+            [] => bail!("no result is certain enough to write {}", file.display()),
             _ => bail!(
-                "{} conversations are explained: choose one with --port to write its settings",
+                "{} conversations were identified: choose one with --port to write its settings",
                 found.len()
             ),
         };
@@ -131,9 +131,7 @@ fn heard(args: &Args, name: &str) -> Result<Conversation> {
 
 #[cfg(not(unix))]
 fn heard(_: &Args, _: &str) -> Result<Conversation> {
-    bail!(
-        "a port that marks broken characters needs Unix: capture with cellwire tap, at a rate that you know"
-    )
+    bail!("detecting the rate needs Unix: capture with cellwire tap, at a known rate")
 }
 
 /// What each link makes of a conversation, the best first.

@@ -60,7 +60,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     Ok(writeln!(out)?)
 }
 
-/// So many settings of a line are shown.
+/// How many settings of a line are shown.
 #[cfg(unix)]
 const SHOWN: usize = 8;
 
@@ -139,7 +139,7 @@ fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
 fn lines(seen: &Seen) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(byte) = seen.doubled {
-        lines.push(format!("{byte:02X} is doubled where it is no mark"));
+        lines.push(format!("{byte:02X} is doubled outside of marks"));
     }
     if let Some(Check { kind, width, order, from_end, first, before, constant, once }) = &seen.check {
         let place = match from_end {

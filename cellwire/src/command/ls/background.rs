@@ -10,11 +10,11 @@ use super::{rules, write};
 use crate::cell::telemetry::task::BackgroundTask;
 use crate::io::output::remark;
 
-/// Writes the background task that puts the tool's pose and speed into registers for `cellwire fanuc log`.
+/// Writes the background task that copies the tool's pose and speed to registers for `cellwire fanuc log`.
 ///
-/// It is the source's listing with your registers in it. Run it as a background task (BG Logic) with the period that it names;
-/// it moves nothing. Its 19 registers are read over Modbus as 37 from PDU address 0 on, which needs three slots of `$SNPX_ASG`:
-/// they are printed too.
+/// It is the source's listing with your register numbers. Run it as a background task (BG Logic) with the given period;
+/// it does not move the robot. Its 19 registers are read over Modbus as 37 from PDU address 0, which needs three slots of `$SNPX_ASG`:
+/// these are printed too.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The program's name
@@ -23,19 +23,19 @@ pub(super) struct Args {
     /// The period of the background task, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 8)]
     period: u64,
-    /// The register of the life counter; 18 more follow it
+    /// The register of the life counter, followed by 18 more
     #[arg(long, value_name = "N", default_value_t = 1)]
     first: u16,
-    /// The first of 13 registers that the task keeps for itself
+    /// The first of 13 scratch registers of the task
     #[arg(long, value_name = "N", default_value_t = 30)]
     scratch: u16,
-    /// The motion group that is watched
+    /// The motion group to observe
     #[arg(long, value_name = "N", default_value_t = 1)]
     group: u8,
     /// The file to write, - for standard output [default: NAME.LS]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// The longest name that the controller takes; old ones take 8
+    /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
 }
@@ -53,7 +53,7 @@ pub(super) fn background(args: &Args) -> Result<()> {
     let path = write(&task.program(&rules)?, &rules, args.out.as_deref())?;
     let Args { first, scratch, period, .. } = args;
     remark(&format!(
-        "{path}: R[{first}] to R[{}] every {period} ms; R[{scratch}] to R[{}] are its own",
+        "{path}: R[{first}] to R[{}] every {period} ms; R[{scratch}] to R[{}] are scratch",
         first + 18,
         scratch + 12
     ));
@@ -64,7 +64,7 @@ pub(super) fn background(args: &Args) -> Result<()> {
 /// What to set on the controller so that the registers from `first` on are the telemetry block.
 fn slots(first: u16) -> String {
     let mut text = String::from(
-        "  on the controller, in place of its first slot (from public programs: the source does not show its own), then restart it:\n  \
+        "  on the controller, instead of its first slot (from public programs: the source does not show its own), then restart it:\n  \
          $SNPX_ASG  $ADDRESS  $SIZE  $VAR_NAME     $MULTIPLY\n",
     );
     let names = [format!("R[{first}]"), format!("R[{}]@1.1", first + 1), format!("R[{}]", first + 2)];

@@ -14,33 +14,33 @@ use super::check::files;
 use super::difference::Change;
 use crate::io::output::{printable, remark};
 
-/// Changes LS files, and shows what changes; --write writes it.
+/// Edits LS files, and shows the changes; --write applies them.
 ///
-/// Where one word is meant, one word changes, and every other byte stays. What would make an error that was not there before is refused.
-/// --line and --positions count as the file does before any of the changes; all replacements happen at once, so two may change places.
+/// Only the affected words change; all other bytes stay. An edit that would introduce an error is refused.
+/// --line and --positions use the numbers before any change; all replacements happen at once, so two items can be swapped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The files; of a folder, every .ls file in and below it
+    /// Files, or folders with .ls files at any depth
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Another speed for the motions that have this one: a number or `*` with its unit, `L:` before it for one kind of motion; the new one
-    /// may be a factor, `*0.5`
+    /// Change the speed of matching motions: a number or `*` with its unit, `L:` before it for one kind of motion; the new speed
+    /// can be a factor, such as `*0.5`
     #[arg(long, value_name = "[KIND:]SPEED=SPEED", value_parser = SpeedChange::parse)]
     speed: Vec<SpeedChange>,
-    /// Another register, input, output, label, position or frame wherever this one is named: R[5]=R[105], UFRAME[1]=UFRAME[2]
+    /// Replace a register, input, output, label, position or frame everywhere: R[5]=R[105], UFRAME[1]=UFRAME[2]
     #[arg(long, value_name = "ITEM=ITEM", value_parser = replacement)]
     replace: Vec<(Named, Named)>,
-    /// A name (on the controller, a comment) for a register, a label, a position: LBL[3]=retry; none takes it away
+    /// Set the name (comment) of a register, label or position: LBL[3]=retry; an empty name removes it
     #[arg(long, value_name = "ITEM=NAME", value_parser = naming)]
     name: Vec<(Named, String)>,
-    /// Move positions, in mm, each in its own user frame
+    /// Shift positions, in mm, each in its own user frame
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     shift: Option<Vec<f64>>,
-    /// --shift: these only, such as 1-5,9
+    /// --shift: only these positions, such as 1-5,9
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = numbers, requires = "shift")]
     positions: Vec<RangeInclusive<u32>>,
-    /// Another instruction or comment for a line by its number: '12=!new', '13=CALL OPEN'
+    /// Replace the instruction or comment of a line: '12=!new', '13=CALL OPEN'
     #[arg(long, value_name = "LINE=TEXT", value_parser = line)]
     line: Vec<(usize, String)>,
     /// The program's comment, 16 characters at most
@@ -67,7 +67,7 @@ pub(super) fn edit(args: &Args) -> Result<bool> {
     let is_empty = is_empty && args.shift.is_none() && args.line.is_empty() && args.comment.is_none();
     ensure!(
         !is_empty || args.renumber,
-        "say what to change: --speed, --replace, --name, --shift, --line, --comment or --renumber"
+        "give at least one of --speed, --replace, --name, --shift, --line, --comment, --renumber"
     );
     let paths = files(&args.files)?;
     // All of them are tried before one is written.
@@ -97,7 +97,7 @@ pub(super) fn edit(args: &Args) -> Result<bool> {
     } else if args.write {
         remark(&format!("nothing was written: {refused} of {} files were refused", paths.len()));
     } else {
-        remark(&format!("{count} of {} files would change; --write writes them", paths.len()));
+        remark(&format!("{count} of {} files would change; --write applies the changes", paths.len()));
     }
     Ok(refused == 0)
 }
@@ -139,7 +139,7 @@ impl Args {
             if !others.is_empty() {
                 let others: Vec<String> = others.iter().map(|number| format!("P[{number}]")).collect();
                 let (name, others) = (document.name(), others.join(", "));
-                remark(&format!("warning: {name}: not moved, for want of X, Y and Z: {others}"));
+                remark(&format!("warning: {name}: not shifted, without X, Y and Z: {others}"));
             }
         }
         if let Some(comment) = &self.comment {
@@ -201,7 +201,10 @@ impl SpeedChange {
         let (kind, from) = match from.split_once(':') {
             Some((letter, from)) => {
                 let kind = kinds.into_iter().find(|kind| kind.letter().to_string() == letter.trim());
-                (Some(kind.with_context(|| format!("{letter} is no motion: J, L, C, A or S"))?), from.trim())
+                (
+                    Some(kind.with_context(|| format!("{letter} is not a motion: J, L, C, A or S"))?),
+                    from.trim(),
+                )
             }
             None => (None, from.trim()),
         };
@@ -210,7 +213,7 @@ impl SpeedChange {
             Some(unit) => (None, speed(&format!("1{unit}"))?.unit()),
             None => match speed(from)? {
                 Speed::Fixed { value, unit } => (Some(value), Some(unit)),
-                _ => bail!("{from} is no number with a unit"),
+                _ => bail!("{from} is not a number with a unit"),
             },
         };
         let to = match to.trim().strip_prefix('*') {
@@ -248,7 +251,7 @@ impl SpeedChange {
 fn speed(text: &str) -> Result<Speed> {
     match Instruction::from_text(&format!("L P[1] {text} FINE")) {
         Some(Instruction::Motion(motion)) if motion.options.is_empty() => Ok(motion.speed),
-        _ => bail!("{text} is no speed, such as 100mm/sec, 20%, 0.5sec or R[1]mm/sec"),
+        _ => bail!("{text} is not a speed such as 100mm/sec, 20%, 0.5sec or R[1]mm/sec"),
     }
 }
 
@@ -256,9 +259,9 @@ fn named(text: &str) -> Result<Named> {
     match Operation::decode(&format!("R[1]={}", text.trim())) {
         Some(Operation::Assign(_, Expression::Item(item))) => match item.index {
             Index::Number(number) if item.element.is_none() => Ok((item.kind, number)),
-            _ => bail!("{text} has no number of its own"),
+            _ => bail!("{text} has no number"),
         },
-        _ => bail!("{text} is none of R[1], PR[1], DI[1], LBL[1], P[1], UFRAME[1] and the like"),
+        _ => bail!("{text} is not an item such as R[1], PR[1], DI[1], LBL[1], P[1], UFRAME[1]"),
     }
 }
 
@@ -278,11 +281,11 @@ fn naming(text: &str) -> Result<(Named, String)> {
 
 fn numbers(text: &str) -> Result<RangeInclusive<u32>> {
     let (first, last) = text.split_once('-').unwrap_or((text, text));
-    let number = |text: &str| text.trim().parse::<u32>().with_context(|| format!("{text} is no number"));
+    let number = |text: &str| text.trim().parse::<u32>().with_context(|| format!("{text} is not a number"));
     Ok(number(first)?..=number(last)?)
 }
 
 fn line(text: &str) -> Result<(usize, String)> {
     let (number, text) = text.split_once('=').context("give LINE=TEXT, such as '12=!new'")?;
-    Ok((number.trim().parse().context("a line is named by its number")?, text.to_owned()))
+    Ok((number.trim().parse().context("the line number is missing")?, text.to_owned()))
 }

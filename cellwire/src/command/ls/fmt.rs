@@ -9,20 +9,20 @@ use super::check::files;
 use super::difference::Change;
 use crate::io::output::{printable, remark};
 
-/// Lays LS files out as controllers print them, and shows what changes; --write writes it.
+/// Formats LS files as controllers print them, and shows the changes; --write applies them.
 ///
-/// Line numbers and what is behind them in their columns, `0.6sec`, `WAIT    .50(sec)`, coordinates with three decimals, attributes and
-/// frames in their places. No word becomes another one; what is not understood, line ends and /APPL stay. A file that a controller wrote
-/// does not change.
+/// Aligns line numbers and instructions; formats `0.6sec`, `WAIT    .50(sec)`, and coordinates with three decimals; orders attributes and
+/// frames. Words never change; unknown text, line ends and /APPL are kept. A file written by a controller
+/// is unchanged.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The files; of a folder, every .ls file in and below it
+    /// Files, or folders with .ls files at any depth
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Write the files
     #[arg(long)]
     write: bool,
-    /// Name the files that are laid out otherwise, and write nothing; the exit status is 1 if there is one
+    /// List the files that would change, without writing; the exit status is 1 if there are any
     #[arg(long, conflicts_with = "write")]
     check: bool,
 }
@@ -55,9 +55,9 @@ pub(super) fn fmt(args: &Args) -> Result<bool> {
         }
     }
     let what = match (args.check, args.write) {
-        (true, _) => "are laid out otherwise",
+        (true, _) => "are not formatted",
         (_, true) => "were written",
-        _ => "would change; --write writes them",
+        _ => "would change; --write applies the changes",
     };
     remark(&format!("{changed} of {} files {what}", paths.len()));
     ensure!(unread == 0, "{unread} of {} files cannot be read", paths.len());

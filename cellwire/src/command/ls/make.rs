@@ -11,41 +11,41 @@ use cellwire_motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedS
 
 use super::{ArmArgs, limits, rules, write};
 
-/// Makes an LS program of spline moves from a trajectory of the joints.
+/// Makes an LS program of spline moves from a joint trajectory.
 ///
-/// TRAJECTORY.csv has seven columns: the time in seconds, J1 to J6 in degrees; a first line of names is passed over. The program
-/// goes to the first sample (J, 2 %), then through the points with S (the Spline Motion option) at the speed that the
-/// trajectory has between them. What the controller does between two points is not published: a published test measured
-/// 4 mm and 0.5 degrees at 100 mm/s. Try it slowly first.
+/// TRAJECTORY.csv has seven columns: time in seconds, J1 to J6 in degrees; a header line is skipped. The program
+/// moves to the first sample (J, 2 %), then through the points with S (the Spline Motion option) at the trajectory's
+/// speed. The controller's path between two points is not published: a published test measured an error of
+/// 4 mm and 0.5 degrees at 100 mm/s. Test it slowly first.
 ///
-/// A trajectory that the robot of --robot cannot follow is refused: an angle out of a joint's range, a speed above the joint's.
-/// Without --robot only what no arm can do is: more than 720 degrees, or 2000 degrees a second.
+/// A trajectory beyond the joint ranges or speeds of --robot is refused.
+/// Without --robot the limits are 720 degrees and 2000 degrees per second.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The trajectory
     trajectory: PathBuf,
-    /// When a new point begins
+    /// How points are chosen
     #[arg(long, value_enum)]
     mode: Mode,
-    /// --mode distance: a point each time the tool has gone so far, in mm
+    /// --mode distance: the distance between points, in mm
     #[arg(long, value_name = "MM", conflicts_with = "deg", allow_negative_numbers = true)]
     mm: Option<f64>,
-    /// --mode distance: a point each time the tool has turned so far, in degrees
+    /// --mode distance: the rotation between points, in degrees
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     deg: Option<f64>,
-    /// --mode time: a point every so many seconds
+    /// --mode time: the time between points, in seconds
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     step: Option<f64>,
-    /// --mode dynamic: the shortest time between points, where the acceleration is greatest [default: 0.05]
+    /// --mode dynamic: the shortest time between points, at the greatest acceleration [default: 0.05]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     min: Option<f64>,
-    /// --mode dynamic: the longest time between points, where nothing accelerates [default: 0.5]
+    /// --mode dynamic: the longest time between points, without acceleration [default: 0.5]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     max: Option<f64>,
-    /// --mode dynamic: the acceleration that counts [default: either]
+    /// --mode dynamic: the acceleration to use [default: either]
     #[arg(long, value_enum)]
     by: Option<By>,
-    /// How finely speeds are written; none is below 1 mm/s
+    /// The resolution of speeds; the lowest speed is 1 mm/s
     #[arg(long, value_enum, default_value_t = SpeedArg::Whole)]
     speed: SpeedArg,
     /// The program's name [default: the file's, in capitals]
@@ -63,20 +63,20 @@ pub(super) struct Args {
     /// The number of the tool frame
     #[arg(long, value_name = "N", default_value_t = 1)]
     utool: u16,
-    /// The speed of the way to the first point, in %
+    /// The speed of the approach to the first point, in %
     #[arg(long, value_name = "PERCENT", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=100))]
     approach: u8,
     #[command(flatten)]
     arm: ArmArgs,
-    /// The robot's description, JSON: {"joints": [{"min": -170, "max": 170, "speed": 450}, ...]}, six joints in degrees
-    /// and degrees a second, J3 from the horizontal; with "arm": {"shoulder": 50, "upper_arm": 330, "elbow": 35, "forearm": 335,
-    /// "flange": 80} in mm it has the dimensions of --arm too
+    /// The robot description, JSON: {"joints": [{"min": -170, "max": 170, "speed": 450}, ...]}, six joints in degrees
+    /// and degrees per second, J3 from the horizontal; "arm": {"shoulder": 50, "upper_arm": 330, "elbow": 35, "forearm": 335,
+    /// "flange": 80} in mm replaces --arm
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// The longest name that the controller takes; old ones take 8
+    /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
-    /// Cut a comment of more than 16 characters instead of refusing it
+    /// Truncate a comment of more than 16 characters instead of refusing it
     #[arg(long)]
     truncate_comment: bool,
 }
@@ -87,7 +87,7 @@ enum Mode {
     Distance,
     /// At equal times (--step)
     Time,
-    /// Between --min and --max seconds, by the acceleration
+    /// Every --min to --max seconds, depending on acceleration
     Dynamic,
 }
 
@@ -95,7 +95,7 @@ enum Mode {
 enum By {
     Translation,
     Rotation,
-    /// Whichever is the greater share of its maximum
+    /// The one that is closer to its maximum
     Either,
 }
 
@@ -202,7 +202,7 @@ fn made(trajectory: &Trajectory, report: &Report, path: &str) -> String {
     );
     if report.slow_moves > 0 {
         text += &format!(
-            "  warning    {} below 1 mm/s, the slowest speed that is written: turns on the spot and rests come out too fast\n",
+            "  warning    {} below 1 mm/s, the lowest speed: rotations in place and rests will be too fast\n",
             report.slow_moves
         );
     }

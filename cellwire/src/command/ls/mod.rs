@@ -21,26 +21,26 @@ use cellwire_motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
 ///
-/// A controller with the ASCII upload option loads them; others need them compiled to TP first (WinOLPC, RoboGuide). The
-/// file's name must be the program's.
+/// A controller with the ASCII upload option loads them; for others, compile them to TP first (WinOLPC, RoboGuide). The
+/// file must have the program's name.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
 pub struct Args {
     #[command(subcommand)]
     command: Option<Command>,
-    /// A folder: what its LS files have, in a few lines; the exit status is 1 if one has errors
+    /// A folder whose LS files are summarised; the exit status is 1 if one has errors
     folder: Option<PathBuf>,
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire ls backup                                  what the LS files of a folder have
-  cellwire ls check WELD.LS                           is it a program, and a sound one
-  cellwire ls edit WELD.LS --speed '100mm/sec=80mm/sec'   shows what changes; with --write, writes it
-  cellwire ls fmt WELD.LS --write                     the layout that controllers print
-  cellwire ls make path.csv --mode dynamic            points dense where the motion changes
+  cellwire ls backup                                  summarise the LS files of a folder
+  cellwire ls check WELD.LS                           report errors and warnings
+  cellwire ls edit WELD.LS --speed '100mm/sec=80mm/sec'   show the changes; --write applies them
+  cellwire ls fmt WELD.LS --write                     the layout of a controller
+  cellwire ls make path.csv --mode dynamic            denser points where the motion changes
   cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
-  cellwire ls run WELD.LS --out plots                 what a robot would do, drawn
+  cellwire ls run WELD.LS --out plots                 simulate, and draw the path
   cellwire ls background                              the task that `cellwire fanuc log` reads";
 
 #[derive(Debug, Subcommand)]
@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> Result<bool> {
 pub struct ArmArgs {
     #[command(flatten)]
     geometry: GeometryArgs,
-    /// What J3 of the trajectory counts from: the horizontal, as FANUC shows it, or the upper arm
+    /// The reference of J3 in the trajectory: the horizontal, as FANUC shows it, or the upper arm
     #[arg(long, value_enum, default_value_t = J3::Horizontal)]
     j3: J3,
 }
@@ -98,7 +98,7 @@ impl GeometryArgs {
     /// # Errors
     /// When a number is missing.
     pub fn arm(&self, described: Option<Dimensions>) -> Result<Arm> {
-        // No arm is longer than a hall: a number beyond it is a slip, and no path could be computed.
+        // Longer arms are typing errors, and no path could be computed.
         for (option, numbers) in [("--arm", &self.arm), ("--tool", &self.tool)] {
             let is_real = |number: &f64| (-100_000.0..=100_000.0).contains(number);
             let wrong = numbers.iter().flatten().find(|number| !is_real(number));

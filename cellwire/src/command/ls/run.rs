@@ -15,42 +15,42 @@ use crate::links::fanuc_hmi_modbus::program::{Machine, Preset};
 use crate::links::fanuc_hmi_modbus::simulate::robot;
 use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 
-/// Runs a program without a robot, on a clock of its own, and draws its path.
+/// Simulates a program on a virtual clock, and draws its path.
 ///
-/// The same simulation as `cellwire simulate fanuc --program`: a test bench, not a controller. Prints one JSON line for each thing that
-/// is not modelled, and for each event of the program. The exit status is 1 when the program stops with an alarm, or still runs
-/// after --seconds, or waits for what nothing will change.
+/// The same simulation as `cellwire simulate fanuc --program`: a test bench, not a controller. Prints one JSON line for each feature that
+/// is not modelled, and for each event of the program. The exit status is 1 when the program stops with an alarm, still runs
+/// after --seconds, or waits for something that cannot happen.
 ///
-/// As on a controller, a position of another frame than the selected one stops the program, a block without its end is refused, and a motion
-/// with Skip whose condition was not met goes on at its label. What nothing selects is that of the first position.
+/// As on a controller, a position in a frame other than the selected one stops the program, a block without its end is refused, and a motion
+/// with Skip whose condition was not met continues at its label. Before any selection, the frames are those of the first position.
 ///
-/// Assumed: an instruction takes 1 ms, a motion gets its speed within 0.2 s (at ACC100), CNT100 begins the next one when the speed of this
-/// one begins to fall, CNT50 at half of that time, a WAIT with TIMEOUT gives up after 30 s, and CONFIG names the turns of J4, J5 and
-/// J6. The pose is in the world frame of a robot whose J1 and J2 meet its origin; one task runs, of one motion group with six axes.
+/// Assumptions: an instruction takes 1 ms; a motion accelerates within 0.2 s (at ACC100); CNT100 begins the next motion when this
+/// one begins to decelerate, CNT50 at half of that time; a WAIT with TIMEOUT gives up after 30 s; CONFIG has the turns of J4, J5 and
+/// J6. The world frame has its origin where J1 and J2 meet; there is one task with one motion group of six axes.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The LS file; those that it calls are beside it
+    /// The LS file; programs that it calls are in the same folder
     program: PathBuf,
-    /// The longest time that the program is given, in seconds
+    /// The time limit of the program, in seconds
     #[arg(long, value_name = "N", default_value = "600", value_parser = seconds(0.1..=86_400.0))]
     seconds: Duration,
     /// Write path.csv and path.svg into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The robot's description, as `ls make` takes it [default: an LR Mate 200iD]
+    /// The robot description, as for `ls make` [default: an LR Mate 200iD]
     #[arg(long, value_name = "FILE")]
     robot: Option<String>,
-    /// Where the robot is at the start, J1 to J6 in degrees
+    /// The start position, J1 to J6 in degrees
     #[arg(long, value_name = "J1,…,J6", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     joints: Option<Vec<f64>>,
-    /// The inputs that are on, and when, in seconds: DI[1]:0-5,RI[2]:3-
+    /// Inputs that are on, with times in seconds: DI[1]:0-5,RI[2]:3-
     #[arg(long, value_name = "INPUTS")]
     inputs: Option<String>,
-    /// What the controller has at the start, TOML: "R[1]" = 5, "PR[1]" = [X, Y, Z, W, P, R] or { joints = [...] }, "SR[1]", "UFRAME[1]",
+    /// Initial values, TOML: "R[1]" = 5, "PR[1]" = [X, Y, Z, W, P, R] or { joints = [...] }, "SR[1]", "UFRAME[1]",
     /// "UTOOL[1]", UFRAME_NUM = 1, UTOOL_NUM = 1, "DI[1]" = true, "GI[1]" = 5, "$NAME" = 1, and [macros] with "OPEN HAND" = "PROGRAM"
     #[arg(long, value_name = "FILE")]
     preset: Option<PathBuf>,
-    /// Draw the path of the tool whatever an arm reaches: a share of the speed is one of 2000 mm/s
+    /// Draw the tool path without an arm's limits; speeds in % refer to 2000 mm/s
     #[arg(long, conflicts_with = "robot")]
     no_reach: bool,
 }
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     if reach {
         remark(
-            "help: --robot FILE describes the robot, --joints where it begins; --no-reach draws the path without one",
+            "help: --robot FILE describes the robot, --joints its start position; --no-reach draws the path without an arm",
         );
     }
     let last = samples.last().map_or(0.0, |sample| sample.time);
@@ -126,13 +126,13 @@ fn unfinished(machine: &Machine, at: Duration, in_vain: bool) -> String {
     let waiting = machine.waiting();
     if let (true, Some((what, since))) = (in_vain, &waiting) {
         return format!(
-            "the program waits for {what} since {since:.3} s, and nothing will change it: give --inputs or --preset"
+            "the program has waited for {what} since {since:.3} s, which cannot happen: give --inputs or --preset"
         );
     }
     let still = format!("the program still runs after {} s", at.as_secs_f64());
     let line = machine.line().map_or_else(String::new, |(program, line)| format!(", in {program}:{line}"));
     match (waiting, machine.loop_of()) {
-        (Some((what, since)), _) => format!("{still}, and waits for {what} since {since:.3} s"),
+        (Some((what, since)), _) => format!("{still}, and has waited for {what} since {since:.3} s"),
         (None, Some((label, count))) => format!("{still}{line}: it has jumped to {label} {count} times"),
         (None, None) => format!("{still}{line}"),
     }

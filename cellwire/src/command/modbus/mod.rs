@@ -21,7 +21,7 @@ use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings;
 
-/// Sends Modbus requests to a server and prints its replies; looks for servers and what they have; watches values.
+/// Sends Modbus requests to a server and prints its replies; scans for units and addresses; polls values.
 ///
 /// Reads message objects, one a line, as `cellwire encode fanuc-hmi-modbus --from client` does (a "transaction" is not needed),
 /// sends one after the other, and prints one line for each: the reply's message object, or {"failed":"…"}.
@@ -35,7 +35,7 @@ pub struct Args {
     server: Option<String>,
     /// The requests; - is standard input [default: -]
     file: Option<PathBuf>,
-    /// Read back what was written, and add "confirmed" to the reply
+    /// Read back each written value, and add "confirmed" to the reply
     #[arg(long)]
     confirm: bool,
     #[command(flatten)]
@@ -46,13 +46,13 @@ const EXAMPLES: &str = "\
 Examples:
   echo '{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus 192.168.0.10:502
   cellwire modbus --confirm 192.168.0.10:502 writes.jsonl        each write is read back
-  cellwire modbus scan /dev/ttyUSB0 --parity even                which units are there; on Windows: COM5
-  cellwire modbus scan 192.168.0.10:502 --ranges --unit 1        which addresses of its tables can be read
-  cellwire modbus poll 192.168.0.10:502 holding:0-36 coils:0-15  what changes, one line a value
+  cellwire modbus scan /dev/ttyUSB0 --parity even                which units reply; on Windows: COM5
+  cellwire modbus scan 192.168.0.10:502 --ranges --unit 1        which addresses are readable
+  cellwire modbus poll 192.168.0.10:502 holding:0-36 coils:0-15  changes, one line per value
 
 Exit status:
-  0 every request was carried out   1 no usable reply, or a write that is not confirmed, or nothing found
-  2 it could not be run   3 the connection was lost   6 a server has refused a request (an exception)";
+  0 every request was executed   1 no usable reply, an unconfirmed write, or nothing found
+  2 the command could not be run   3 the connection was lost   6 a server refused a request (an exception)";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -63,16 +63,16 @@ enum Command {
 /// How the servers are reached.
 #[derive(Debug, clap::Args)]
 struct PortArgs {
-    /// How frames are written to a TCP port; a serial port has RTU
+    /// The framing on a TCP port; a serial port has RTU
     #[arg(long, value_enum, default_value_t = FramingArg::Tcp)]
     framing: FramingArg,
     /// The baud rate of a serial port
     #[arg(long, value_name = "N", default_value_t = 19_200, value_parser = serial::baud_rate())]
     baud: u32,
-    /// The parity of a serial port; most devices leave the factory with even
+    /// The parity of a serial port; the factory default of most devices is even
     #[arg(long, value_enum, default_value_t = ParityArg::None)]
     parity: ParityArg,
-    /// The stop bits of a serial port; the specification wants 2 where there is no parity
+    /// The stop bits of a serial port; the specification requires 2 without parity
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: u8,
     /// How long a reply may take, in milliseconds [default: 1000; scan of units: 200]
@@ -88,7 +88,7 @@ struct PortArgs {
 enum FramingArg {
     /// Modbus TCP
     Tcp,
-    /// RTU frames through the connection
+    /// RTU frames over TCP
     Rtu,
 }
 

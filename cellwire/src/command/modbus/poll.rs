@@ -14,22 +14,22 @@ use crate::io::line::Clock;
 use crate::io::output::log;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
-/// Reads the same addresses again and again, and prints what changes.
+/// Polls addresses, and prints changes.
 ///
-/// The first line of each range has all of its values; each line after it has one value that has changed, with the time in seconds
-/// since the start, what it was and what it is. A range that cannot be read is a line, and one when it can be read again; so is
-/// a connection that is lost, which is opened again. Runs until --seconds have passed, or until interrupted.
+/// The first line of each range has all of its values; each later line has one changed value, with the time in seconds
+/// since the start, the old and the new value. A read error of a range is a line, and so is its end; likewise
+/// a lost connection, which is reopened. Runs for --seconds, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port
     server: String,
-    /// What to read, by PDU addresses: TABLE:FIRST-LAST, with coils, discrete, input or holding
+    /// PDU addresses to poll: TABLE:FIRST-LAST, where TABLE is coils, discrete, input or holding
     #[arg(required = true, value_name = "RANGE")]
     ranges: Vec<Range>,
     /// The unit
     #[arg(long, value_name = "N", default_value_t = 1)]
     unit: u8,
-    /// The time from one reading of all ranges to the next, in milliseconds
+    /// The polling period in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=86_400_000))]
     every: u64,
     /// How long to read [default: until interrupted]
@@ -132,7 +132,7 @@ impl Watched {
         Ok(match client.ask(unit, &request, values)? {
             Answer::Replied(values) => values,
             Answer::Failed(failure) => Err(failure.to_string()),
-            Answer::Announced => Err("nobody replies to unit 0".into()),
+            Answer::Announced => Err("unit 0 is a broadcast, without a reply".into()),
         })
     }
 

@@ -53,7 +53,7 @@ impl Range {
         })
     }
 
-    /// In parts of so many addresses.
+    /// In parts of this many addresses.
     pub(super) fn parts(self, most: u16) -> impl Iterator<Item = Self> {
         let step = usize::from(most.max(1));
         (self.first..=self.last).step_by(step).map(move |first| Self {
@@ -72,7 +72,7 @@ impl FromStr for Range {
         let (name, addresses) = text.split_once(':').ok_or_else(wrong)?;
         let found = TABLES.iter().find(|(_, known)| *known == name);
         let (table, _) =
-            found.ok_or_else(|| format!("`{name}` is no table: coils, discrete, input or holding"))?;
+            found.ok_or_else(|| format!("`{name}` is not a table: coils, discrete, input or holding"))?;
         let (first, last) = addresses.split_once('-').unwrap_or((addresses, addresses));
         let number = |text: &str| text.trim().parse::<u16>().map_err(|_| wrong());
         let (first, last) = (number(first)?, number(last)?);
@@ -115,7 +115,7 @@ mod tests {
                 "holding:0-65536",
                 "`holding:0-65536` is not TABLE:FIRST-LAST, such as holding:0-36, or coils:7",
             ),
-            ("bits:0", "`bits` is no table: coils, discrete, input or holding"),
+            ("bits:0", "`bits` is not a table: coils, discrete, input or holding"),
             ("coils:9-8", "`coils:9-8` ends before it begins"),
         ] {
             assert_eq!(text.parse::<Range>(), Err(error.into()));

@@ -25,7 +25,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
             continue;
         }
         let frame: Frame<PduBuf> =
-            serde_json::from_str(&text).with_context(|| format!("line {number} is no message object"))?;
+            serde_json::from_str(&text).with_context(|| format!("line {number} is not a message object"))?;
         if lost.is_some() {
             log(&failed(Failure::NotSent))?;
             continue;
@@ -75,7 +75,7 @@ fn failed(failure: Failure) -> Value {
 }
 
 /// Reads back what a write has written, and adds to its reply whether it is there. True for what is no write, and for a broadcast,
-/// which nobody confirms.
+/// which has no reply.
 fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Result<bool> {
     let request = frame.pdu.request()?;
     let Some(read) = read_back(&request) else { return Ok(true) };

@@ -13,30 +13,30 @@ use crate::io::interrupt;
 use crate::io::output::{log, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
-/// Looks for units, or with --ranges for the addresses of one unit that can be read. It only reads.
+/// Scans for units, or with --ranges for the readable addresses of one unit. Sends only read requests.
 ///
-/// Units: each is asked for its holding register 0. Whoever replies is there, also who refuses; a gateway that reports that a unit
-/// does not answer (exceptions 10 and 11) does not count. A silent unit costs the timeout, on a serial line twice.
+/// Units: reads holding register 0 of each. Any reply counts, also an exception, except for a gateway's report that a unit
+/// does not respond (exceptions 10 and 11). A missing unit costs the timeout, on a serial line twice.
 ///
-/// Ranges: what a server refuses is asked for in halves, down to single addresses. Prints each run of addresses that can be read.
-/// A table with few addresses takes many requests: narrow it with --from and --to.
+/// Ranges: a refused range is split in halves, down to single addresses. Prints each readable range.
+/// A sparse table takes many requests: limit it with --from and --to.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port
     server: String,
-    /// The units to look for
+    /// The units to scan
     #[arg(long, value_name = "A-B", default_value = "1-247", value_parser = units)]
     units: RangeInclusive<u8>,
-    /// Look for the addresses of --unit instead
+    /// Scan the addresses of --unit instead
     #[arg(long)]
     ranges: bool,
-    /// The unit whose addresses are looked for
+    /// The unit to scan with --ranges
     #[arg(long, value_name = "N", default_value_t = 1)]
     unit: u8,
-    /// The first address that is tried
+    /// The first address to try
     #[arg(long, value_name = "N", default_value_t = 0)]
     from: u16,
-    /// The last address that is tried
+    /// The last address to try
     #[arg(long, value_name = "N", default_value_t = u16::MAX)]
     to: u16,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
     let mut client = Client::open(&port)?;
     let found = if args.ranges { ranges(args, &mut client)? } else { units_of(args, &mut client)? };
     if found == 0 {
-        remark(if args.ranges { "nothing that can be read" } else { "no unit replies" });
+        remark(if args.ranges { "no readable addresses" } else { "no unit replied" });
     }
     Ok(found > 0)
 }
@@ -154,7 +154,7 @@ fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
         Answer::Replied(Err(exception @ Exception::IllegalFunction)) => Tried::Nothing(exception.to_string()),
         Answer::Replied(Err(_)) => Tried::Refused,
         Answer::Failed(failure) => Tried::Nothing(failure.to_string()),
-        Answer::Announced => Tried::Nothing("nobody replies to unit 0".into()),
+        Answer::Announced => Tried::Nothing("unit 0 is a broadcast, without a reply".into()),
     })
 }
 

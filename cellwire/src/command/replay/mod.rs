@@ -19,14 +19,14 @@ use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::output::{self, remark};
 
-/// Plays one end of a captured conversation against a program or a device, and says where the other end departs from what it did then.
+/// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
 ///
-/// Prints one line of JSON for each departure, with the message of then and of now: `other`, `missing`, `again` (what was sent before is
-/// sent again), `later` (after its successor), `more`, or `values` where only numbers differ, as measured ones do: these do not change the
-/// exit status. One line at the end has the counts. The messages are read with the settings that are given.
+/// Prints one line of JSON for each difference, with the captured and the actual message: `other`, `missing`, `again` (sent
+/// again), `later` (after its successor), `more`, or `values` (only numbers differ, such as measured values), which do not affect the
+/// exit status. The last line has the counts. Messages are decoded with the given settings.
 ///
-/// What is sent are the messages of the capture, as they were: a device moves as it did then. Only a number that the other end chooses
-/// and this end repeats, such as an order's or a transaction's, is the one that the other end has chosen now.
+/// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end repeats,
+/// such as an order or transaction number, are replaced by the current ones.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -42,10 +42,10 @@ pub struct Args {
     /// When this end sends
     #[arg(long, value_enum, default_value_t = Pace::Turns)]
     pace: Pace,
-    /// How much longer than then, in seconds, a message of the other end may take before it counts as missing
+    /// How much later than in the capture a message may come before it counts as missing, in seconds
     #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
     patience: Duration,
-    /// Send the bytes of the capture and nothing else, whatever numbers the other end chooses
+    /// Send exactly the captured bytes, without replaced numbers
     #[arg(long)]
     verbatim: bool,
 }
@@ -53,18 +53,18 @@ pub struct Args {
 /// When this end sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Pace {
-    /// When the other end has sent what it sent before, and as long after it as then
+    /// After the other end's preceding messages, with the captured delay
     Turns,
-    /// As soon as the other end has sent what it sent before
+    /// Immediately after the other end's preceding messages
     Answers,
-    /// At the times of the capture, whatever the other end sends
+    /// At the captured times, whatever the other end sends
     Times,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   cellwire replay laser-eb90 tap.pcapng --as controller --pty /tmp/laser
-      a laser's controller as it was captured, for a program that opens /tmp/laser
+      a captured laser controller, for a program that opens /tmp/laser
   cellwire replay kawasaki-msg day.pcapng --as robot --connect 127.0.0.1:9105
       a robot that connects to a PC
   cellwire replay fanuc-hmi-modbus day.pcapng --as client --connect 192.168.0.10:502 --pace times
@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let conversation = args.conversation.read()?;
     let parties = conversation.ends(args.of.link, &args.end)?;
     let Script { parts, expected } = Script::new(&args.of, &conversation, parties)?;
-    ensure!(!parts.is_empty(), "the capture has nothing that `{}` sent", args.end);
+    ensure!(!parts.is_empty(), "the capture has no messages from `{}`", args.end);
     let [ours, other] = parties;
     let mut play = Play {
         reader: Reader::new(&args.of, other.side)?,

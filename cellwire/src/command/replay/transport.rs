@@ -31,7 +31,7 @@ pub(super) struct TransportArgs {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct PlaceArgs {
-    /// Listen on this address for the other end; a port alone is one of this machine's loopback address, and port 0 any free one
+    /// Listen on this address for the other end; a port alone means 127.0.0.1, port 0 any free port
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// Connect to the other end at this address

@@ -25,7 +25,7 @@ pub(super) struct Entry {
     pub(super) what: Told,
 }
 
-/// On a line that carries both directions: whoever has sent bytes that neither says.
+/// On a line that carries both directions: the unknown sender of bytes that neither end sends.
 pub(super) const UNKNOWN: &str = "unknown";
 
 /// What was said or done.
@@ -44,11 +44,11 @@ pub(super) enum Told {
         clause: Option<&'static str>,
         bytes: Vec<u8>,
     },
-    /// Bytes of an end that sends no messages, or of nobody knows whom.
+    /// Bytes of an end that sends no messages, or of an unknown sender.
     Bytes(Vec<u8>),
     /// The end breaks a rule, is late, or shows that an assumption is wrong.
     Wrong(Complaint),
-    /// So many bytes were passed on, and not seen.
+    /// How many bytes were passed on, and not seen.
     Missed(u64),
     /// The end sends no more, or its connection broke.
     Closed(Option<String>),
@@ -197,7 +197,7 @@ impl<'a> Decoding<'a> {
 fn watch(watcher: &mut Watcher, entry: &Entry, poller: Option<&'static str>) -> Vec<Complaint> {
     let from = entry.end;
     let seen = match &entry.what {
-        // Of a line, and of ports, nobody knows what was said before.
+        // What lines and ports carried before is unknown.
         Told::Opened(Place::Tcp(..)) => shadow::Seen::Opened,
         Told::Message { length, content, .. } => {
             shadow::Seen::Message { from, length: *length, message: content }

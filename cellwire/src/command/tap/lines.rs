@@ -21,7 +21,7 @@ pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {
             Err(RecvTimeoutError::Disconnected) => return,
         };
         if let Err(error) = outcome {
-            remark(&format!("warning: {error:#}: no more lines; the bytes pass all the same"));
+            remark(&format!("warning: {error:#}: no more lines; bytes are still forwarded"));
             return seen.iter().for_each(drop);
         }
     }

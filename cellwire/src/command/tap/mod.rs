@@ -20,18 +20,18 @@ use crate::io::interrupt;
 use crate::io::output::{self, remark};
 use crate::io::tap::Watch;
 
-/// Listens to both ends of a link: passes their bytes on unchanged, or only listens, and shows their messages.
+/// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
 ///
-/// Prints one JSON object per line: what a message says, when it came and who sent it, or what is wrong with bytes, and by which
-/// clause of the link's specification. The bytes go into a capture for Wireshark, `decode` and `identify`, which is whole whenever the
+/// Prints one JSON object per line: a message with its time and sender, or an error in the bytes with the
+/// clause of the link's specification. The bytes are captured for Wireshark, `decode` and `identify`; the file is valid whenever the
 /// tap ends.
 ///
-/// Shadow ends run along: a line with "shadow" says that an end breaks a rule of the specification ("rule"), was later than the source
-/// allows ("budget"), or that a session of ours with its default settings would have assumed something wrong ("assumption"), by which
-/// clause. Where the tap begins in the middle of a conversation they learn first.
+/// Shadow ends follow both ends: a line with "shadow" reports that an end broke a rule ("rule"), was later than the source
+/// allows ("budget"), or contradicted a default setting of this project's sessions ("assumption"), with the
+/// clause. If the tap begins in the middle of a conversation, they synchronise first.
 ///
-/// Bytes are passed on before anything else is done with them. A full disk, output that nobody reads and messages that cannot be
-/// decoded change nothing for the two ends.
+/// Bytes are forwarded before anything else is done with them. A full disk, blocked output and undecodable messages do not
+/// affect the two ends.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -39,10 +39,10 @@ pub struct Args {
     of: LinkArgs,
     #[command(flatten)]
     way: WayArgs,
-    /// Show both ends on the terminal while they talk, in place of the lines
+    /// Show both ends on a live screen instead of lines
     #[arg(long)]
     screen: bool,
-    /// The capture; where there is a file of this name, one with a number
+    /// The capture file; a number is added if it exists
     #[arg(long, value_name = "FILE", default_value = "tap.pcapng")]
     capture: PathBuf,
     /// Write no capture
@@ -53,7 +53,7 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire tap kawasaki-msg --listen 0.0.0.0:9105 --connect 192.168.0.10:9105
-      the robot is told this machine's address in place of its PC's
+      the robot connects to this machine instead of its PC
   cellwire tap laser-eb90 --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 115200
       a PC at one adapter, the laser's controller at the other, and this machine between them
   cellwire tap val2-alter --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 19200 --listen-only
@@ -61,7 +61,7 @@ Examples:
   cellwire decode kawasaki-msg --format pcap tap.pcapng
       the same messages again, from the capture
 
-The ends notice nothing but a delay of some microseconds. RTS, DTR and breaks of a serial line are not passed on: what needs them is
+The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial line are not forwarded: for them, use
 listened to with a Y cable.";
 
 /// On a line that carries both directions nothing more comes of what was sent before such a silence.

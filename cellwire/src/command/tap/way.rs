@@ -13,24 +13,24 @@ use crate::io::{output, tcp, udp};
 /// Where the ends are.
 #[derive(Debug, clap::Args)]
 pub(in crate::command) struct WayArgs {
-    /// Listen for clients on this address; a port alone is one of this machine's loopback address
+    /// Listen for clients on this address; a port alone means 127.0.0.1
     #[arg(long, value_name = "ADDR", requires = "connect", conflicts_with = "a")]
     listen: Option<String>,
-    /// The address of the server, to which the bytes of each client are passed on
+    /// The address of the server, to which each client's bytes are forwarded
     #[arg(long, value_name = "ADDR", requires = "listen")]
     connect: Option<String>,
-    /// Pass datagrams on, not connections
+    /// Forward UDP datagrams instead of TCP connections
     #[arg(long, requires = "listen")]
     udp: bool,
     #[command(flatten)]
     timeout: ConnectArgs,
-    /// The serial port of the end that is a client over TCP: the PC, but for Kawasaki's robot
+    /// The serial port of the end that would be the client over TCP: the PC, or Kawasaki's robot
     #[arg(long, value_name = "PORT")]
     a: Option<String>,
     /// The serial port of the other end
     #[arg(long, value_name = "PORT", requires = "a")]
     b: Option<String>,
-    /// Only listen, as on the receive lines of a Y cable; with --a alone, to a line that carries both directions
+    /// Only listen, as with the receive lines of a Y cable; with --a alone, to a line that carries both directions
     #[arg(long, requires = "a")]
     listen_only: bool,
     /// The baud rate of the ports
@@ -68,9 +68,9 @@ impl Way {
             (Some(address), ..) => Ok(Self::Tcp(tcp::listen(address)?)),
             (None, Some(a), Some(b)) => Ok(Self::Ports(port(a)?, Some(port(b)?))),
             (None, Some(a), None) if args.listen_only => Ok(Self::Ports(port(a)?, None)),
-            (None, Some(a), None) => bail!(
-                "give the other end's port with --b, or --listen-only where {a} is a line that carries both directions"
-            ),
+            (None, Some(a), None) => {
+                bail!("give the other end's port with --b, or --listen-only if {a} carries both directions")
+            }
             (None, None, _) => {
                 bail!("give --listen and --connect for a network, or --a and --b for serial ports")
             }

@@ -11,7 +11,7 @@ use pcap_parser::{
 
 use super::fault::Fault;
 
-/// So much is read at once.
+/// How much is read at once.
 const CHUNK: usize = 1 << 20;
 /// No packet is longer; a length above it is corrupt.
 const MAX_BLOCK: usize = 16 << 20;
@@ -72,7 +72,7 @@ enum Form {
 /// What a section says of an interface.
 struct Interface {
     link_type: u32,
-    /// So much is captured of a packet at most; 0: all of it.
+    /// How much is captured of a packet at most; 0: all of it.
     limit: u32,
     /// The parts of a second in which its times are.
     resolution: u64,
@@ -208,7 +208,7 @@ impl Form {
                 };
                 let Some(length) = word(4, is_big) else { return Ok(None) };
                 if !length.is_multiple_of(4) {
-                    return Err(format!("a block of {length} bytes, which is no multiple of 4"));
+                    return Err(format!("a block of {length} bytes, not a multiple of 4"));
                 }
                 let least = match word(0, is_big) {
                     Some(SECTION_HEADER) => 28,

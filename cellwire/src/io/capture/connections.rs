@@ -10,7 +10,7 @@ use anyhow::Result;
 use super::reassembly::{Piece, Reassembly};
 use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
 
-/// So many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
+/// How many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
 /// connection. A connection takes what its two directions hold, and the segments that wait.
 const MAX_CONNECTIONS: usize = 2048;
 

@@ -9,7 +9,7 @@ use etherparse::defrag::IpDefragBuf;
 use super::fault::Fault;
 use super::network::{Fragment, Ip};
 
-/// So many packets may be incomplete at once, each of at most 64 KiB; with more, the oldest counts as lost.
+/// How many packets may be incomplete at once, each of at most 64 KiB; with more, the oldest counts as lost.
 const MAX_INCOMPLETE: usize = 64;
 
 /// Packets of which some fragments were captured, the oldest first.
@@ -37,7 +37,7 @@ impl Fragments {
         let why = if missing > 0 {
             Some("a fragment was cut off by the capture")
         } else if packet.add(fragment.offset, !fragment.is_last, payload).is_err() {
-            Some("fragments contradict one another")
+            Some("fragments contradict each other")
         } else {
             None
         };
@@ -53,7 +53,9 @@ impl Fragments {
         }
         self.0.push_back((key, packet));
         let faults = match self.0.len() > MAX_INCOMPLETE {
-            true => self.0.pop_front().map(|(key, packet)| lost(&key, &packet, "too many were incomplete")),
+            true => {
+                self.0.pop_front().map(|(key, packet)| lost(&key, &packet, "too many incomplete datagrams"))
+            }
             false => None,
         };
         (None, faults.into_iter().collect())

@@ -11,7 +11,7 @@ use super::{Fault, Flow, Found, Line, Packet, Summary};
 
 /// No line is longer.
 const MAX_LINE: u64 = 1 << 16;
-/// A line of bytes and characters has so many bytes.
+/// A line of bytes and characters has this many bytes.
 const BYTES_A_LINE: usize = 16;
 /// So far to the right are the lines of the other end.
 const SHIFT: usize = 4;
@@ -33,7 +33,7 @@ pub(super) fn read(
             dump.about(text);
         }
     }
-    ensure!(dump.packets > 0, "the input is no hex dump: no line has an offset and bytes");
+    ensure!(dump.packets > 0, "the input is not a hex dump: no line has an offset and bytes");
     Ok(Summary { packets: dump.packets, ..Summary::default() })
 }
 
@@ -91,7 +91,7 @@ impl Dump {
         // A packet begins, or the last one goes on.
         self.packets += u64::from(offset == 0 || self.packets == 0);
         if offset != 0 && offset != *next {
-            let why = format!("the offset is {offset:x}, where it should be 0 or {next:x}");
+            let why = format!("the offset is {offset:x}, expected 0 or {next:x}");
             take(Found::Fault(number, Fault::Line { why }))?;
         }
         *next = offset + bytes.len() as u64;
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn an_offset_that_is_not_the_next_is_said() {
         let found = dump("0000 01 02\n0008 03\n");
-        assert!(found[1].contains("the offset is 8, where it should be 0 or 2"), "{found:?}");
+        assert!(found[1].contains("the offset is 8, expected 0 or 2"), "{found:?}");
         let input: Box<dyn Read + Send> = Box::new(&b"nothing"[..]);
         assert!(read(BufReader::new(input), |_| Ok(())).is_err());
     }

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, VecDeque};
 
 use anyhow::Result;
 
-/// So many segments, and bytes, may wait for an earlier one; with more, the earlier one counts as lost.
+/// How many segments, and bytes, may wait for an earlier one; with more, the earlier one counts as lost.
 const MAX_WAITING: usize = 256;
 const MAX_WAITING_BYTES: usize = 1 << 20;
-/// So many gaps are remembered: bytes that come for one later are reported.
+/// How many gaps are remembered: bytes that come for one later are reported.
 const MAX_GAPS: usize = 16;
 /// The place of the first byte: what comes before it has a place, too.
 const ORIGIN: u64 = 1 << 32;

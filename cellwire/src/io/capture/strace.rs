@@ -28,7 +28,7 @@ pub(super) fn read(
         let (number, at) = (lines.number, trace.at);
         take(Found::Packet(Packet { number, at, flow, segment: None, payload: &data, missing }))?;
     }
-    ensure!(calls > 0, "the input is none of strace: no line has a call and what it returned");
+    ensure!(calls > 0, "the input is not strace output: no line has a call and its result");
     Ok(Summary { packets: calls, ..Summary::default() })
 }
 

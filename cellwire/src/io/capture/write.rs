@@ -22,7 +22,7 @@ use crate::io::files;
 use crate::io::output::remark;
 use crate::io::tap::{End, Place, Seen, What};
 
-/// So much is collected at most before it is written.
+/// How much is collected at most before it is written.
 const BATCH: usize = 1 << 20;
 
 /// The ends of a serial line, which has no addresses (RFC 5737).
@@ -39,7 +39,7 @@ pub struct Writer {
     connections: HashMap<u32, Connection>,
     /// Bytes that could not be written since this was last possible.
     failed: Option<u64>,
-    /// Whoever reads a pipe may be gone for good.
+    /// The reader of a pipe may be gone.
     is_pipe: bool,
 }
 
@@ -61,7 +61,7 @@ impl Writer {
         Self::begin(file, path, about, false)
     }
 
-    /// Into a pipe, for as long as somebody reads it.
+    /// Into a pipe, as long as it is read.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -83,7 +83,7 @@ impl Writer {
         &self.path
     }
 
-    /// Writes everything that is seen, until there is nothing more to see, or nobody reads the pipe.
+    /// Writes everything that is seen, until there is nothing more to see, or the pipe is closed.
     pub fn record(mut self, seen: &Receiver<Seen>) {
         while let Ok(first) = seen.recv() {
             self.add(&first);
@@ -105,13 +105,13 @@ impl Writer {
         match (self.write(), self.failed) {
             (Ok(()), Some(lost)) => {
                 self.failed = None;
-                remark(&format!("{} goes on; {lost} bytes are missing", self.path.display()));
+                remark(&format!("{} continues; {lost} bytes are missing", self.path.display()));
             }
             (Ok(()), None) => {}
             (Err(error), before) => {
                 if before.is_none() {
                     let path = self.path.display();
-                    remark(&format!("warning: cannot write {path}: {error}; the bytes pass all the same"));
+                    remark(&format!("warning: cannot write {path}: {error}; bytes are still forwarded"));
                 }
                 self.failed = Some(before.unwrap_or_default() + bytes);
             }
@@ -294,5 +294,5 @@ fn low(number: u64) -> u32 {
 }
 
 fn unwritten(error: impl core::fmt::Debug) -> anyhow::Error {
-    anyhow!("a block of a capture cannot be written: {error:?}")
+    anyhow!("cannot write a block of the capture: {error:?}")
 }

@@ -31,7 +31,7 @@ const MAX_DEPTH: u32 = 256;
 const MAX_LINES: usize = 1_000_000;
 /// The sides of a view box, in its own units.
 const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
-/// No curve goes further than so many sheets.
+/// No curve goes further than this many sheets.
 const MAX_SHEETS: f64 = 100.0;
 
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
@@ -108,14 +108,14 @@ impl Picture {
         let elements = Elements::new(&document).count(document.root_element(), 0);
         ensure!(
             elements <= MAX_ELEMENTS,
-            "has more than {MAX_ELEMENTS} elements, with those that `use` repeats, or nests them deeper than {MAX_DEPTH}"
+            "has more than {MAX_ELEMENTS} elements, including those repeated by `use`, or is nested deeper than {MAX_DEPTH}"
         );
         let tree = usvg::Tree::from_xmltree(&document, &options()).context("is not an SVG file")?;
         let outlines = Outlines::of(&document, &tree)?;
         let left_out = outlines.left_out();
         ensure!(
             allow || left_out.is_empty(),
-            "has {left_out}: turn them into paths and lines, or leave them out with `kawasaki draw --allow`"
+            "has {left_out}: convert them to paths and lines, or skip them with `kawasaki draw --allow`"
         );
         let mut path = outlines.path;
         let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
@@ -133,9 +133,9 @@ impl Picture {
         let is_near = |p: CurvePoint| p.x.abs() <= furthest && p.y.abs() <= furthest;
         ensure!(
             path.elements().iter().flat_map(points).all(is_near),
-            "has lines that go further than {MAX_SHEETS} sheets: is the view box right?"
+            "has lines beyond {MAX_SHEETS} sheets: check the view box"
         );
-        // A picture may extend beyond its view box: nobody sees what is outside.
+        // A picture may extend beyond its view box, outside of which nothing is visible.
         let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
         let (mut start, mut last) = (CurvePoint::ZERO, CurvePoint::ZERO);
         let mut line = |from: CurvePoint, to: CurvePoint| {
@@ -158,10 +158,7 @@ impl Picture {
         });
         pen.trim();
         ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
-        ensure!(
-            !pen.lines.is_empty(),
-            "has no lines to draw: only outlines are drawn, and text must be turned into paths first"
-        );
+        ensure!(!pen.lines.is_empty(), "has no outlines to draw: convert text to paths first");
         Ok((Self { lines: pen.lines, sheet }, left_out))
     }
 
@@ -267,7 +264,7 @@ impl<'a, 'input> Elements<'a, 'input> {
         if let Some(count) = self.counted.get(&node) {
             return *count;
         }
-        // What refers to itself is drawn by nobody.
+        // An element that refers to itself is not drawn.
         self.counted.insert(node, 0);
         let mut count = 1_u64;
         for child in node.children().filter(Node::is_element) {

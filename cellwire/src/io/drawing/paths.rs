@@ -16,7 +16,7 @@ pub(super) struct Outlines {
 }
 
 impl Outlines {
-    /// Those of a drawing, dashes as lines of their own. What nobody sees has none.
+    /// Those of a drawing, dashes as lines of their own. Invisible elements have none.
     ///
     /// # Errors
     /// When its dashes are more than any machine draws.

@@ -139,7 +139,7 @@ fn no_drawing_is_too_large_to_be_refused() {
     assert!(tiny.starts_with("has a view box of 0.0"), "{tiny}");
     let far = r#"<path d="M0 0 C 1e30 1 2 3e30 4 5 A 1e20 1 0 0 0 1e19 5" stroke="red"/>"#;
     let far = error(&svg(r#"viewBox="0 0 297 210""#, far));
-    assert_eq!(far, "has lines that go further than 100 sheets: is the view box right?");
+    assert_eq!(far, "has lines beyond 100 sheets: check the view box");
     let mut body = String::from(r#"<g id="a0"><path d="M0 0 L 9 9" stroke="red"/></g>"#);
     for level in 1..40 {
         let below = level - 1;
@@ -147,7 +147,7 @@ fn no_drawing_is_too_large_to_be_refused() {
     }
     let laughs = error(&svg(r#"viewBox="0 0 297 210""#, &body));
     let refused =
-        "has more than 1000000 elements, with those that `use` repeats, or nests them deeper than 256";
+        "has more than 1000000 elements, including those repeated by `use`, or is nested deeper than 256";
     assert_eq!(laughs, refused);
     let deep = "<g>".repeat(2000) + &"</g>".repeat(2000);
     assert_eq!(error(&svg(r#"viewBox="0 0 297 210""#, &deep)), refused);

@@ -31,7 +31,7 @@ pub use faults::LineFaults;
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
 
-/// So many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
+/// How many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
 /// device that sends more takes no input meanwhile.
 const MODEM: usize = 4096;
 
@@ -159,7 +159,7 @@ impl Line {
     /// When the port cannot be shared between reader and writer.
     pub fn over_port(mut port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
         let reader = port.try_clone()?;
-        // A client that does not read loses bytes, as on a line without flow control: nobody waits for it.
+        // A client that does not read loses bytes, as on a line without flow control: nothing waits for it.
         port.set_timeout(Duration::ZERO)?;
         Self::new(Box::new(port), clock, baud, trace, |feed| port::read(reader, &feed))
     }
@@ -345,7 +345,7 @@ impl Line {
                 && is_silence(&error)
                 && !core::mem::replace(&mut self.is_overrun, true)
             {
-                remark("warning: the client does not read, and bytes to it are lost");
+                remark("warning: the client does not read; bytes to it are lost");
             }
         }
     }

@@ -9,7 +9,7 @@ use serialport::SerialPort;
 
 use super::{CHUNK, Feed};
 
-/// Forwards what clients write, with the time at which it was read, until the line is dropped. When nobody takes it, the client waits.
+/// Forwards what clients write, with the time at which it was read, until the line is dropped. When it is not taken, the client waits.
 pub(super) fn read(mut port: Box<dyn SerialPort>, feed: &Feed) {
     let mut buffer = [0; CHUNK];
     while feed.is_wanted() {

@@ -19,10 +19,10 @@ use crate::io::serial::READ_TIMEOUT;
 const ARRIVALS: Token = Token(0);
 const CLIENT: Token = Token(1);
 
-/// While the line is full, or carries what a client that has left has sent, it is looked at so often.
+/// How often the line is checked while it is full, or carries data of a client that has left.
 const BUSY: Duration = Duration::from_millis(5);
 
-/// What a client that has left has sent is carried for so long. The rest is dropped: what the system holds for it may take an hour
+/// What a client that has left has sent is carried for this long. The rest is dropped: what the system holds for it may take an hour
 /// on the line.
 const CARRIED: Duration = Duration::from_secs(5);
 
@@ -33,7 +33,7 @@ pub(super) struct Server {
     idle_timeout: Option<Duration>,
     shared: Shared,
     connection: Option<Connection>,
-    /// Somebody may wait to be accepted.
+    /// A client may wait to be accepted.
     has_arrivals: bool,
 }
 
@@ -113,12 +113,12 @@ impl Server {
             Ok(Arrival::Client(stream, peer)) => match &self.connection {
                 Some(first) => {
                     refuse(&stream);
-                    remark(&format!("refused the client {peer}: {} is on the line", first.peer));
+                    remark(&format!("refused the client {peer}: {} is connected", first.peer));
                 }
                 None => self.connect(stream, peer, feed),
             },
             Ok(Arrival::Refused(peer)) => {
-                remark(&format!("refused the client {peer}: no descriptor is free, see ulimit -n"));
+                remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
             }
             Ok(Arrival::Nobody) => self.has_arrivals = false,
             // One that there was no room for is not reported again.
@@ -150,10 +150,7 @@ impl Connection {
     fn serve(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         if self.left.is_some_and(|left| now.saturating_sub(left) >= CARRIED) {
-            return Err(Some(format!(
-                "it has left, and what it has sent takes longer than {} s",
-                CARRIED.as_secs()
-            )));
+            return Err(Some(format!("it has left, and its data takes longer than {} s", CARRIED.as_secs())));
         }
         match self.read(feed, idle_timeout) {
             Err(None) if feed.client.under_way.load(Ordering::Relaxed) > 0 => {

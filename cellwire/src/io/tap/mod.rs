@@ -13,10 +13,10 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// So much is read and passed on at once.
+/// How much is read and passed on at once.
 pub const CHUNK: usize = 16 * 1024;
 
-/// So many pieces wait for what looks at them: of the longest, 64 MiB.
+/// How many pieces wait for what looks at them: of the longest, 64 MiB.
 const WAITING: usize = 4096;
 
 /// One of the two ends: of a TCP connection `A` is the client, and on a serial line what is at the port `--a`.
@@ -59,7 +59,7 @@ pub enum What {
     Opened(Place),
     /// Bytes, as they were read.
     Bytes(Arc<[u8]>),
-    /// So many bytes were passed on, and not seen.
+    /// How many bytes were passed on, and not seen.
     Missed(u64),
     /// The end sends no more; or with a reason, its connection broke.
     Closed(Option<String>),

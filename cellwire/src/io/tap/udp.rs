@@ -15,7 +15,7 @@ use crate::io::udp;
 /// The longest datagram.
 const LONGEST: usize = 65_536;
 
-/// So many clients at once; those of more are not passed.
+/// How many clients at once; those of more are not passed.
 const CLIENTS: usize = 256;
 
 /// Passes the datagrams of every client on to `server`, and its answers back.
@@ -32,14 +32,16 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
     loop {
         let (length, from) = match socket.recv_from(&mut buffer) {
             Ok(received) => received,
-            // An answer reached nobody.
+            // An answer was not delivered.
             Err(error) if is_passing(error.kind()) => continue,
             Err(error) => return Err(error).context("cannot receive datagrams"),
         };
         if !clients.contains_key(&from) {
             if clients.len() == CLIENTS {
                 if !core::mem::replace(&mut is_full, true) {
-                    remark(&format!("warning: {from} and others are not passed: {CLIENTS} clients are"));
+                    remark(&format!(
+                        "warning: datagrams of {from} and others are dropped: {CLIENTS} clients are the maximum"
+                    ));
                 }
                 continue;
             }
@@ -83,7 +85,7 @@ fn open(
     Ok(to)
 }
 
-/// Nobody listens there now, or the call was interrupted.
+/// The peer does not listen now, or the call was interrupted.
 fn is_passing(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset | ErrorKind::Interrupted)
 }

@@ -89,7 +89,7 @@ pub struct Client {
 pub enum Answer<T> {
     /// What was read from the reply, or from the exception.
     Replied(T),
-    /// It was sent to every unit: nobody replies.
+    /// It was sent as a broadcast, which has no reply.
     Announced,
     /// There is no usable reply.
     Failed(Failure),
@@ -133,7 +133,7 @@ impl Client {
         Ok(answer)
     }
 
-    /// Reads what comes in the meantime, for so long: replies that nobody waits for, and the end of the connection.
+    /// Reads what comes in the meantime, for this long: unexpected replies, and the end of the connection.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
@@ -171,9 +171,7 @@ impl Client {
             ControlFlow::Continue(()) => Ok(None),
             ControlFlow::Break(Ended::ByHandler(answer)) => Ok(Some(answer)),
             ControlFlow::Break(Ended::ByPeer) => Err(Lost("the server closed the connection".into()).into()),
-            ControlFlow::Break(Ended::Stalled) => {
-                Err(Lost("the server does not read what it is sent".into()).into())
-            }
+            ControlFlow::Break(Ended::Stalled) => Err(Lost("the server does not read".into()).into()),
         }
     }
 
@@ -217,7 +215,7 @@ fn answer<T>(
         ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
         ClientEvent::Stray { unit, function, late, .. } => {
             let what = if late.is_some() { "late" } else { "unasked" };
-            remark(&format!("a reply nobody waits for ({what}): unit {unit}, function {function}"));
+            remark(&format!("unexpected reply ({what}): unit {unit}, function {function}"));
             None
         }
         ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {

@@ -131,7 +131,7 @@ impl Area {
             (Variable::Here, 0)
         } else {
             bail!(
-                "{var_name} is not modelled: R[n], R[n]@1.1, PR[n] and POS[0] with multiply 0, SR[n] with multiply -1 are"
+                "{var_name} is not modelled: supported are R[n], R[n]@1.1, PR[n] and POS[0] with multiply 0, SR[n] with multiply -1"
             )
         };
         Ok(Self { registers, variable, first })
@@ -271,7 +271,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
     fn what_is_not_modelled_is_refused_with_its_slot() {
         let other = LISTING.replace("'SR[1]'", "'ALM[1]'");
         let error = format!("{:#}", Mapping::parse(&other, WordOrder::LowFirst).unwrap_err());
-        assert!(error.starts_with("slot 4: ALM[1] is not modelled: R[n], "), "{error}");
+        assert!(error.starts_with("slot 4: ALM[1] is not modelled: supported are R[n], "), "{error}");
         let error = format!(
             "{:#}",
             Mapping::parse("\nSETVAR $SNPX_ASG[99].$SIZE 1", WordOrder::LowFirst).unwrap_err()

@@ -25,7 +25,7 @@ pub struct FanucSettings {
     pub stall: Duration,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// Telemetry that cannot be, and when: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
+    /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
     pub faults: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,
@@ -34,7 +34,7 @@ pub struct FanucSettings {
 /// What the robot runs.
 #[derive(Debug, Clone)]
 pub struct ProgramSettings {
-    /// The LS file; those that it calls are beside it.
+    /// The LS file; programs that it calls are in the same folder.
     pub program: Option<String>,
     /// A listing of `$SNPX_ASG`.
     pub assignments: Option<String>,
@@ -68,19 +68,20 @@ impl Configure for ProgramSettings {
         // The last two are of `ls run` alone.
         let Self { program, assignments, robot, joints, inputs, repeat, telemetry, macros: _, anywhere: _ } =
             self;
-        let about = "the program that the robot runs; those that it calls are beside it";
+        let about = "the program that the robot runs; programs that it calls are in the same folder";
         fields.text("program", "an LS file", "the robot goes around a circle", about, program);
-        let about = "which variables the holding registers show, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";
+        let about =
+            "the variables of the holding registers, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";
         let shape = "a file with lines such as SETVAR $SNPX_ASG[1].$ADDRESS 1, or those of SYSTEM.VA";
         fields.text("assignments", shape, "the telemetry block, then R[n] in 16 bits", about, assignments);
-        let about = "the robot's joints and arm, as `ls make --robot` takes them";
-        fields.text("robot", "a JSON file", "it is an LR Mate 200iD", about, robot);
-        fields.parsed("joints", "six numbers in degrees", "where the robot is at the start", joints);
+        let about = "the robot's joints and arm, as for `ls make --robot`";
+        fields.text("robot", "a JSON file", "an LR Mate 200iD", about, robot);
+        fields.parsed("joints", "six numbers in degrees", "the robot's start position", joints);
         let shape =
             "INPUT:FROM-TO in seconds since the start, with commas between them, such as DI[1]:0-5,RI[2]:3-";
-        fields.text("inputs", shape, "all are off", "the inputs that are on, and when", inputs);
+        fields.text("inputs", shape, "all are off", "inputs that are on, with times", inputs);
         fields.flag("repeat", "begin the program again when it has ended", repeat);
-        let about = "the first register of the background task's telemetry; 0: there is none";
+        let about = "the first register of the background task's telemetry; 0: none";
         fields.whole("telemetry", 0..=16_000, "", about, telemetry);
     }
 }
@@ -133,19 +134,19 @@ impl Configure for FanucSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults, program } = self;
         frames_setting(fields, frames);
-        let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
+        let about = "its unit number; auto: all on TCP, 1 in RTU frames";
         fields.whole_or("unit", 0..=u8::MAX, "", "auto", about, unit);
         let choices = [("auto", None), ("true", Some(true)), ("false", Some(false))];
-        let about = "unit 0 is a broadcast: carried out, never answered; auto: in RTU frames";
+        let about = "unit 0 is a broadcast, executed without a reply; auto: in RTU frames";
         fields.choice("broadcast", &choices, about, broadcast);
         fields.baud("the rate of the serial line, 11 bits a byte", baud);
         let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
         fields.time_or("silence", SOME_TIME, "auto", about, silence);
-        fields.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
+        fields.time("stall", SOME_TIME, "in RTU over TCP, the silence that ends a frame", stall);
         word_order_setting(fields, word_order);
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";
-        fields.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
+        fields.text("faults", shape, "there are none", "implausible telemetry, with times", faults);
         program.configure(fields);
     }
 }

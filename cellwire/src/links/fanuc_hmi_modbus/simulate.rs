@@ -92,7 +92,7 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
     let mut machine = Machine::new(main, programs, planner, settings.repeat);
     machine.robot = match &settings.robot {
         Some(path) => format!("the robot of {path}"),
-        None => "an LR Mate 200iD, for want of another description".into(),
+        None => "an LR Mate 200iD, since no other is described".into(),
     };
     findings.iter().for_each(|finding| machine.report(finding.event()));
     Ok(Robot::new(machine, mapping, inputs, settings.telemetry.into()))
@@ -138,7 +138,7 @@ pub fn serve_tcp(
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
             Notice::Event(Told::Device(ServerEvent::OutOfStep(error))) => {
-                return ControlFlow::Break(format!("the client is out of step: {error}"));
+                return ControlFlow::Break(format!("the client violates the protocol: {error}"));
             }
             Notice::Event(Told::Device(event)) => report(event, &mut notify),
             Notice::Event(Told::Close(why)) => return ControlFlow::Break(why.into()),
@@ -164,7 +164,7 @@ fn serve_line(line: &mut Line, controller: &Shared, config: ServerConfig) -> Res
     Ok(())
 }
 
-/// One connection, of which nobody asks what was written.
+/// One connection, without a record of writes.
 fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<FanucController>> {
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }

@@ -15,7 +15,7 @@ use crate::io::udp::{self, Datagrams};
 use crate::io::{drive::Lost, tcp};
 use crate::links::device::Endpoint;
 
-/// A PC that connects tries it again so often.
+/// A PC that connects tries it again this often.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// The longest datagram.
@@ -102,7 +102,7 @@ impl Meeting {
         }
     }
 
-    /// A connection that was made without waiting for one; nothing where nobody has come.
+    /// A connection that was made without waiting for one; `None` without a client.
     ///
     /// # Errors
     /// What a person has to change; that a connection cannot be opened now is the inner error.
@@ -116,7 +116,7 @@ impl Meeting {
                     Ok(Some((stream(client), peer.to_string())))
                 }
                 Ok(Arrival::Refused(peer)) => {
-                    remark(&format!("refused {peer}: no descriptor is free, see ulimit -n"));
+                    remark(&format!("refused {peer}: too many open files, see ulimit -n"));
                     Ok(None)
                 }
                 // Who waits may be accepted at the next turn.
@@ -135,7 +135,7 @@ impl Meeting {
         })
     }
 
-    /// Whether another peer may take the place of one that is connected: it is nobody else's connection that ends then.
+    /// Whether another peer may take the place of one that is connected: only this peer's connection ends then.
     pub fn takes_another(&self) -> bool {
         matches!(self, Self::Listen(_))
     }
@@ -146,7 +146,7 @@ impl Meeting {
     }
 }
 
-/// The first datagram that a robot can have sent: whoever sends anything else is not answered.
+/// The first datagram that a robot can have sent: other datagrams are not answered.
 fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
     let mut buffer = vec![0; LONGEST];
     // A flood of others does not keep the caller.

@@ -37,13 +37,13 @@ impl Default for RobotSettings {
 impl Configure for RobotSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, config, queue, speed, job_time, out, record } = self;
-        fields.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves, where a job is a line", speed);
-        let about = "how long a job takes that is no line";
+        fields.whole("speed", 1..=u32::MAX, "mm/s", "the speed of the pen", speed);
+        let about = "the duration of a job that is not a line";
         fields.time("job_time", Duration::ZERO..=Duration::from_secs(86_400), about, job_time);
         fields.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
-        let about = "an SVG file that is written whenever an order is over";
+        let about = "an SVG file, written after each order";
         fields.text("out", "a file", "none is written", about, out);
-        let about = "a CSV file that every executed job is appended to: order, number, fields";
+        let about = "a CSV file to which executed jobs are appended: order, number, fields";
         fields.text("record", "a file", "none is written", about, record);
         plant.configure(fields);
         robot_settings(fields, config);
@@ -85,7 +85,7 @@ impl Configure for PcSettings {
         let about = "the SVG file whose outlines are drawn on an A3 sheet";
         fields.text("drawing", "a file", "a built-in picture", about, drawing);
         fields.whole("order", 1..=u16::MAX, "", "the number of the first order", order);
-        fields.flag("repeat", "begin the next order when one is over", repeat);
+        fields.flag("repeat", "begin the next order when one has ended", repeat);
         plant.configure(fields);
         pc_settings(fields, config);
     }

@@ -16,7 +16,7 @@ pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
 use crate::io::trace::Trace;
 
-/// The program acts so often, and a robot that connects waits so long at most.
+/// The program acts this often, and a robot that connects waits this long at most.
 const GLANCE: Duration = Duration::from_millis(20);
 
 /// The program of a PC.

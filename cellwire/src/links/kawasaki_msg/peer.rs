@@ -91,9 +91,7 @@ pub(super) fn outcome<B>(
         Ok(ControlFlow::Continue(())) => ControlFlow::Continue(Ok(())),
         Ok(ControlFlow::Break(Ended::ByHandler(value))) => ControlFlow::Break(value),
         Ok(ControlFlow::Break(Ended::ByPeer)) => ControlFlow::Continue(Err(closed.into())),
-        Ok(ControlFlow::Break(Ended::Stalled)) => {
-            ControlFlow::Continue(Err("the peer does not read what it is sent".into()))
-        }
+        Ok(ControlFlow::Break(Ended::Stalled)) => ControlFlow::Continue(Err("the peer does not read".into())),
         Err(error) => ControlFlow::Continue(Err(error.to_string())),
     }
 }

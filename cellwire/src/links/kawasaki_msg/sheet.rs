@@ -38,7 +38,7 @@ impl Lines {
         let [kind, ends @ ..] = NAMES;
         let (Some((kind, 0)), [Some(x1), Some(y1), Some(x2), Some(y2)]) = (place(kind), ends.map(place))
         else {
-            bail!("the plant's jobs are no lines: [[job]] has no numbers kind, x1, y1, x2, y2");
+            bail!("the plant's jobs are not lines: [[job]] has no numbers kind, x1, y1, x2, y2");
         };
         let mut defaults = AnyWork::default();
         for (place, field) in layout.fields().iter().enumerate() {
@@ -76,7 +76,7 @@ impl Lines {
     }
 }
 
-/// Hundredths of a millimetre in units of the last of so many decimals of a millimetre.
+/// Hundredths of a millimetre in units of the last of this many decimals of a millimetre.
 fn units(hundredths: i32, places: u8) -> i32 {
     match places {
         0 | 2 => hundredths,

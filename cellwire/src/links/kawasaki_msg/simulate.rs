@@ -127,7 +127,7 @@ impl Record {
     }
 }
 
-/// The simulated PC, which needs nobody.
+/// The simulated PC, which needs no operator.
 struct Alone;
 
 impl Program for Alone {

@@ -16,11 +16,11 @@ use crate::io::output::remark;
 const ARRIVALS: Token = Token(0);
 const WAKE: Token = Token(1);
 
-/// When the system has no room for a client, the next try is so much later.
+/// When the system has no room for a client, the next try is this much later.
 const RETRY: Duration = Duration::from_millis(100);
 
 /// Accepts connections until it is dropped. A new one takes the place of the one before, which is closed: it may be half open, and
-/// then nobody else ever would.
+/// then no other client could ever connect.
 #[derive(Debug)]
 pub struct Connections {
     newest: Newest,
@@ -72,7 +72,7 @@ impl Connections {
                         }
                     }
                     Ok(Arrival::Refused(peer)) => {
-                        remark(&format!("refused the client {peer}: no descriptor is free, see ulimit -n"));
+                        remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
                     }
                     Ok(Arrival::Nobody) => _ = poll.poll(&mut events, None),
                     // Who waits may be accepted later.

@@ -87,7 +87,7 @@ fn serve<P: Simulated + Serialize>(
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(Ended::ByHandler(why))) => break why?.to_owned(),
             Ok(ControlFlow::Break(Ended::ByPeer)) => {
-                break "the central controller closed the connection, or another one took its place".into();
+                break "the central controller closed the connection, or another one replaced it".into();
             }
             Ok(ControlFlow::Break(Ended::Stalled)) => break "the central controller does not read".into(),
             Err(error) => break error.to_string(),

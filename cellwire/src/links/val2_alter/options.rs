@@ -8,7 +8,7 @@ impl Configure for PumaConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { puma, script, keeps_all: _ } = self;
         puma.configure(fields);
-        let about = "what happens, and when since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
+        let about = "events, with times since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
                      mark or timeout, corrupt, status 1 to 13, finish, restart; each waits until ALTER runs";
         fields.parsed("script", script::SHAPE, about, script);
     }

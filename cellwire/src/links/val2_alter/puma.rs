@@ -23,9 +23,9 @@ use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
 use cellwire_links::settings;
 
-/// The stop, and a client that comes or goes, are looked for so often.
+/// How often the stop, and a client that comes or goes, are looked for.
 const IDLE: Duration = Duration::from_millis(20);
-/// The position is told after so many cycles: twice a second.
+/// The position is told after this many cycles: twice a second.
 const TOLD: u64 = 18;
 
 /// How the simulated robot behaves.
@@ -102,7 +102,7 @@ pub struct PumaRecord {
     pub strays: u64,
     /// How long the simulator itself was late.
     pub stood: Duration,
-    /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it stands still in between.
+    /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it is at rest in between.
     pub drift: f64,
 }
 

@@ -11,7 +11,7 @@ use crate::io::line::Line;
 pub(super) struct RobotLine<'a> {
     pub(super) line: &'a mut Line,
     pub(super) now: Duration,
-    /// When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
+    /// When this process gets no processor, a request leaves late through no fault of the host: the robot's clock is stopped.
     pub(super) stood: Duration,
     pub(super) request: Option<Request>,
 }

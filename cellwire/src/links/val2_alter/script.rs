@@ -47,7 +47,7 @@ fn parse(text: &str) -> Result<(Duration, Incident)> {
     let mut words = text.split_whitespace();
     let mut word = || words.next().unwrap_or_default();
     let time = |word: &str| {
-        humantime::parse_duration(word).with_context(|| format!("`{word}` is no time such as 2s or 500ms"))
+        humantime::parse_duration(word).with_context(|| format!("`{word}` is not a time such as 2s or 500ms"))
     };
     let at = time(word())?;
     let incident = match word() {
@@ -67,7 +67,7 @@ fn parse(text: &str) -> Result<(Duration, Incident)> {
         _ => bail!("give a time, then interrupt TIME, misread ERROR, corrupt, status N, finish or restart"),
     };
     match words.next() {
-        Some(word) => bail!("`{word}` is one word too many"),
+        Some(word) => bail!("unexpected word `{word}`"),
         None => Ok((at, incident)),
     }
 }
@@ -120,7 +120,7 @@ mod tests {
         let error = |text| script(&[text]).unwrap_err();
         assert_eq!(
             error("soon restart"),
-            "`soon restart`: `soon` is no time such as 2s or 500ms: expected number at 0"
+            "`soon restart`: `soon` is not a time such as 2s or 500ms: expected number at 0"
         );
         assert!(error("1s").ends_with(
             "give a time, then interrupt TIME, misread ERROR, corrupt, status N, finish or restart"
@@ -130,6 +130,6 @@ mod tests {
             "`1s misread it`: misread what: checksum, format, overflow, incomplete, mark, timeout"
         );
         assert_eq!(error("1s status 14"), "`1s status 14`: a segment status is 1 to 13");
-        assert_eq!(error("1s restart now"), "`1s restart now`: `now` is one word too many");
+        assert_eq!(error("1s restart now"), "`1s restart now`: unexpected word `now`");
     }
 }

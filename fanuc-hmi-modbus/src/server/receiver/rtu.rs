@@ -30,7 +30,7 @@ pub struct RtuReceiver {
 
 /// What begins with some bytes.
 enum Begun {
-    /// A frame of so many bytes.
+    /// A frame of this many bytes.
     Frame(usize, Side),
     /// More bytes have to come.
     Part,
@@ -228,7 +228,7 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result
     }
 }
 
-/// Whether a frame with this unit is for the server: nobody else replies with it, and nobody to a broadcast.
+/// Whether a frame with this unit is for the server: no other server replies with it, and none to a broadcast.
 fn is_for(unit: u8, own: Option<u8>) -> bool {
     unit == 0 || own.is_none_or(|own| own == unit)
 }

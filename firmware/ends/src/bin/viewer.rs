@@ -13,7 +13,7 @@ use val2_viewer::{Host, HostConfig, HostEvent};
 static POSE: Latest<[i16; 12]> = Latest::new();
 static LINK: StaticCell<Viewer> = StaticCell::new();
 
-/// A new pose comes so often, as from ALTER.
+/// A new pose comes this often, as from ALTER.
 const POSES: Duration = Duration::from_millis(28);
 
 /// What runs in the interrupt of the session.

@@ -122,7 +122,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     let pause = take(&|left| best(left, &|it| (it.side == "robot").then(|| size(it.all.len()))));
 
     let plain = [
-        ("job_ack", job_ack, "its number grows, behind that of the jobs: executed", "number"),
+        ("job_ack", job_ack, "its number grows, below that of the jobs: executed", "number"),
         ("job_request", request, "the job of its number is what the PC sends next", "number"),
         ("pause", pause, "what the robot says beside the others", "queued"),
         ("order_start", start, "the first of the PC that comes before a job", "number"),
@@ -322,7 +322,7 @@ fn job_guess<'a>(job: &'a Kind, number: usize, fields: &Fields<'_>) -> Guess<'a>
     Guess { role: "job", kind: Some(job), why, fields: named, is_sure: true }
 }
 
-/// Every so many-th job is acknowledged: the numbers that most acknowledgements are multiples of.
+/// The interval of acknowledgements: the number that most of them are multiples of.
 fn acks(job_ack: Option<&Kind>) -> Option<i64> {
     let kind = job_ack?;
     let at = (0..kind.width()).max_by_key(|at| steps(kind, *at))?;

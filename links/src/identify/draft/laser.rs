@@ -80,7 +80,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     for (number, name) in names.iter().enumerate() {
         match codes.get(number) {
             Some((code, times)) => {
-                writeln!(text, "{name} = {code} # ? answered {times} times; which error it is nobody knows")?
+                writeln!(text, "{name} = {code} # ? answered {times} times; its meaning is unknown")?
             }
             None => writeln!(text, "{name} = {} # ? not in the capture", free.next().unwrap_or_default())?,
         }
@@ -101,7 +101,7 @@ fn class(word: &Word) -> (&'static str, String, &'static str) {
         }
         Some(_) if word.values * SHARE > answers.len() => ("query", format!("{after}, with values"), ""),
         Some(_) if late => ("immediate", after, ""),
-        None => ("interpreted", "never answered by itself".into(), "? "),
+        None => ("interpreted", "never answered individually".into(), "? "),
         Some(Duration::ZERO) => ("interpreted", "its answers have no times".into(), "? "),
         Some(_) => ("interpreted", after, "? "),
     }

@@ -1,4 +1,4 @@
-//! Words of installations that nobody has told.
+//! Words of unknown installations.
 #![allow(clippy::unwrap_used)]
 
 use super::super::Sender;

@@ -30,7 +30,7 @@ pub struct Check {
 const FROM_END: usize = 3;
 const FIRST: usize = 8;
 const BEFORE: usize = 3;
-/// So many messages try a guess before all do.
+/// How many messages try a guess before all do.
 const FEW: usize = 6;
 
 /// A sum or a CRC.

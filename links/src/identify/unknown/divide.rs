@@ -13,32 +13,32 @@ use crate::identify::Stream;
 
 /// The longest mark that is searched for; what is constant beside it is found then.
 const MARK: usize = 4;
-/// So many marks of each length are tried.
+/// How many marks of each length are tried.
 const TRIED: usize = 8;
 /// Fewer messages show nothing.
 const FEWEST: usize = 5;
-/// So many messages of a division are looked at.
+/// How many messages of a division are looked at.
 const MESSAGES: usize = 200;
 /// The places at the beginning and at the end of messages that are compared: of bytes, and of a text's words.
 const PLACES: [usize; 2] = [16, 8];
 const PLACES_OF_TEXT: [usize; 2] = [48, 8];
 /// The places that may say which kind of message it is.
 const KINDS: usize = 6;
-/// So many divisions are looked at, and of those with so many numbers of messages which kinds of messages there are.
+/// How many divisions are looked at, and of those with this many numbers of messages which kinds of messages there are.
 const LOOKED_AT: usize = 64;
 const COUNTS: usize = 6;
-/// The numbers of messages of divisions that are shifted against each other differ by so many.
+/// The numbers of messages of divisions that are shifted against each other differ by this many.
 const SHIFTED: usize = 2;
 /// Divisions that are nearly as good may be shifted against each other: what is found in their messages decides.
 const NEARLY: f64 = 0.85;
 const KEPT: usize = 4;
 /// Where messages begin as bytes arrive, less has to be saved.
 const LESS: f64 = 0.5;
-/// So much of where messages begin and bytes arrive has to be the same.
+/// How much of where messages begin and bytes arrive has to be the same.
 const TOGETHER: f64 = 0.7;
 /// How much one symbol at a place says of the next: as much as so many that come as often as in the whole stream.
 const PRIOR: f64 = 2.0;
-/// That a place depends on the kind has to be worth so many bits.
+/// That a place depends on the kind has to be worth this many bits.
 const DEPENDS: f64 = 3.0;
 
 /// A stream, divided; what is cut off at an end is left out.

@@ -46,7 +46,7 @@ pub struct Seen {
     pub numbers: Vec<Number>,
 }
 
-/// So many messages of a stream are looked at.
+/// How many messages of a stream are looked at.
 const MOST: usize = 200;
 /// A capture may have corrupt bytes: so much of the messages has to have what is found, in percent.
 pub(crate) const SHARE: usize = 85;
@@ -94,7 +94,7 @@ fn real(count: usize) -> f64 {
     u32::try_from(count).map_or(f64::MAX, f64::from)
 }
 
-/// Whether so many of all are enough.
+/// Whether this many of all are enough.
 fn enough(found: usize, all: usize) -> bool {
     found > 0 && found * 100 >= all * SHARE
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{enough, real};
 
-/// So many bytes of each part are looked at.
+/// How many bytes of each part are looked at.
 const SAMPLE: usize = 8 * 1024;
 
 /// A part of a stream.

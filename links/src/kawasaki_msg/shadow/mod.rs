@@ -320,8 +320,7 @@ impl Orders {
         let asked = core::mem::take(&mut self.asked);
         let is_known = !matches!(self.talk, Talk::Unknown) && !asked.is_damaged && !packet.is_damaged;
         if is_known && asked.status != packet.has(Role::Status) {
-            let text =
-                if asked.status { "no status answers a status" } else { "a status that nobody asked for" };
+            let text = if asked.status { "no status answers a status" } else { "an unsolicited status" };
             report.rule(PC, "KM-92", text);
         }
         if let Some(start) = packet.of(Role::OrderStart).next() {

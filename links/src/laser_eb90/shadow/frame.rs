@@ -16,11 +16,11 @@ pub(super) fn judge(message: &Value, words: &Words, batch: u8, report: &mut Repo
     };
     let all: Vec<u16> = items(message).filter_map(single).collect();
     match words.class(word) {
-        None => report.rule(HOST, "LE-102", format!("{word:04X}h is no command word")),
+        None => report.rule(HOST, "LE-102", format!("{word:04X}h is not a command word")),
         Some(Class::Interpreted) => {
             let other = all.iter().find(|word| words.class(**word) != Some(Class::Interpreted));
             if let Some(other) = other {
-                let text = format!("{other:04X}h behind the interpreted instruction {word:04X}h");
+                let text = format!("{other:04X}h after the interpreted instruction {word:04X}h");
                 report.rule(HOST, "LE-23", text);
             }
             let most = usize::from(batch);

@@ -71,7 +71,7 @@ struct Asked {
     /// Nothing before it delays its answer.
     is_prompt: bool,
     is_answered: bool,
-    /// An error code says that it is to be sent again, so often already.
+    /// An error code says that it is to be sent again, this often already.
     resent: u8,
     /// It is wanted again, with the same bytes.
     is_wanted: bool,
@@ -219,12 +219,12 @@ impl Laser {
         let refusal = self.controller.words.errors().refusal(word);
         let has_values = items(message).count() > 1;
         let Some(asked) = &mut self.asked else {
-            // Whom it answers was not seen; after so long a silence nobody is left.
+            // The request was not seen; after this silence none is left.
             if let Some(opened) = self.opened
                 && now > opened.saturating_add(drain(&self.host))
                 && sent < SHORTEST_FRAME
             {
-                report.rule(CONTROLLER, "LE-5", format!("{word:04X}h, and nobody has asked"));
+                report.rule(CONTROLLER, "LE-5", format!("{word:04X}h, unsolicited"));
             }
             return;
         };
@@ -235,11 +235,7 @@ impl Laser {
             return;
         }
         if asked.is_answered {
-            report.rule(
-                CONTROLLER,
-                "LE-5",
-                format!("{word:04X}h, and nobody has asked since the last answer"),
-            );
+            report.rule(CONTROLLER, "LE-5", format!("{word:04X}h, without a request since the last answer"));
             return;
         }
         let (late, limit) = (now.saturating_sub(asked.left), asked.timeout(&self.host));

@@ -45,7 +45,7 @@ class StreamDecoder:
     """Bytes in, items out. A link overrides `take`.
 
     Call `push` with what was read, then `next` until it is None. `end` says that the stream has ended, or that the line is
-    silent: what is held is complete; then `next` until None as well. Items tile the stream.
+    silent: what is held is complete; then `next` until None as well. Items cover the stream without gaps.
     """
 
     def __init__(self) -> None:

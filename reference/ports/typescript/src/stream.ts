@@ -1,6 +1,6 @@
 /** What the decoders of all links have in common. */
 
-/** A frame or an error, and the bytes that belong to it: items tile the stream. */
+/** A frame or an error, and the bytes that belong to it: items cover the stream without gaps. */
 export type Item<M, E> = { offset: number; length: number } & ({ message: M } | { error: E });
 
 /** What every decoder does. */

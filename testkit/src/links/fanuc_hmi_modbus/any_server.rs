@@ -30,7 +30,7 @@ pub struct AnyServer {
     pub config: ClientConfig,
     /// It answers a request once at most, with its transaction. How late is open, within what the client's configuration assumes.
     pub keeps_rules: bool,
-    /// A reply is on its way no longer: over TCP than so many later requests, off TCP than so many ticks.
+    /// A reply is on its way no longer: over TCP than this many later requests, off TCP than this many ticks.
     pub memory: u8,
 }
 
@@ -40,7 +40,7 @@ pub struct Known {
     /// In each place.
     jobs: [Option<Job>; 2],
     /// Replies that may still come, oldest first.
-    owed: Vec<Owed>,
+    outstanding: Vec<Outstanding>,
     is_up: bool,
     /// Bytes have come since the last tick.
     is_arriving: bool,
@@ -59,7 +59,7 @@ struct Job {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Owed {
+struct Outstanding {
     id: u8,
     transaction: u16,
     left: u8,
@@ -107,7 +107,7 @@ impl AnyServer {
     /// Nothing of a connection reaches the next; on a serial line nobody notices.
     fn reconnected(&self, known: &mut Known) {
         if !self.is_serial() {
-            known.owed.clear();
+            known.outstanding.clear();
         }
     }
 }
@@ -128,9 +128,16 @@ impl Peer for AnyServer {
     }
 
     fn known(&self) -> Known {
-        let before = Owed { id: NOBODY, transaction: 0, left: self.memory };
-        let owed = if self.is_serial() { vec![before] } else { Vec::new() };
-        Known { jobs: [None; 2], owed, is_up: false, is_arriving: false, is_damaged: false, wrong: None }
+        let before = Outstanding { id: NOBODY, transaction: 0, left: self.memory };
+        let outstanding = if self.is_serial() { vec![before] } else { Vec::new() };
+        Known {
+            jobs: [None; 2],
+            outstanding,
+            is_up: false,
+            is_arriving: false,
+            is_damaged: false,
+            wrong: None,
+        }
     }
 
     fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
@@ -156,11 +163,11 @@ impl Peer for AnyServer {
             }
         }
         if self.keeps_rules {
-            let reply = |owed: &Owed| {
-                let Owed { id, transaction, .. } = *owed;
+            let reply = |outstanding: &Outstanding| {
+                let Outstanding { id, transaction, .. } = *outstanding;
                 [Fit::Whole, Fit::Exception].map(|fit| Word::Reply { id, transaction, fit })
             };
-            words.extend(known.owed.iter().flat_map(reply));
+            words.extend(known.outstanding.iter().flat_map(reply));
         } else {
             for transaction in 0..if self.is_tcp() { 4 } else { 1 } {
                 let fits = [Fit::Whole, Fit::Exception, Fit::Misfit];
@@ -191,7 +198,9 @@ impl Peer for AnyServer {
             Word::Data => Input::Reply { transaction: 0, fit: Fit::Exception },
             Word::Reply { id, transaction, fit } => {
                 known.is_damaged = false;
-                known.owed.retain(|owed| (owed.id, owed.transaction) != (id, transaction));
+                known
+                    .outstanding
+                    .retain(|outstanding| (outstanding.id, outstanding.transaction) != (id, transaction));
                 // What fits is compared with the request that it seems to belong to.
                 let is_expected = end.expects(transaction, &self.config).is_some();
                 Input::Reply { transaction, fit: if is_expected { fit } else { Fit::Whole } }
@@ -292,14 +301,19 @@ impl AnyServer {
             known.wrong = Some(SENT);
         }
         if action == Action::Sent && self.keeps_rules {
-            known.owed.push(Owed { id: job.id, transaction: due.transaction, left: self.memory });
+            known.outstanding.push(Outstanding {
+                id: job.id,
+                transaction: due.transaction,
+                left: self.memory,
+            });
         }
     }
 }
 
 impl Known {
     fn has(&self, id: u8) -> bool {
-        self.jobs.iter().flatten().any(|job| job.id == id) || self.owed.iter().any(|owed| owed.id == id)
+        self.jobs.iter().flatten().any(|job| job.id == id)
+            || self.outstanding.iter().any(|outstanding| outstanding.id == id)
     }
 
     /// An outcome, which says whether it was sent.
@@ -323,7 +337,7 @@ impl Known {
     }
 
     fn age(&mut self) {
-        self.owed.iter_mut().for_each(|owed| owed.left -= 1);
-        self.owed.retain(|owed| owed.left > 0);
+        self.outstanding.iter_mut().for_each(|outstanding| outstanding.left -= 1);
+        self.outstanding.retain(|outstanding| outstanding.left > 0);
     }
 }

@@ -177,7 +177,7 @@ pub const ANY_SERVER: Pair = Pair {
     refined: Vec::new,
 };
 
-/// A server that answers as late as the client assumes, over TCP so many requests later.
+/// A server that answers as late as the client assumes, over TCP this many requests later.
 fn any_server(config: ClientConfig, memory: u8) -> AnyServer {
     AnyServer { config: ClientConfig { transactions: 7, ..config }, keeps_rules: true, memory }
 }
@@ -297,7 +297,7 @@ fn rtu_over_tcp_must_fail() -> Vec<MustFail> {
     ]
 }
 
-/// A client that waits for ever.
+/// A client without a timeout.
 fn patient(mut setup: Setup) -> Setup {
     setup.client.timeout = core::time::Duration::MAX;
     setup

@@ -9,7 +9,7 @@ use super::pair::{AGE, ONE_OUTCOME, PAIRED, STALE};
 use super::world::{Config, LINE, TICK};
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
-/// Ticks: the ball and the line are late by so many at most, which is in time.
+/// Ticks: the ball and the line are late by this many at most, which is in time.
 const DELAY: u8 = 1;
 /// Ticks after which every time of a poll or a connection has passed.
 const LONG: u8 = 6;
@@ -84,7 +84,7 @@ pub enum Word {
     Answer {
         /// As values that were not sent before.
         fresh: bool,
-        /// It is so many ticks late.
+        /// It is this many ticks late.
         late: u8,
     },
     /// The poll is lost, or the ball forgets it.

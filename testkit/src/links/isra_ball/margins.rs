@@ -49,7 +49,7 @@ pub fn margins() -> Vec<Margin> {
         ),
         (
             "max_age",
-            "behind a lost packet the host stands still for so long",
+            "after a lost packet the host waits this long",
             aged(Duration::ZERO, MS, 150, &|n| Reality { lost: 1, pause: MS * n, ..latest }),
         ),
         (
@@ -68,10 +68,10 @@ struct Reality {
     /// By how much packets are late, or may be.
     delay: Duration,
     varies: bool,
-    /// Of twenty packets so many in succession are lost, or old.
+    /// Of twenty packets this many in succession are lost, or old.
     lost: u32,
     old: u32,
-    /// So long the host is not called when the poll behind a lost one is due.
+    /// How long the host is not called when the poll behind a lost one is due.
     pause: Duration,
     /// How often the ball measures.
     measures: Duration,

@@ -19,11 +19,11 @@ pub struct Exchange {
     pub config: Config,
     /// The ball's configuration.
     pub ball: BallConfig,
-    /// So many faults at most.
+    /// How many faults at most.
     pub faults: u8,
     /// The most ticks that a packet is late.
     pub delay: u8,
-    /// Every packet is late by so many more, which is more than the host assumes.
+    /// Every packet is late by this many more, which is more than the host assumes.
     pub lag: u8,
     /// The ball may have no new values at any time.
     pub idle: bool,
@@ -80,7 +80,7 @@ impl Exchange {
         Self { idle: true, ..Self::steady() }
     }
 
-    /// A ball that has new values at every tick, all of whose packets are so many ticks late.
+    /// A ball that has new values at every tick, all of whose packets are this many ticks late.
     pub fn late(lag: u8) -> Self {
         let steady = Self::steady();
         Self { config: steady.config.punctual(), delay: 0, lag, faults: 0, ..steady }
@@ -196,7 +196,7 @@ pub enum Act {
 /// What becomes of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
-    /// It arrives, so many ticks late.
+    /// It arrives, this many ticks late.
     Late(u8),
     /// Nothing of it arrives.
     Lost,

@@ -115,7 +115,7 @@ fn recovers(without: Duration) -> Option<&'static str> {
         .then_some("there is no alarm while the PC will send jobs")
 }
 
-/// Whether a robot reports this, whose PC answers at once, and has no job for so long.
+/// Whether a robot reports this, whose PC answers at once, and has no job for this long.
 fn reports(without: Duration, event: fn(&RobotEvent) -> bool) -> bool {
     let (mut robot, asked) = asking();
     let mut now = asked;

@@ -97,7 +97,7 @@ fn tcp(starts: &[u16], jobs: u32, faults: Faults) -> Setup {
         exchange: TICK,
         silent_cycles: 2,
         reconnect_delay: TICK,
-        // Only a status that comes again mends an acknowledgement that was corrupt.
+        // Only a repeated status repairs a corrupt acknowledgement.
         status_period: if faults.corrupt_up { TICK * 4 } else { Duration::MAX },
         ..RobotConfig::TCP
     };

@@ -12,7 +12,7 @@ use crate::model::{NOW, Rows};
 /// The order of the table.
 const OURS: u16 = 50;
 
-/// The PC, which can tell so many job numbers apart, by 64.
+/// The PC, which can tell this many job numbers apart, by 64.
 #[derive(Debug)]
 pub struct Pc<const WORDS: usize = 1>;
 
@@ -164,7 +164,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
     }
 }
 
-/// The robot, which can tell so many job numbers apart, by 64.
+/// The robot, which can tell this many job numbers apart, by 64.
 #[derive(Debug)]
 pub struct Robot<const WORDS: usize = 1>;
 

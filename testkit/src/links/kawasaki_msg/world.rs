@@ -190,7 +190,7 @@ pub enum Act {
     RobotTimeout,
     /// It sends a packet.
     Transmit,
-    /// The PC reads so many messages of a packet.
+    /// The PC reads this many messages of a packet.
     PcReads {
         /// Which packet in flight.
         packet: u8,
@@ -203,7 +203,7 @@ pub enum Act {
     PcTimeout,
     /// It answers.
     Answer,
-    /// The robot reads so many messages of a packet.
+    /// The robot reads this many messages of a packet.
     RobotReads {
         /// Which packet in flight.
         packet: u8,

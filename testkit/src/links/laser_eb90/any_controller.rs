@@ -133,7 +133,7 @@ pub enum Word {
         /// It is.
         corrupt: bool,
     },
-    /// An answer that nobody has asked for comes.
+    /// An unsolicited answer comes.
     Say(Answer),
 }
 

@@ -191,7 +191,7 @@ pub fn setup(reader: Reader, jobs: &[Content], most: u8) -> Setup {
 }
 
 /// The same, the pauses twice as long as assumed; the driver reports when a frame has left. What an earlier host has sent is
-/// not waited for so long: nothing is lost but its memory.
+/// not waited for this long: nothing is lost but its memory.
 fn reporting(reader: Reader, jobs: &[Content], most: u8) -> Setup {
     let mut setup = setup(reader, jobs, most);
     setup.reports_transmitted = true;

@@ -147,7 +147,7 @@ pub enum Held {
 pub enum Found {
     /// A good frame.
     Frame(u8),
-    /// So many bytes that are none; whether they begin as one does.
+    /// How many bytes that are none; whether they begin as one does.
     Corrupt(Refusal, u8, bool),
 }
 
@@ -164,19 +164,19 @@ pub enum Fate {
     Headless,
     /// It ends early.
     Cut {
-        /// After so many ticks.
+        /// After this many ticks.
         after: u8,
     },
     /// It pauses.
     Paused {
-        /// After so many ticks.
+        /// After this many ticks.
         after: u8,
-        /// For so many.
+        /// For this many.
         ticks: u8,
     },
     /// An answer comes later.
     Late {
-        /// By so many ticks.
+        /// By this many ticks.
         ticks: u8,
     },
 }

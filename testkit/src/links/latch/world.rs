@@ -42,7 +42,7 @@ pub struct Operated {
 }
 
 impl Operated {
-    /// So many ticks each [`TICK`].
+    /// How many ticks each [`TICK`].
     pub(super) fn new(ticks: u8, confirm: bool, hold_to_run: bool) -> Self {
         let tick = TICK / u32::from(ticks);
         let [fresh, rest, end, farewell] = [2, 3, 4, 1].map(|count| count * ticks);

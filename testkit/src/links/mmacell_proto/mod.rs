@@ -89,7 +89,7 @@ const fn any_central(keeps_rules: bool) -> Against<AnyCentral> {
     Against::new(AnyCentral { config: DeviceConfig::DEFAULT, keeps_rules })
 }
 
-/// So many motions, two at most, and so many faults. A reply may take two ticks, a motion one to show.
+/// How many motions, two at most, and this many faults. A reply may take two ticks, a motion one to show.
 pub fn setup(jobs: u8, faults: u8) -> Setup {
     Setup {
         central: CentralConfig { timeout: 2 * world::TICK, settle: world::TICK, ..CentralConfig::DEFAULT },

@@ -23,7 +23,7 @@ pub(super) const IN_FAULT: &str = "nothing moves in a fault";
 pub(super) const ONE_MOTION: &str = "one motion at a time";
 pub(super) const EXPECTED: &str = "no unexpected input";
 pub(super) const NO_BREAK: &str = "no connection ends without a fault";
-pub(super) const STRAY: &str = "a reply that nobody asked for is reported";
+pub(super) const STRAY: &str = "an unsolicited reply is reported";
 pub(super) const SERVO_OFF: &str = "nothing moves with the servo motors off";
 
 pub(super) type Pose = PlatformPose;

@@ -44,7 +44,7 @@ pub struct AnyHost {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// The message that the host may answer.
-    owed: Option<Outgoing>,
+    pending: Option<Outgoing>,
     /// The head of a frame has come.
     held: bool,
     /// It is given up, and to be read; it is just read.
@@ -124,7 +124,7 @@ impl Peer for AnyHost {
 
     fn known(&self) -> Known {
         Known {
-            owed: None,
+            pending: None,
             held: false,
             cut: false,
             read: false,
@@ -146,7 +146,7 @@ impl Peer for AnyHost {
             return;
         }
         words.extend([Word::Head, Word::Corrupt]);
-        let (starts, replies, exceptions) = match known.owed {
+        let (starts, replies, exceptions) = match known.pending {
             _ if !self.keeps_rules => (true, true, true),
             Some(Outgoing::Start(_)) => (true, false, false),
             Some(Outgoing::Motion(phase, _)) => (false, true, phase == MotionPhase::Running),
@@ -177,11 +177,11 @@ impl Peer for AnyHost {
         }
         Some(match word {
             Word::Start(code) => {
-                known.owed = None;
+                known.pending = None;
                 Input::StartReply(code)
             }
             Word::Reply { exception, has_room } => {
-                known.owed = None;
+                known.pending = None;
                 Input::Reply { exception: if exception { GRIP } else { Exception::None }, has_room }
             }
             Word::Head => Input::Bytes { partial: true },
@@ -275,7 +275,7 @@ impl Peer for AnyHost {
     }
 
     fn restarted(&self, known: &mut Known) {
-        *known = Known { owed: known.owed, wrong: known.wrong, ..self.known() };
+        *known = Known { pending: known.pending, wrong: known.wrong, ..self.known() };
     }
 
     fn broken(&self, end: &ControllerMachine, known: &Known, broken: &mut Vec<&'static str>) {
@@ -354,7 +354,7 @@ impl Known {
     }
 
     fn send(&mut self, message: Outgoing, must: &mut impl FnMut(bool, &'static str)) {
-        (self.owed, self.window, self.since_sent) = (Some(message), Window::Nothing, 0);
+        (self.pending, self.window, self.since_sent) = (Some(message), Window::Nothing, 0);
         (self.len, self.held, self.closed) = (Message::from(message).len(), false, false);
         match message {
             Outgoing::Start(_) => self.attempts += 1,

@@ -9,7 +9,7 @@ use super::world::{DONE, NOT_DONE, ONCE, OUTCOME, WORDS};
 /// Ticks of a cycle, and of the window within it that a whole reply can end in.
 pub(super) const CYCLE: u8 = 4;
 pub(super) const WINDOW: u8 = 2;
-/// Ticks: a message and its reply are late by so many together, which is in time.
+/// Ticks: a message and its reply are late by this many together, which is in time.
 pub(super) const DELAY: u8 = 1;
 
 pub(super) const RUNNING: MotionPhase = MotionPhase::Running;

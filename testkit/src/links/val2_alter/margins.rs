@@ -191,7 +191,7 @@ fn steers(time: Duration) -> Option<&'static str> {
     is_stale.then_some("a target holds until the next")
 }
 
-/// As many axes move as fit; in the next cycle so many bytes more are to be sent.
+/// As many axes move as fit; in the next cycle this many bytes more are to be sent.
 fn doubles(time: Duration) -> Option<&'static str> {
     let config = HostConfig { baud: SLOW, limits: Limits::NONE, ..HostConfig::default() };
     let mut cell = Cell::new(config);

@@ -80,7 +80,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: an exception that was read is not sent again", AGAIN, false, Rule::SendOnce),
             without("host: no exception in an interruption", INTERRUPTED, false, Rule::NotInterrupted),
             without("host: after a stop nothing is answered", SILENT, false, Rule::Silent),
-            without("host: a target is not for ever", STALE, false, Rule::Stale),
+            without("host: a target expires", STALE, false, Rule::Stale),
             without("host: an overdue target is not followed", STALE, false, Rule::FreshInUse),
             without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
             without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
@@ -181,7 +181,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
     let each = |(name, system): (&str, Alter)| {
         // Only where late replies are taken does one exception meet the reply of another.
         let jobs = if system.operator { 2 } else { jobs };
-        // With four faults a controller of ours goes on, too: noise hides from it that a reply is missing.
+        // With four faults this project's controller goes on, too: noise hides from it that a reply is missing.
         let system = Alter { faults, jobs, late_once: system.is_in_time(), ..system };
         Setting::new(format!("{name}, {jobs} exceptions, a stop, {faults} faults of any kind"), system)
     };

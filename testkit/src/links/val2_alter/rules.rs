@@ -68,7 +68,7 @@ fn hosts(base: Alter) -> [MustFail; 16] {
         ),
         case("host: a stop is done when zeros were read", ZEROS, plain, Rule::ZerosRead, base),
         case("host: after a stop nothing is answered", SILENT, plain, Rule::Silent, base),
-        case("host: a target is not for ever", STALE, plain, Rule::Stale, base),
+        case("host: a target expires", STALE, plain, Rule::Stale, base),
         case("host: a start message ends the ALTER before", OUTCOME, plain, Rule::Restart, base),
         case("host: silence ends ALTER", SILENCE, plain, Rule::Lost, base),
         case("host: a reply that is too late is not sent", FITS, plain, Rule::Late, base),

@@ -351,7 +351,7 @@ impl From<Outgoing> for Message {
     }
 }
 
-/// How many ticks so many bytes are on the line.
+/// How many ticks this many bytes are on the line.
 pub(super) fn on_the_line(bytes: usize, baud: u32) -> u8 {
     timing::transmission_time(bytes, baud).as_nanos().div_ceil(TICK.as_nanos()) as u8
 }

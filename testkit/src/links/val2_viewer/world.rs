@@ -29,15 +29,15 @@ pub struct Exchange {
     pub host: HostConfig,
     /// The workstation's configuration.
     pub workstation: WorkstationConfig,
-    /// So many faults at most.
+    /// How many faults at most.
     pub faults: u8,
     /// The most ticks that a packet is late.
     pub delay: u8,
     /// The display goes on, and ALTER too.
     pub steady: bool,
-    /// The source's first workstation, which asks in every display cycle, in place of ours.
+    /// The source's first workstation, which asks in every display cycle, instead of the project's own.
     pub first_workstation: bool,
-    /// The source's first host, which answers each request with a packet of its own, whenever it likes, in place of ours.
+    /// The source's first host, which answers each request with a packet of its own, whenever it likes, instead of the project's own.
     pub first_host: bool,
 }
 
@@ -239,7 +239,7 @@ pub enum Act {
 /// What becomes of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
-    /// It arrives, so many ticks late.
+    /// It arrives, this many ticks late.
     Late(u8),
     /// Nothing of it arrives.
     Lost,

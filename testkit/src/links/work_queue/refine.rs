@@ -199,7 +199,7 @@ impl Replay {
         }
     }
 
-    /// So many of the jobs that were made last are published.
+    /// How many of the jobs that were made last are published.
     fn queued(&self, jobs: u8) {
         let mut run = self.run.borrow_mut();
         let made = run.dropped.len();

@@ -80,7 +80,7 @@ pub struct Writer {
 pub enum Writing {
     Ready,
     Claimed,
-    /// So many slots are in its batch, and so many of them hold a job.
+    /// How many slots are in its batch, and this many of them hold a job.
     Batch {
         slots: u8,
         filled: u8,
@@ -179,7 +179,7 @@ pub enum Reading {
     ExecutingBatch {
         row: u8,
     },
-    /// It has dropped so many jobs of a completed batch.
+    /// It has dropped this many jobs of a completed batch.
     Dropping {
         row: u8,
         dropped: u8,
@@ -426,7 +426,7 @@ impl State {
     }
 }
 
-/// The number so many jobs later.
+/// The number this many jobs later.
 pub(super) fn after(number: u8, jobs: u8, max: u8) -> u8 {
     (number - 1 + jobs) % max + 1
 }

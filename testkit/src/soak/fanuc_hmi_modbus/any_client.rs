@@ -97,7 +97,7 @@ impl Cell {
         true
     }
 
-    /// The other client in place of ours.
+    /// The other client instead of the project's own.
     pub(super) fn listen(&mut self, other: &mut AnyClient) {
         while let Some(delivery) = self.wire.receive(End::A, self.now) {
             let Delivery::Bytes(bytes) = delivery else { continue };

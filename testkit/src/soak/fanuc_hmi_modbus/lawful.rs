@@ -49,7 +49,7 @@ impl Lawful {
 }
 
 impl Cell {
-    /// The lawful server in place of ours.
+    /// The lawful server instead of the project's own.
     pub(super) fn answer(&mut self, lawful: &mut Lawful, rng: &mut Rng) {
         while let Some(delivery) = self.wire.receive(End::B, self.now) {
             match delivery {
@@ -110,7 +110,7 @@ impl Cell {
         lawful.replies.push((self.now + delay, out[..length].to_vec()));
     }
 
-    /// The client of the line asks another unit, and that replies: both ends of ours hear it. Registers may hold what looks like a request to
+    /// The client of the line asks another unit, and that replies: both of the project's ends hear it. Registers may hold what looks like a request to
     /// ours, or like a refusal of what it was asked for.
     pub(super) fn neighbour(&mut self, rng: &mut Rng) {
         let framed = |unit, pdu: Request<'_>| {

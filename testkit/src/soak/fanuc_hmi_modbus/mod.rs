@@ -106,7 +106,7 @@ struct Cell {
     sabotage: Sabotage,
     wire: Wire,
     ledger: Ledger,
-    /// Written, and nobody asked for it.
+    /// Written without a request.
     aliens: Vec<Write>,
     asked: Vec<Asked>,
     open: Vec<(Ticket, usize)>,
@@ -488,7 +488,7 @@ impl Cell {
                 bank.writes.contains(alien)
             };
             if !unseen.iter().any(|unseen| unseen.from == End::A && made(&unseen.bytes)) {
-                self.log.line(self.now, format_args!("!!! nobody asked for {alien:?}"));
+                self.log.line(self.now, format_args!("!!! unsolicited: {alien:?}"));
                 tally.invented += 1;
             }
         }

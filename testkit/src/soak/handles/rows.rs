@@ -43,7 +43,7 @@ where
 /// A line whose port vanishes now and then, and that changes no byte.
 const SERIAL: Faults = Faults { flip: 0.0, lose_byte: 0.0, insert: 0.0, disconnect: 0.003, ..Faults::SERIAL };
 
-/// What is given to so many jobs: the first are done, of those after them nobody knows, and the others are not done.
+/// What is given to this many jobs: the first are done, of those after them nobody knows, and the others are not done.
 fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
     let each = |index| match index {
         _ if index < done => Done,
@@ -161,7 +161,7 @@ impl Handled for viewer::Arm {
             let pose = async { while !matches!(self.pose.next().await, Ok(Some(_))) {} };
             let has_come = timeout(2000 * MS, pose).await.is_ok();
             if !has_come {
-                // An operator whose picture stands still.
+                // An operator whose picture is frozen.
                 self.pause(true);
                 sleep(3000 * MS).await;
                 self.pause(false);
@@ -253,7 +253,7 @@ impl Handled for laser::Laser {
     const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
 
     fn device() -> Laser {
-        // As long as the longest frame, or a frame waits for ever.
+        // As long as the longest frame, or a frame would wait forever.
         Laser { queue: 7, ..Laser::default() }
     }
 

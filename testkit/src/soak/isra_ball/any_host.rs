@@ -132,7 +132,7 @@ fn session(seed: u64, is_hostile: bool, log: Log) -> Tally {
             match job {
                 Some(job) => _ = ledger.report(job, outcome, wire.mark()),
                 None => {
-                    log.line(now, format_args!("!!! nobody has asked"));
+                    log.line(now, format_args!("!!! unsolicited"));
                     tally.invented += 1;
                 }
             }

@@ -190,7 +190,7 @@ impl AnyPc {
 }
 
 impl<C: Controller> Cell<C> {
-    /// The other PC in place of ours.
+    /// The other PC instead of the project's own.
     pub(super) fn other_pc_pass(&mut self, other: &mut AnyPc, rng: &mut Rng) {
         while let Some(delivery) = self.receive(End::B) {
             match delivery {

@@ -10,7 +10,7 @@ use crate::controller::Controller;
 use crate::link::End;
 use robot_session::contract::Rng;
 
-/// Jobs of a hostile PC begin at this place, where no picture of ours is.
+/// Jobs of a hostile PC begin at this place, outside of the project's pictures.
 pub(super) const FAR: i32 = 9_000_000;
 
 /// One end is replaced until all is healed.

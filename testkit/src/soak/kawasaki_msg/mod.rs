@@ -67,7 +67,7 @@ pub(super) const HOSTILE_PC: Row = Row {
 };
 
 const MS: Duration = Duration::from_millis(1);
-/// An order that has not ended by then stands still.
+/// An order that has not ended by then is stalled.
 const LIMIT: Duration = Duration::from_secs(600);
 
 /// What happens to an order besides the faults of the line.
@@ -151,7 +151,7 @@ fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> T
             cell.step();
         }
         if cell.order.is_some() {
-            log.line(cell.now, format_args!("the order stands still"));
+            log.line(cell.now, format_args!("the order is stalled"));
             break;
         }
     }

@@ -11,7 +11,7 @@ pub(super) fn line(job: usize) -> Line {
     Line { kind, start: Point::new(x, 7 - x), end: Point::new(x * 3, -x) }
 }
 
-/// An order: so many jobs of the session from `first` on. Sometimes the next one is still being worked out.
+/// An order: this many jobs of the session from `first` on. Sometimes the next one is still being worked out.
 #[derive(Debug, Clone)]
 pub(super) struct Picture {
     pub(super) first: usize,

@@ -39,7 +39,7 @@ const INNER: u32 = 1 << 24;
 /// What happens to a transmission: a place in it, and what happens there.
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
-    /// The port stops before this byte for so long.
+    /// The port stops before this byte for this long.
     Pause(usize, Duration),
     /// These bits of the byte are inverted.
     Flip(usize, u8),

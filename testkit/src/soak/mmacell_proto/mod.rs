@@ -81,7 +81,7 @@ struct Cell {
     hostile: Option<End>,
     /// A central controller that does not wait for answers, which are then checked.
     pipeline: Option<Pipeline>,
-    /// In place of ours.
+    /// Instead of the project's own.
     other_central: Option<AnyCentral>,
     other_robot: Option<AnyDevice>,
 }

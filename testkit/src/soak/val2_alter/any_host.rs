@@ -44,7 +44,7 @@ impl AnyHost {
 }
 
 impl Cell {
-    /// The other host in place of ours.
+    /// The other host instead of the project's own.
     pub(super) fn answer(&mut self, host: &mut AnyHost, dead: Option<End>, is_calm: bool, rng: &mut Rng) {
         let mark = self.wire.mark();
         while let Some(delivery) = self.wire.receive(End::B, self.now) {

@@ -51,7 +51,7 @@ pub(super) const HOSTILE: Row = Row {
 
 const MS: Duration = Duration::from_millis(1);
 const LIMIT: Duration = Duration::from_secs(300);
-/// So many jobs must be done in the fault-free minute at the end.
+/// How many jobs must be done in the fault-free minute at the end.
 const AT_THE_END: usize = 5;
 
 type Values = [i16; 6];
@@ -73,7 +73,7 @@ struct Cell {
     aliens: Vec<HostMessage>,
     controller: Controller,
     host: Host,
-    /// In place of ours.
+    /// Instead of the project's own.
     other_controller: Option<AnyController>,
     other_host: Option<AnyHost>,
     /// Whether values are offsets from the path, which ones hold, and whether those are an alien's.

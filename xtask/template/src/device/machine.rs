@@ -75,7 +75,7 @@ impl Machine for DeviceMachine {
     type Config = DeviceConfig;
 
     /// # Errors
-    /// A request without a connection or before the reply to the last one, an answer that nobody asked for.
+    /// A request without a connection or before the reply to the last one, an unsolicited answer.
     fn on(&mut self, _now: Duration, input: Input, config: &DeviceConfig) -> Result<Action, Unexpected> {
         let (to, action) = match (*self, input) {
             (state, Input::Timeout) => (state, Action::Nothing),

@@ -37,7 +37,7 @@ use cellwire_motion::{
 use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
-/// The robot stands still for so long before and after the motion.
+/// How long the robot rests before and after the motion.
 const REST: f64 = 0.3;
 /// A longer run is this motion again and again, each compared by itself: no more than one is kept.
 const LAP: f64 = 60.0;
@@ -95,19 +95,19 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     );
     let mut report = Report::new("fanuc-hmi-modbus", title);
     report.fact("planned", "samples of the trajectory", trajectory.samples().len());
-    report.fact("points", "points that the program makes of them", made.moves + 1);
-    report.fact("worst_rounding", "greatest rounding of a speed to whole mm/s", percent(made.worst_rounding));
+    report.fact("points", "points of the program", made.moves + 1);
+    report.fact("worst_rounding", "largest rounding of a speed to whole mm/s", percent(made.worst_rounding));
     let times = format!("{:.3} s   {:.3} s", made.planned_time, made.written_time);
-    report.fact("times", "time of the trajectory, and at the rounded speeds", times);
+    report.fact("times", "duration of the trajectory, and with rounded speeds", times);
     let counts = recording.counts();
     report.fact("samples", "telemetry blocks read", counts.samples);
-    report.fact("repeated", "runs of the task read twice", counts.repeated);
-    report.fact("skipped", "runs of the task not read", counts.missed);
-    report.fact("failed", "requests without a block", failed);
+    report.fact("repeated", "task runs read twice", counts.repeated);
+    report.fact("skipped", "task runs missed", counts.missed);
+    report.fact("failed", "failed requests", failed);
     let [theirs, ours] = rates;
-    report.fact("controller_rate", "fastest quaternion rate, by the controller", format!("{theirs:.2} /s"));
-    report.fact("rate", "fastest quaternion rate, sign made continuous", format!("{ours:.2} /s"));
-    report.require(failed == 0, || format!("{failed} requests had no telemetry block"));
+    report.fact("controller_rate", "highest quaternion rate, by the controller", format!("{theirs:.2} /s"));
+    report.fact("rate", "highest quaternion rate, with continuous sign", format!("{ours:.2} /s"));
+    report.require(failed == 0, || format!("{failed} requests failed"));
     match &compared {
         Ok(comparison) => {
             let first = recording.first().map_or(0.0, f64::from) * PERIOD.as_secs_f64();

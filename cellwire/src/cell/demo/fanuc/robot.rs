@@ -99,7 +99,7 @@ impl Run {
 /// Where a motion goes, and for a spline move its speed in mm/s.
 fn stretch(program: &Program, motion: &Motion) -> Result<([f64; 6], Option<f64>)> {
     let Target::Position { number, .. } = motion.target else {
-        anyhow::bail!("{} is no position", motion.target)
+        anyhow::bail!("{} is not a position", motion.target)
     };
     let joints = program.position(number).and_then(fanuc_ls::Position::joints);
     let joints = joints.with_context(|| format!("P[{number}] does not give six joints"))?;

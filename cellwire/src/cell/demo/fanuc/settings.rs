@@ -31,7 +31,7 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { poll, word_order: order, client, server } = self;
-        fields.time("poll", POLL, "the time from one request to the next", poll);
+        fields.time("poll", POLL, "the time between requests", poll);
         word_order(fields, order);
         fields.group("client", |fields| ClientSettings(client).configure(fields));
         fields.group("server", |fields| {

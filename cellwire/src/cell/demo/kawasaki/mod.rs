@@ -68,9 +68,9 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { port, queue, speed, plant, robot, pc } = self;
-        fields.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free one", port);
+        fields.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free port", port);
         fields.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
-        fields.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+        fields.whole("speed", 1..=u32::MAX, "mm/s", "the speed of the pen", speed);
         plant.configure(fields);
         fields.group("robot", |fields| robot_settings(fields, robot));
         fields.group("pc", |fields| pc_settings(fields, pc));
@@ -96,7 +96,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     // No job is anything else than a line.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
     let (udp, timeout) = (plant.udp, tcp::CONNECT_TIMEOUT);
-    ensure!(!(udp && options.faults), "--faults breaks TCP connections: with udp there are none");
+    ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
     let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, timeout)?;
     let proxy = match options.faults {
@@ -194,7 +194,7 @@ impl<'a> Program for Repeat<'a> {
                 self.interrupted = true;
             }
             let late = self.seconds.is_some_and(|seconds| self.start.elapsed() > seconds + self.patience);
-            ensure!(!late, "the order does not end: the robot has not reported it for {:?}", self.patience);
+            ensure!(!late, "the robot has not reported the end of the order for {:?}", self.patience);
             return Ok(true);
         }
         let drawn = self.ledger.orders() > 0;
@@ -217,7 +217,7 @@ impl<'a> Program for Repeat<'a> {
             PcEvent::OrderRefused { given_up: true, order, active } => {
                 bail!("the robot refuses order {order}: order {active} is active");
             }
-            PcEvent::OutcomeUnknown { order, .. } => bail!("the robot has forgotten order {order}"),
+            PcEvent::OutcomeUnknown { order, .. } => bail!("the robot no longer has order {order}"),
             _ => {}
         }
         Ok(())
@@ -239,27 +239,27 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
     let tally = ledger.tally();
     let statistics = robot.statistics;
     let title = format!(
-        "a PC lets a robot draw a picture of {} strokes and {} moves",
+        "a robot draws a picture of {} strokes and {} moves for a PC",
         picture.strokes(),
         lines.len() - picture.strokes()
     );
     let mut report = Report::new("kawasaki-msg", title);
     report.fact("orders", "orders: pictures begun", ledger.orders());
-    report.fact("pictures", "pictures drawn whole", ledger.complete());
+    report.fact("pictures", "complete pictures", ledger.complete());
     report.jobs(tally.jobs());
     if tally.withdrawn > 0 {
-        report.fact("withdrawn", "taken back when the time was up", tally.withdrawn);
+        report.fact("withdrawn", "withdrawn at timeout", tally.withdrawn);
     }
-    report.fact("asked_again", "jobs discarded at a full queue and sent again", statistics.discarded);
+    report.fact("asked_again", "jobs dropped at a full queue and resent", statistics.discarded);
     report.fact("packets", "packets of the PC", packets.count);
-    report.fact("messages_mean", "messages a packet, mean", tenths(packets.messages, packets.count));
-    report.fact("messages_most", "messages a packet, most", packets.most_messages);
-    let label = format!("bytes of the longest packet, at most {limit} (§9.5)");
+    report.fact("messages_mean", "messages per packet, mean", tenths(packets.messages, packets.count));
+    report.fact("messages_most", "messages per packet, maximum", packets.most_messages);
+    let label = format!("bytes of the longest packet, maximum {limit} (§9.5)");
     report.fact("longest_packet", &label, packets.longest);
     let a_second = tenths(robot.exchange.count(), 1) / time.as_secs_f64();
-    report.fact("exchanges_a_second", "exchanges a second, in the source 31 (§9.4)", round(a_second));
+    report.fact("exchanges_a_second", "exchanges per second, in the source 31 (§9.4)", round(a_second));
     if let Some(faults) = proxy.map(FaultyProxy::faults) {
-        report.fact("splits", "reads cut in pieces", faults.splits.load(Ordering::Relaxed));
+        report.fact("splits", "split reads", faults.splits.load(Ordering::Relaxed));
         report.fact("delays", "reads delayed", faults.delays.load(Ordering::Relaxed));
         report.fact("disconnects", "connections broken", faults.disconnects.load(Ordering::Relaxed));
     }
@@ -279,9 +279,9 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
     );
     report.require(tally.executed_once > 0, || "nothing was drawn".into());
     for (count, what) in [
-        (tally.altered, "jobs were not what was sent"),
-        (tally.out_of_order, "jobs were executed out of their order"),
-        (tally.unreported, "jobs were executed that the PC believes were not"),
+        (tally.altered, "jobs differ from those sent"),
+        (tally.out_of_order, "jobs were executed out of order"),
+        (tally.unreported, "jobs were executed that the PC considers lost"),
     ] {
         report.require(count == 0, || format!("{count} {what}"));
     }
@@ -348,7 +348,7 @@ mod tests {
 
     #[test]
     fn a_picture_that_is_cut_short_is_reported() {
-        // The pen needs more than two seconds to the first corner: that job is finished, the others are taken back.
+        // The pen needs more than two seconds to the first corner: that job is finished, the others are withdrawn.
         let (file, mut options) = (square("short"), options(&[("speed", 40), ("queue", 4)]));
         (options.drawing, options.seconds) = (Some(file.clone()), Some(Duration::from_secs(1)));
         let object = demo(&options).unwrap().to_json();

@@ -29,7 +29,7 @@ pub struct Tally {
     pub repeated: u64,
     /// Executed, as reported to the PC, and not executed in truth.
     pub lost: u64,
-    /// Sent, and taken back with the end of the order: reported to the PC as not to be executed.
+    /// Sent, and withdrawn with the end of the order: reported to the PC as not to be executed.
     pub withdrawn: u64,
     /// Executed, and reported to the PC as not executed.
     pub unreported: u64,
@@ -201,7 +201,7 @@ mod tests {
         let outcome = Outcome { sent: 6, executed: 4 };
         let mut altered = stroke(1, 4);
         altered.job.work.set(4, AnyValue::Number(7));
-        // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is taken back.
+        // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is withdrawn.
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
         let mut tally = Tally::default();
         tally.add(&picture(9), outcome, 1, &strokes);

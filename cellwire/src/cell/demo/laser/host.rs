@@ -22,7 +22,7 @@ use cellwire_sim::laser::STATUS;
 /// How long questions go on when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);
 
-/// A robot that has restarted answers like one that has not: only its status shows it. It is asked at least so often.
+/// A robot that has restarted answers like one that has not: only its status shows it. It is asked at least this often.
 const ASK_AGAIN: Duration = Duration::from_secs(3);
 
 /// A host on a port, with the path that it cuts.
@@ -130,7 +130,7 @@ impl<'a> Cutter<'a> {
         plan.batch = batch;
         let mut asked_last = false;
         loop {
-            ensure!(now() < end + GIVE_UP, "the robot answers no question: please report this as a bug");
+            ensure!(now() < end + GIVE_UP, "the robot does not answer: please report this as a bug");
             plan.ask |= now() >= plan.asked + ASK_AGAIN;
             plan.ask(host)?;
             if now() < end {

@@ -214,41 +214,48 @@ fn report(
     };
     let mut report = Report::new(
         "laser-eb90",
-        format!("a host cuts a path of {path} instructions, at {baud} baud and a cycle of 16 ms"),
+        format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
     );
     report.jobs(tally.jobs());
     if tally.unknown > 0 {
         report.fact("unknown_executed", "of these executed", tally.unknown_executed);
     }
-    report.fact("unseen", "executed corrupt: the checksum cannot see it", tally.unseen);
-    report.fact("resent", "frames sent again after an error code", cutter.counts.resent);
+    report.fact("unseen", "executed corrupt, undetected by the checksum", tally.unseen);
+    report.fact("resent", "frames resent after an error code", cutter.counts.resent);
     report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
     report.fact("error_codes", "error codes sent by the robot", robot.refused);
-    report.fact("restarts", "restarts of the robot, noticed", cutter.counts.restarts);
+    report.fact("restarts", "detected restarts of the robot", cutter.counts.restarts);
     report.fact("line_faults", "bytes corrupted by the line", line.faults());
-    report.fact("single_rate", "instructions a second, one in a frame", tenths(one));
-    report.fact("batch_rate", "instructions a second, seven in a frame", tenths(seven));
-    report.fact("gain", "seven are faster by", format!("{} %", percent(seven / one)));
+    report.fact("single_rate", "instructions per second, one per frame", tenths(one));
+    report.fact("batch_rate", "instructions per second, seven per frame", tenths(seven));
+    report.fact("gain", "gain of seven per frame", format!("{} %", percent(seven / one)));
     report.fact(
         "gain_calculated",
-        "by calculation at this rate, without faults",
+        "calculated gain at this rate, without faults",
         format!("{} %", gain(baud)),
     );
     report.fact(
         "gain_slow",
-        "by calculation, at 9600 and 1200 baud",
+        "calculated gain at 9600 and 1200 baud",
         format!("{} %, {} %", gain(9600), gain(1200)),
     );
-    report.fact("gain_source", "in the source, at a rate it does not name", "about 37 %");
+    report.fact("gain_source", "gain in the source, at an unnamed rate", "about 37 %");
     report.timing("exchange", "frame to answer", &cutter.counts.exchange, None);
-    let cycle = Budget { time: timing::TICK, source: "§4.1: all tasks in one cycle" };
+    let cycle = Budget { time: timing::TICK, source: "§4.1: all tasks within one cycle" };
     report.timing("work", "the robot's work in a cycle", &robot.work, Some(cycle));
-    report.timing("answer", "end of the cycle to the answer, with the machine's delay", &robot.answer, None);
+    report.timing(
+        "answer",
+        "end of the cycle to the answer, including the host's delay",
+        &robot.answer,
+        None,
+    );
     report.require(tally.executed_once > 0, || "nothing was cut".into());
     report.require(!options.faults || cutter.counts.restarts == 1, || {
-        format!("the robot restarted once, {} restarts were noticed", cutter.counts.restarts)
+        format!("the robot restarted once, but {} restarts were detected", cutter.counts.restarts)
     });
-    report.require(options.faults || tally.unknown == 0, || "a clean line left outcomes unknown".into());
+    report.require(options.faults || tally.unknown == 0, || {
+        "outcomes are unknown although the line had no faults".into()
+    });
     report
 }
 

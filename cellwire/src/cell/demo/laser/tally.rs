@@ -1,4 +1,4 @@
-//! What became of each instruction, by somebody who sees both ends.
+//! The outcome of each instruction, seen from both ends.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use crate::cell::report::Jobs;
 pub enum Known {
     /// The controller reported that it is queued.
     Queued,
-    /// Nobody can know.
+    /// Unknown.
     Unknown,
 }
 

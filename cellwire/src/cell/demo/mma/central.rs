@@ -77,7 +77,7 @@ struct End<P: Pose> {
 }
 
 impl Central {
-    /// A controller that places so many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times faster than the
+    /// A controller that places this many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times faster than the
     /// clock on the wall, by which replies take their time.
     ///
     /// # Errors

@@ -10,10 +10,10 @@ use super::verdict::{End, attempts, is_in_order, leaves_open};
 use super::workpiece::{Outcome, Record};
 use crate::io::samples::Samples;
 
-/// With so many steps, those of attempts that have ended are judged and forgotten.
+/// With this many steps, those of attempts that have ended are judged and forgotten.
 pub const MOST_STEPS: usize = 4096;
 
-/// So many attempts that went wrong are reported in words.
+/// How many attempts that went wrong are reported in words.
 const MOST_FAILURES: usize = 20;
 
 /// What has been judged so far.
@@ -57,7 +57,7 @@ impl Judged {
         self.shown.take().unwrap_or_default()
     }
 
-    /// Judges and forgets so many steps, and what happened in their time.
+    /// Judges and forgets this many steps, and what happened in their time.
     fn judge(&mut self, count: usize, log: &mut Log, record: &mut Record) {
         self.shown.get_or_insert_with(|| Shown::of(log, record));
         let end = log.steps.get(count).map_or(Duration::MAX, |(at, _)| *at);

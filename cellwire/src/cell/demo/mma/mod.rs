@@ -40,7 +40,7 @@ const STANDSTILL: Duration = Duration::from_secs(20);
 /// Runs the demo.
 ///
 /// # Errors
-/// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
+/// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stalls.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { parts, speed, stall_every, task, central } =
         cellwire_links::settings::read("mmacell-proto", Settings::default(), &options.settings)?;
@@ -114,7 +114,7 @@ impl Run {
         Ok(Self { cell, clock, addresses, devices, _proxies: proxies })
     }
 
-    /// Places so many parts, or as many as fit into the time; what happened.
+    /// Places this many parts, or as many as fit into the time; what happened.
     fn place(
         self,
         parts: Option<u64>,
@@ -157,7 +157,7 @@ impl Run {
                 stands_since = (central.step(), now.wall);
                 options.progress.set_position(central.log.placed);
             } else if now.wall - stands_since.1 > STANDSTILL {
-                bail!("the cell stands still in step {:?}: please report this as a bug", stands_since.0);
+                bail!("the cell stalled in step {:?}: please report this as a bug", stands_since.0);
             }
             Self::wait(self.clock, &mut central, &mut connections, &inbox)?;
         }
@@ -290,43 +290,43 @@ fn report(
 ) -> Report {
     let record = &cell.parts().record;
     let title = format!(
-        "pick and place over three TCP connections, robot, platform, and cameras with valves; the axes run {speed} times faster than life"
+        "pick and place over three TCP connections: robot, platform, and cameras with valves; axes at {speed} times real speed"
     );
     let mut report = Report::new("mmacell-proto", title);
     report.fact("parts_placed", "parts placed", log.placed);
     report.fact("attempts", "attempts", judged.attempts);
-    report.fact("missed", "parts missed and tried again", record.missed);
-    report.fact("fallen", "parts lost in flight and tried again", record.lost);
+    report.fact("missed", "parts missed and retried", record.missed);
+    report.fact("fallen", "parts lost in flight and retried", record.lost);
     let elsewhere = judged.let_go_elsewhere;
-    report.fact("let_go_in_place", "parts let go in the right place", record.placed);
-    report.fact("let_go_elsewhere", "parts let go elsewhere", elsewhere);
-    report.fact("unpicked", "parts missed or lost as often as they may be", log.unpicked);
+    report.fact("let_go_in_place", "parts released in the right place", record.placed);
+    report.fact("let_go_elsewhere", "parts released elsewhere", elsewhere);
+    report.fact("unpicked", "parts given up after the maximum of attempts", log.unpicked);
     report.fact("exchanges", "commands answered", log.exchanges);
     if options.faults || stalls {
-        report.fact("faults", "faults that a reset led out of", log.faults);
-        report.fact("reconnections", "connections opened again", log.reconnections);
-        report.fact("broken_off", "attempts that a fault broke off", judged.broken_off);
-        report.fact("dropped", "parts let go at a fault", record.dropped);
+        report.fact("faults", "faults cleared by a reset", log.faults);
+        report.fact("reconnections", "connections reopened", log.reconnections);
+        report.fact("broken_off", "attempts aborted by a fault", judged.broken_off);
+        report.fact("dropped", "parts released at a fault", record.dropped);
     }
-    report.fact("vacuum_left_on", "attempts begun with the vacuum on", log.vacuum_left_on);
+    report.fact("vacuum_left_on", "attempts started with the vacuum on", log.vacuum_left_on);
     let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);
-    report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of the cell's time", after_loss);
+    report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of cell time", after_loss);
     report.jobs(motions(log, cell, options));
     let open = judged.open;
     report.require(record.carried_off <= open, || {
-        format!("{} parts were not blown off and left their place again", record.carried_off)
+        format!("{} parts were not blown off and left their place", record.carried_off)
     });
     report.require((log.placed..=log.placed + open).contains(&record.placed), || {
-        format!("{} parts are in their place, the task believes {}", record.placed, log.placed)
+        format!("{} parts are in their place, but the task counts {}", record.placed, log.placed)
     });
-    report.require(elsewhere == 0, || format!("{elsewhere} parts were let go in the wrong place"));
+    report.require(elsewhere == 0, || format!("{elsewhere} parts were released in the wrong place"));
     report.require(log.vacuum_left_on == 0 && !cell.parts().vacuum(), || "the vacuum was left on".into());
     let (words, count) = &judged.failures;
     words.iter().for_each(|words| report.require(false, || words.clone()));
     let more = count - words.len() as u64;
     report.require(more == 0, || format!("{more} more attempts with steps out of order"));
     report.timing("turn_around", "command to reply", &log.turn_around, None);
-    report.timing("cycle", "cycle of a part, in the cell's time", &judged.cycles, None);
+    report.timing("cycle", "cycle of a part, in cell time", &judged.cycles, None);
     let of = |step| judged.steps.iter().find(|(known, _)| *known == step);
     for (step, samples) in Step::ALL.into_iter().filter_map(of) {
         let number = step.number().map_or_else(|| "–".into(), |number| number.to_string());
@@ -385,7 +385,7 @@ mod tests {
         assert_eq!(object["cycle"]["count"], 12);
         let picture = std::fs::read_to_string(&path).unwrap();
         std::fs::remove_file(path).unwrap();
-        for word in ["placed", "Vacuum switch", "to place", "time of the cell"] {
+        for word in ["placed", "Vacuum switch", "to place", "cell time"] {
             assert!(picture.contains(word), "{word}");
         }
     }

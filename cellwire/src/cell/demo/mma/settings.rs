@@ -30,9 +30,15 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, speed, stall_every, task, central } = self;
-        fields.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
-        fields.whole("speed", 1..=10_000, "times", "how many times faster than life the axes move", speed);
-        let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
+        fields.whole("parts", 1..=u64::MAX, "parts", "parts to place, without --seconds", parts);
+        fields.whole(
+            "speed",
+            1..=10_000,
+            "times",
+            "how many times faster than real time the axes move",
+            speed,
+        );
+        let about = "how many motions until one stops half-way without an error; 0: never";
         fields.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
         fields.group("task", |fields| task.configure(fields));
         fields.group("central", |fields| central.configure(fields));

@@ -110,8 +110,7 @@ impl Picture<'_, '_> {
             INK,
             HPos::Left,
         )?;
-        let legend =
-            "one attempt from line to line; a part that is missed or lost is tried again from step 7";
+        let legend = "one attempt between lines; a missed or lost part is retried from step 7";
         self.text((LEFT, 56 * UNIT), legend, 14, INK, HPos::Left)?;
         self.legend()?;
         self.attempts(shown)?;
@@ -174,13 +173,7 @@ impl Picture<'_, '_> {
             self.area.draw(&PathElement::new([(x, bottom), (x, bottom + 5 * UNIT)], thin(INK)))?;
             self.text((x, bottom + 16 * UNIT), &format!("{second} s"), 13, INK, HPos::Center)?;
         }
-        self.text(
-            ((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38 * UNIT),
-            "time of the cell",
-            14,
-            INK,
-            HPos::Center,
-        )
+        self.text(((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38 * UNIT), "cell time", 14, INK, HPos::Center)
     }
 
     fn lane(&self, row: i32, name: &str, spans: &[Span]) -> Drawn {

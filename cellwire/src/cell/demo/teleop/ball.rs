@@ -39,7 +39,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         ball.fresh += 2 + host.ball_corrupt + host.ball_late;
     }
     let title = format!(
-        "a hand on the ball steers the robot: one poll in its cycle of 28 ms, at {} baud",
+        "a hand on the ball steers the robot: one poll per cycle of 28 ms, at {} baud",
         config.polls.baud
     );
     let mut report = Report::new("isra-ball", title);
@@ -48,20 +48,20 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("fresh", "packets with new values", host.fresh);
     report.fact("old", "packets with old values", host.old);
     report.fact("missed", "polls without a packet", host.ball_missed);
-    report.fact("late", "packets that are no reply", host.ball_late);
-    report.fact("corrupt", "corrupt packets, or pieces of one", host.ball_corrupt);
+    report.fact("late", "packets that are not replies", host.ball_late);
+    report.fact("corrupt", "corrupt or partial packets", host.ball_corrupt);
     report.fact("line_faults", "bytes corrupted on the line", line_faults);
-    report.fact("paused_us", "the machine stood still, µs in all", robot::micros(pauses.total()));
-    report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
-    report.fact("key_presses", "gripper keys sent on", host.gripper_keys.len());
+    report.fact("paused_us", "host stalled, µs in total", robot::micros(pauses.total()));
+    report.fact("stale", "times the values were older than 150 ms", host.ball_stale);
+    report.fact("key_presses", "gripper keys forwarded", host.gripper_keys.len());
     report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
     let budget = Budget { time: config.polls.period, source: "§3.4: the robot's cycle" };
-    // Nobody waits longer than that for a packet.
+    // A packet is not awaited longer than that.
     let mut exchange = host.exchange.clone();
     (0..host.ball_missed).for_each(|_| exchange.add(2 * budget.time));
-    let label = "poll to packet, a poll without one being two periods";
+    let label = "poll to packet; no packet counts as two periods";
     report.timing("exchange", label, &exchange, Some(budget));
-    // In a period in which the machine stands still, nobody is asked to answer.
+    // A period in which the host is stalled does not count.
     let paused = pauses.total().as_nanos() / budget.time.as_nanos().max(1);
     report.require(u128::from(answered) + paused > host.ball_missed.into(), || {
         format!("{answered} polls were answered, {} were not", host.ball_missed)
@@ -69,12 +69,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     // A packet too late for its poll looks like the answer to the next one: they have no numbers.
     let fastest = host.exchange.at(0.0);
     report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.polls.baud), || {
-        format!("a packet came in {fastest:?}, faster than the line carries it")
+        format!("a packet came in {fastest:?}, faster than the line rate")
     });
     // The last one may be on the line when the run ends.
     let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_corrupt);
     report.require(config.faults || sent <= arrived + 1, || {
-        format!("the ball sent {sent} packets, {arrived} arrived, whole or not")
+        format!("the ball sent {sent} packets, {arrived} arrived, complete or partial")
     });
     Ok(report)
 }

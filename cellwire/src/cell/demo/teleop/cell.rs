@@ -100,7 +100,7 @@ pub struct CellRecord {
     pub stopped_at: Duration,
     /// How many of the robot's ends of ALTER came before that.
     pub ends_before_stop: usize,
-    /// When the machine stood still.
+    /// When the host was stalled.
     pub pauses: Pauses,
 }
 
@@ -109,7 +109,7 @@ pub struct CellRecord {
 pub struct HostRecord {
     /// The replies that the robot has not rejected.
     pub cycles: Cycles,
-    /// Cycles in which the arm stood for want of a good reply, as far as the host knows.
+    /// Cycles in which the arm was at rest without a good reply, as far as the host knows.
     pub stood: u64,
     /// From the last byte read to the reply written, by the host's own clock.
     pub thinking: Samples,

@@ -13,7 +13,7 @@ pub struct Cycle {
     pub at: Duration,
     /// The how many-th ALTER, from 1.
     pub session: u32,
-    /// How many cycles it has stood by then, for want of a good reply: after such a cycle the arm begins from rest.
+    /// How many cycles it has been at rest by then, without a good reply: after such a cycle the arm begins from rest.
     pub stood: u64,
     /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
     pub interrupted: bool,
@@ -41,7 +41,7 @@ impl Default for Cycles {
 }
 
 impl Cycles {
-    /// At least so many are kept, nine minutes.
+    /// At least this many are kept, nine minutes.
     const KEPT: usize = 20_000;
 
     /// None yet.

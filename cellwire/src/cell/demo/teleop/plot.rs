@@ -69,7 +69,8 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
     }
     let acceleration = |words: f64| words / Scale::PUMA_562.per_mm / (cycle * cycle);
     let panel = Panel {
-        title: "Acceleration along X (clipped: letting go asks for many times the limit)".into(),
+        title: "Acceleration along X (clipped: the requested value at release is many times the limit)"
+            .into(),
         unit: "mm/s²",
         limit: acceleration(limits.acceleration[0].into()),
         asked: scaled(&steps(&curve(cycles, |cycle| cycle.demand[0])), acceleration),

@@ -16,7 +16,7 @@ use cellwire_links::settings::{self, Configure, Fields};
 
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
-/// A cycle in which the machine stood still for so long is not the host's to keep: the window of 15 ms leaves little more.
+/// A cycle with a host stall of this length is not a fault of the session: the window of 15 ms leaves little more.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// What can be set of the demo: the host's end, and where the robot's differs.
@@ -83,10 +83,10 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let planned = puma.ends.len() - record.ends_before_stop;
     let missed = puma.missed.saturating_sub(planned as u64);
     report.fact("missed", "missed", missed);
-    report.fact("bad_replies", "replies corrupt, or cut off by the window", puma.bad_replies);
-    report.fact("stalls", "times the host was put to sleep", host.stalls);
+    report.fact("bad_replies", "replies corrupt or cut off by the window", puma.bad_replies);
+    report.fact("stalls", "times the host was delayed", host.stalls);
     report.fact("ends", "ended by the controller", ends(record));
-    report.fact("taken_up_again", "taken up again", puma.starts.saturating_sub(1));
+    report.fact("taken_up_again", "resumed", puma.starts.saturating_sub(1));
     report.fact(
         "priority",
         "priority of the replies",
@@ -97,10 +97,10 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
         every_cycle.add(timing::CYCLE);
     }
     let p999 = micros(every_cycle.at(0.999).min(timing::CYCLE));
-    report.fact("turn_around_p999_us", "turn-around p99.9, a missed cycle being 28000, µs", p999);
+    report.fact("turn_around_p999_us", "turn-around p99.9, µs; a missed cycle counts as 28000", p999);
     report.fact(
         "least_margin_us",
-        "least left of the window in the cycles kept, µs",
+        "shortest remaining window in answered cycles, µs",
         micros(puma.margin.at(0.0)),
     );
 
@@ -110,31 +110,31 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let moved = |closes| puma.gripper.iter().filter(|grip| **grip == closes).count();
     report.fact(
         "gripper_closed",
-        "gripper closed, of key presses",
+        "gripper closed / key presses",
         format!("{} of {}", moved(true), pressed(true)),
     );
     report.fact(
         "gripper_opened",
-        "gripper opened, of key presses",
+        "gripper opened / key presses",
         format!("{} of {}", moved(false), pressed(false)),
     );
-    report.fact("poses", "poses drawn, of poses sent", format!("{} of {}", drawn.poses, host.poses));
-    report.fact("most_poses_at_once", "most poses between two pictures", drawn.most_at_once);
+    report.fact("poses", "poses drawn / sent", format!("{} of {}", drawn.poses, host.poses));
+    report.fact("most_poses_at_once", "maximum of poses between two pictures", drawn.most_at_once);
     report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
     report.fact("stray_replies", "replies too late for their window", puma.strays);
-    report.fact("paused_us", "the machine stood still, µs in all", micros(record.pauses.total()));
-    report.fact("simulator_late_us", "the simulator was late itself, µs in all", micros(puma.stood));
+    report.fact("paused_us", "host stalled, µs in total", micros(record.pauses.total()));
+    report.fact("simulator_late_us", "delay of the simulator itself, µs in total", micros(puma.stood));
     report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
 
     let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
-    report.timing("turn_around", "request to reply, a missed cycle being 28 ms", &every_cycle, budget);
-    report.timing("host", "of that, host and machine", &puma.thinking, None);
+    report.timing("turn_around", "request to reply; a missed cycle counts as 28 ms", &every_cycle, budget);
+    report.timing("host", "of that, host session and computer", &puma.thinking, None);
     // What it gave up took it too long; while it was put to sleep, it is not asked.
     let mut host_own = host.thinking.clone();
     for _ in host.stalls..host.missed {
         host_own.add(timing::CYCLE);
     }
-    report.timing("host_own", "the host by its own clock", &host_own, slack(config));
+    report.timing("host_own", "host by its own clock", &host_own, slack(config));
 
     promises(&mut report, config, record, missed);
     report
@@ -147,7 +147,7 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
-/// Every cycle counts: one without a good reply has a fault that was inserted, or the machine stood still, or it is one of the host's.
+/// Every cycle counts: one without a good reply has an injected fault, a host stall, or a fault of the session.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
@@ -159,27 +159,28 @@ fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, misse
     let paused = puma.without.iter().filter(|at| **at < record.stopped_at).filter(paused).count() as u64;
     report.require(lost <= inserted + paused, || {
         format!(
-            "{lost} of {} cycles were lost, {inserted} of them by faults that were inserted, {paused} while the machine stood still",
+            "{lost} of {} cycles were lost: {inserted} by injected faults, {paused} while the host was stalled",
             puma.cycles
         )
     });
-    report.require(puma.turn_around.count() > 0, || "no cycle was kept".into());
+    report.require(puma.turn_around.count() > 0, || "no cycle was answered".into());
     report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
-    report
-        .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
+    report.require(drawn.most_at_once <= 1, || {
+        format!("{} poses arrived at once: a backlog", drawn.most_at_once)
+    });
     let settled = |at: Duration| {
         let paused = record.pauses.between(at, record.stopped_at);
         at + paused + SETTLING < record.stopped_at
     };
     let to_take_up = puma.ends.iter().filter(|(at, _)| settled(*at)).count() as u64;
     report.require(puma.starts > to_take_up, || {
-        format!("ALTER ended {to_take_up} times, and was taken up {} times", puma.starts)
+        format!("ALTER ended {to_take_up} times, but was resumed {} times", puma.starts)
     });
     if !config.faults && record.ends_before_stop == 0 {
         let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
         let due = host.gripper_keys.iter().take_while(|(at, _)| settled(*at)).count();
         report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
-            format!("the gripper moved {:?}, its keys were pressed {pressed:?}", puma.gripper)
+            format!("the gripper moved {:?}, but its keys were pressed {pressed:?}", puma.gripper)
         });
     }
 }
@@ -201,7 +202,7 @@ fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
     let cycle = timing::CYCLE.as_secs_f64();
     let mm = |units: u32, per: f64| (f64::from(units) / Scale::PUMA_562.per_mm / per).round();
     let row = |asked: u32, sent: u32, limit: u16, per: f64| {
-        format!("{} asked, {} sent, limit {}", mm(asked, per), mm(sent, per), mm(limit.into(), per))
+        format!("{} requested, {} sent, limit {}", mm(asked, per), mm(sent, per), mm(limit.into(), per))
     };
     let velocity = row(asked.velocity[0], sent.velocity[0], limits.velocity[0], cycle);
     report.fact("velocity_x", "highest velocity along X, mm/s", velocity);
@@ -271,13 +272,13 @@ mod tests {
     #[test]
     fn every_cycle_counts() {
         assert_eq!(failures(|_| ()), [""; 0]);
-        let lost = "1 of 0 cycles were lost, 0 of them by faults that were inserted, 0 while the machine stood still";
+        let lost = "1 of 0 cycles were lost: 0 by injected faults, 0 while the host was stalled";
         let taken_up = |record: &mut CellRecord| {
             miss(record);
             record.puma.starts = 2;
         };
         assert_eq!(failures(taken_up), [lost]);
-        assert_eq!(failures(miss), [lost, "ALTER ended 1 times, and was taken up 1 times"]);
+        assert_eq!(failures(miss), [lost, "ALTER ended 1 times, but was resumed 1 times"]);
         assert_eq!(failures(|record| record.puma.bad_replies = 1), [lost]);
         let paused = |from, to| {
             move |record: &mut CellRecord| {
@@ -288,7 +289,7 @@ mod tests {
         assert_eq!(failures(paused(4980, 4985)), [""; 0]);
         assert_eq!(failures(paused(4980, 4984)), [lost], "shorter than what is left of a window");
         assert_eq!(failures(paused(4960, 4970)), [lost], "in another cycle");
-        let again = "ALTER ended 1 times, and was taken up 1 times";
+        let again = "ALTER ended 1 times, but was resumed 1 times";
         let never = |from, to| {
             move |record: &mut CellRecord| {
                 paused(from, to)(record);
@@ -302,10 +303,10 @@ mod tests {
     #[test]
     fn a_slow_host_is_reported() {
         let slow = |record: &mut CellRecord| (0..4).for_each(|_| record.host.thinking.add(5 * MS));
-        let own = "the host by its own clock: p99 is 5.00 ms, the budget 2.74 ms (§3.4, longest messages)";
+        let own = "host by its own clock: p99 is 5.00 ms, the budget 2.74 ms (§3.4, longest messages)";
         assert_eq!(over_budget(slow), [own]);
         let gives_up = |record: &mut CellRecord| record.host.missed = 4;
-        assert!(over_budget(gives_up)[0].starts_with("the host by its own clock: p99 is 28"));
+        assert!(over_budget(gives_up)[0].starts_with("host by its own clock: p99 is 28"));
         let asleep = |record: &mut CellRecord| (record.host.missed, record.host.stalls) = (4, 4);
         assert_eq!(over_budget(asleep), [""; 0]);
     }
@@ -315,8 +316,11 @@ mod tests {
         let fast = |record: &mut CellRecord| record.puma.judge.extremes.add([8, 0, 0, 0, 0, 0], [17; AXES]);
         assert!(failures(fast)[0].starts_with("the robot got Extremes"));
         let press = |at| move |record: &mut CellRecord| record.host.gripper_keys.push((at * MS, true));
-        assert_eq!(failures(press(5000)), ["the gripper moved [], its keys were pressed [true]"]);
+        assert_eq!(failures(press(5000)), ["the gripper moved [], but its keys were pressed [true]"]);
         assert_eq!(failures(press(9990)), [""; 0], "too late for the run");
-        assert_eq!(failures(|record| record.puma.turn_around = Samples::default()), ["no cycle was kept"]);
+        assert_eq!(
+            failures(|record| record.puma.turn_around = Samples::default()),
+            ["no cycle was answered"]
+        );
     }
 }

@@ -37,22 +37,23 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if options.spoils(MustFail::Repeated) {
         drawn.most_at_once += 1;
     }
-    let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose for each request");
+    let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose per request");
     report.fact("requests", "requests", drawn.asked);
     report.fact("sent", "poses sent", host.poses);
     report.fact("poses", "poses drawn", drawn.poses);
-    report.fact("gaps", "poses that never came", drawn.gaps);
-    report.fact("corrupt", "corrupt lines, or pieces of one", drawn.damaged);
+    report.fact("gaps", "missing poses", drawn.gaps);
+    report.fact("corrupt", "corrupt or partial lines", drawn.damaged);
     report.fact("line_faults", "bytes corrupted on the line", line_faults);
-    report.fact("stale", "times that the picture was stale", drawn.stale);
-    report.fact("pauses", "times that the operator paused it to ask again", drawn.pauses);
-    report.fact("most_at_once", "most poses between two pictures", drawn.most_at_once);
+    report.fact("stale", "times the picture was stale", drawn.stale);
+    report.fact("pauses", "times the operator paused it to request again", drawn.pauses);
+    report.fact("most_at_once", "maximum of poses between two pictures", drawn.most_at_once);
     report.require(drawn.poses > 0, || "no pose was drawn".into());
-    report
-        .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
+    report.require(drawn.most_at_once <= 1, || {
+        format!("{} poses arrived at once: a backlog", drawn.most_at_once)
+    });
     // The last one may be on the line when the run ends.
     report.require(config.faults || host.poses <= drawn.poses + 1, || {
-        format!("{} poses were sent, {} came", host.poses, drawn.poses)
+        format!("{} poses were sent, {} arrived", host.poses, drawn.poses)
     });
     Ok(report)
 }

@@ -17,7 +17,7 @@ use cellwire_links::kawasaki_msg::plant::Plant;
 /// The most jobs of a file: what a journal and a drawing can hold.
 const MAX_JOBS: usize = 1_000_000;
 
-/// So many bad lines are named.
+/// How many bad lines are named.
 const MOST_NAMED: usize = 20;
 
 /// Jobs in the order of their execution.
@@ -142,7 +142,7 @@ fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWo
     for row in table {
         let (line, record) = row?;
         if record.len() > columns.len() {
-            bad.push(format!("line {line}: {} cells, and {} fields are named", record.len(), columns.len()));
+            bad.push(format!("line {line}: {} cells, but {} fields are named", record.len(), columns.len()));
             continue;
         }
         let mut texts: Vec<Option<&str>> = defaults.iter().map(Option::as_deref).collect();
@@ -173,7 +173,7 @@ fn columns(header: &csv::StringRecord, layout: &Layout) -> Result<Vec<usize>> {
     for name in header {
         let place = layout.place(name).ok_or_else(|| {
             let (name, names) = (name.escape_debug(), names());
-            anyhow!("the first line names fields: `{name}` is none of a job, which has {names}")
+            anyhow!("`{name}` in the first line is not a field of a job; a job has {names}")
         })?;
         ensure!(!columns.contains(&place), "the first line names `{name}` twice");
         columns.push(place);
@@ -182,7 +182,7 @@ fn columns(header: &csv::StringRecord, layout: &Layout) -> Result<Vec<usize>> {
         let given = columns.contains(&place) || field.default.is_some();
         ensure!(
             given,
-            "the first line lacks the field `{}`, which has no default: a job has {}",
+            "the field `{}` is missing in the first line and has no default; a job has {}",
             field.name,
             names()
         );

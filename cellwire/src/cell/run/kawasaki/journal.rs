@@ -19,7 +19,7 @@ pub struct Flight {
     pub max_number: u16,
     /// Its jobs, by their places in the file.
     pub places: Vec<usize>,
-    /// So many are known to be executed, from the first on.
+    /// How many are known to be executed, from the first on.
     pub executed: u32,
     /// From this one on none was sent.
     pub sent: u32,
@@ -40,9 +40,9 @@ pub enum Entry {
     },
     /// How far it is.
     Progress {
-        /// So many jobs are executed.
+        /// How many jobs are executed.
         executed: u32,
-        /// So many are sent, or about to be.
+        /// How many are sent, or about to be.
         sent: u32,
     },
     /// A job of the order was executed ahead of others.
@@ -52,9 +52,9 @@ pub enum Entry {
     },
     /// The order is over.
     End {
-        /// So many jobs were executed, and those that were ahead.
+        /// How many jobs were executed, and those that were ahead.
         end: u32,
-        /// Of those from there to this one nobody knows.
+        /// Those from there to this one are unknown.
         unknown: u32,
     },
     /// What the operator says.

@@ -24,7 +24,7 @@ use crate::links::kawasaki_msg::pc::{self, Notification, Program};
 pub enum Ended {
     /// Every job is done.
     Complete,
-    /// The operator has stopped it, or nobody answers a question.
+    /// The operator has stopped it, or a question was not answered.
     Stopped,
     /// The robot refuses the order: it is in this one, or in none and takes none.
     Refused {
@@ -44,7 +44,7 @@ pub struct Runner<'a> {
     /// Why nothing is sent any more.
     failed: Option<anyhow::Error>,
     operator: Operator<'a>,
-    /// The number of the next order, if somebody has named one.
+    /// The number of the next order, if given.
     order: Option<u16>,
     /// How long no robot may be connected.
     absence: Option<Duration>,
@@ -53,7 +53,7 @@ pub struct Runner<'a> {
     ended: Option<Ended>,
     /// The jobs that are asked about, and how many there are.
     question: Option<(usize, usize)>,
-    /// So many jobs were done before the order began, and so many of it are reported as done.
+    /// How many jobs were done before the order began, and this many of it are reported as done.
     before: usize,
     reported: u32,
     /// Whether a robot is connected, and since when it is so.
@@ -106,7 +106,7 @@ impl<'a> Runner<'a> {
         if let Some(flight) = &self.journal.record().flight {
             if flight.max_number != self.config.max_number {
                 bail!(
-                    "order {} was begun with max_number = {}: finish it with the same",
+                    "order {} was started with max_number = {}: finish it with the same value",
                     flight.order,
                     flight.max_number
                 );
@@ -140,7 +140,7 @@ impl<'a> Runner<'a> {
     /// The order ends after the job that is being executed; where the plant lacks that, after those that the robot has queued.
     fn break_off(session: &mut Pc<'a>) {
         if let Err(SessionError::Lacks { .. }) = session.interrupt() {
-            // It is ending already, or is not begun: then it is tried again.
+            // It is ending already, or is not begun: then it is retried.
             let _ = session.end();
         }
     }
@@ -152,7 +152,7 @@ impl<'a> Runner<'a> {
                 Ok(text) => text,
                 Err(TryRecvError::Empty) => return Ok(()),
                 Err(TryRecvError::Disconnected) => {
-                    // Nobody could let it go on.
+                    // There is no operator to continue it.
                     self.stopping |= self.paused || self.question.is_some();
                     return Ok(());
                 }
@@ -194,7 +194,7 @@ impl<'a> Runner<'a> {
                     self.hint("answer done, repeat or stop")?;
                     continue;
                 }
-                // Whoever answers early may not mean what is asked then.
+                // An early answer may not be meant for this question.
                 (Some(Word::Done | Word::Repeat), None) => {
                     self.unasked(&text)?;
                     continue;
@@ -213,7 +213,7 @@ impl<'a> Runner<'a> {
     }
 
     fn unasked(&mut self, typed: &str) -> Result<()> {
-        let hint = "nothing is asked: an answer counts when it is typed after its question";
+        let hint = "there is no open question: answers count only after a question";
         (self.operator.notify)(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}))
     }
 
@@ -283,16 +283,15 @@ impl<'a> Runner<'a> {
                 if complete || self.paused || self.stopping || !was_sent {
                     return Ok(());
                 }
-                // Somebody at the robot has ended it.
+                // It was ended at the robot.
                 self.paused = true;
-                return self.hint(
-                    "the robot has ended the order: type continue when the rest may be executed, or stop",
-                );
+                return self
+                    .hint("the robot has ended the order: type continue to execute the rest, or stop");
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
                 self.done(executed)?;
                 self.journal.note(&Entry::End { end: executed, unknown: sent })?;
-                let why = "the robot has forgotten the order: it was restarted, or was given another one";
+                let why = "the robot no longer has the order: it was restarted, or received another one";
                 return (self.operator.notify)(json!({"event": "unknown", "order": order, "why": why}));
             }
             PcEvent::OrderRefused { given_up: true, active, .. } => {
@@ -305,7 +304,7 @@ impl<'a> Runner<'a> {
                 if !self.alarm || before {
                     return Ok(());
                 }
-                let what = "the robot has raised an alarm and executes nothing: reset it there, or type stop";
+                let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop";
                 return (self.operator.notify)(json!({"event": "alarm", "order": order, "what": what}));
             }
             _ => {}
@@ -319,8 +318,8 @@ impl<'a> Runner<'a> {
         };
         let seconds = most.as_secs_f64();
         match self.met {
-            true => Err(Lost(format!("the robot is gone: no connection for {seconds} s")).into()),
-            false => bail!("no robot has connected in {seconds} s: see --robot-timeout"),
+            true => Err(Lost(format!("the robot has been disconnected for {seconds} s")).into()),
+            false => bail!("no robot connected within {seconds} s: see --robot-timeout"),
         }
     }
 }

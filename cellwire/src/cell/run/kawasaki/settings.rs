@@ -36,13 +36,13 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, config, order, board } = self;
-        let about = "the number of the next order; over UDP each needs one that no order before it had";
+        let about = "the number of the next order; over UDP never used before";
         fields.whole_or("order", 1..=u16::MAX, "", "any", about, order);
         fields.wholes(
             "board",
             1..=10_000,
             "mm",
-            "the sheet that a picture is fitted into: its width and height",
+            "the sheet that a picture is scaled to: width and height",
             board,
         );
         plant.configure(fields);

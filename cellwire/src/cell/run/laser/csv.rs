@@ -22,13 +22,13 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
         }
         let word = word(first, mapping).with_context(|| {
             format!(
-                "line {line}: `{}` is no command word: give cut, move, 258 or 0x0102",
+                "line {line}: `{}` is not a command word: give cut, move, 258 or 0x0102",
                 first.escape_debug()
             )
         })?;
         let number = |cell: &str| {
             cell.parse::<f32>()
-                .with_context(|| format!("line {line}: `{}` is no number", cell.escape_debug()))
+                .with_context(|| format!("line {line}: `{}` is not a number", cell.escape_debug()))
         };
         let values = cells.filter(|cell| !cell.is_empty()).map(number).collect::<Result<_>>()?;
         instructions.push(Instruction { line, word, values });

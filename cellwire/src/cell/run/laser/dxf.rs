@@ -65,7 +65,7 @@ pub(super) fn read(bytes: &[u8], mapping: &Mapping) -> Result<Vec<Instruction>> 
     if !others.is_empty() {
         let others: Vec<String> = others.iter().map(|(name, count)| format!("{count} {name}")).collect();
         bail!(
-            "the drawing has what cannot be cut: {}; only LINE, ARC, CIRCLE, LWPOLYLINE and POLYLINE can",
+            "the drawing has unsupported entities: {}; supported: LINE, ARC, CIRCLE, LWPOLYLINE and POLYLINE",
             others.join(", ")
         );
     }

@@ -74,7 +74,7 @@ impl Wrong {
 /// What cannot be read, in words.
 fn unreadable(kind: &DiagnosticKind) -> String {
     match kind {
-        DiagnosticKind::UnknownContent { text } => format!("{text:?} is no G-code"),
+        DiagnosticKind::UnknownContent { text } => format!("{text:?} is not G-code"),
         DiagnosticKind::Unexpected { actual, expected } if expected.contains(&TokenType::Number) => {
             format!("{actual:?} is not followed by a number")
         }
@@ -125,7 +125,7 @@ impl Machine<'_> {
                         2 | 30 => is_end = true,
                         3 | 4 => self.laser = true,
                         5 => self.laser = false,
-                        other => bail!("M{other} is not supported: M2, M3, M4, M5 and M30 are"),
+                        other => bail!("M{other} is not supported; M2, M3, M4, M5 and M30 are"),
                     }
                     (code.number, &code.args)
                 }
@@ -137,11 +137,11 @@ impl Machine<'_> {
             }
         }
         if let Some(feed) = words.get('F') {
-            ensure!(feed > 0.0, "F{feed} is no feed");
+            ensure!(feed > 0.0, "F{feed} is not a valid feed");
             self.route.feed = feed * self.scale;
         }
         if let Some(power) = words.get('S') {
-            ensure!(power >= 0.0, "S{power} is no power: it is 0, which moves, or more");
+            ensure!(power >= 0.0, "S{power} is not a valid power: give 0 (move) or more");
             self.route.power = Some(power);
         }
         if "XYZABCIJR".chars().any(|letter| words.get(letter).is_some()) {
@@ -158,13 +158,15 @@ impl Machine<'_> {
             21 => self.scale = 1.0,
             90 => self.relative = false,
             91 => self.relative = true,
-            other => bail!("G{other} is not supported: G0 to G3, G17, G20, G21, G90, G91 and G94 are"),
+            other => {
+                bail!("G{other} is not supported; supported are G0 to G3, G17, G20, G21, G90, G91 and G94")
+            }
         }
         Ok(())
     }
 
     fn go(&mut self, line: u64, words: &Words) -> Result<()> {
-        let motion = self.motion.context("a place without G0, G1, G2 or G3 before it")?;
+        let motion = self.motion.context("coordinates without a preceding G0, G1, G2 or G3")?;
         let mut to = self.route.at;
         for (letter, place) in "XYZABC".chars().zip(&mut to) {
             let Some(value) = words.get(letter) else { continue };
@@ -173,11 +175,14 @@ impl Machine<'_> {
             *place = if self.relative { *place + value } else { value };
         }
         let cuts = motion > 0 && self.laser && self.route.power != Some(0.0);
-        ensure!(!cuts || self.route.feed > 0.0, "a cut without a feed: give F before it, in units a minute");
+        ensure!(
+            !cuts || self.route.feed > 0.0,
+            "a cut without a feed rate: give F first, in units per minute"
+        );
         if motion < 2 {
             ensure!(
                 ['I', 'J', 'R'].iter().all(|letter| words.get(*letter).is_none()),
-                "I, J and R belong to arcs: G2 and G3"
+                "I, J and R are only for arcs: G2 and G3"
             );
             return self.route.line(line, cuts, to);
         }
@@ -197,7 +202,7 @@ impl Machine<'_> {
                 let radius = radius * self.scale;
                 let (dx, dy) = (end_x - x, end_y - y);
                 let chord = dx.hypot(dy);
-                ensure!(chord > 0.0, "an arc with R must end elsewhere than it begins: give I and J");
+                ensure!(chord > 0.0, "an arc with R must not end where it begins: give I and J");
                 let square = radius * radius - chord * chord / 4.0;
                 ensure!(square > -1e-6 * radius * radius, "the ends of the arc are farther apart than 2 R");
                 let height = square.max(0.0).sqrt() / chord;
@@ -236,7 +241,7 @@ impl Words {
         ensure!(self.get(letter).is_none(), "{letter} is given twice");
         match value {
             Value::Literal(number) => self.0.push((letter, exact(*number))),
-            other => bail!("{letter}{other} is no number"),
+            other => bail!("{letter}{other} is not a number"),
         }
         Ok(())
     }

@@ -44,11 +44,11 @@ impl Program {
         for Instruction { line, word, values } in instructions {
             match host.words.class(*word) {
                 Some(Class::Interpreted | Class::Immediate) => {}
-                Some(Class::Query) => bail!("line {line}: {word:#06x} is a query: it belongs in no program"),
-                None => bail!("line {line}: {word:#06x} is no command word; the setting `words` has them"),
+                Some(Class::Query) => bail!("line {line}: {word:#06x} is a query, not allowed in a program"),
+                None => bail!("line {line}: {word:#06x} is not a command word; see the setting `words`"),
             }
-            ensure!(values.iter().all(|value| value.is_finite()), "line {line}: a number that is too large");
-            ensure!(values.len() <= 60, "line {line}: more floats than a frame can hold");
+            ensure!(values.iter().all(|value| value.is_finite()), "line {line}: number too large");
+            ensure!(values.len() <= 60, "line {line}: more floats than fit a frame");
         }
         Ok(program)
     }

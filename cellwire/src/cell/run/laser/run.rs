@@ -15,7 +15,7 @@ use crate::cell::run::{Operator, Word};
 use crate::io::drive::{Lost, turn};
 use crate::io::journal::{Outcome, Span};
 
-/// The operator's words are looked at so often.
+/// How often the operator's words are looked at.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// How a run has ended.
@@ -23,7 +23,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 pub enum Ended {
     /// Every instruction is done.
     Complete,
-    /// The operator has stopped it, or nobody answers a question.
+    /// The operator has stopped it, or a question was not answered.
     Stopped,
     /// The controller refuses an instruction.
     Refused,
@@ -62,7 +62,7 @@ impl<'a> Runner<'a> {
     /// When the journal cannot be written.
     pub fn settle_unknown(&mut self) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown() {
-            if !self.ask(first, count, "an earlier run has ended before the answer")? {
+            if !self.ask(first, count, "an earlier run ended before the answer")? {
                 return Ok(false);
             }
         }
@@ -138,7 +138,7 @@ impl<'a> Runner<'a> {
             }
         }
         if count == 0 {
-            bail!("the host takes no instruction: please report this as a bug");
+            bail!("the host accepts no instruction: please report this as a bug");
         }
         self.journal.note(&Span { outcome: Outcome::Unknown, first, count })?;
         self.flight = Some((first, count));
@@ -150,7 +150,7 @@ impl<'a> Runner<'a> {
             HostEvent::Done { .. } => self.outcome(Outcome::Done, ""),
             HostEvent::Refused { refusal, .. } => {
                 self.refused = true;
-                self.outcome(Outcome::Refused, &format!("the controller answers {refusal:?}"))
+                self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal:?}"))
             }
             HostEvent::Unknown { reason, .. } => {
                 self.unknown = true;
@@ -220,7 +220,7 @@ impl<'a> Runner<'a> {
                 Ok(text) => text,
                 Err(RecvTimeoutError::Timeout) => return Ok(()),
                 Err(RecvTimeoutError::Disconnected) => {
-                    // Nobody could let it go on.
+                    // There is no operator to continue it.
                     self.stopping |= self.paused;
                     return Ok(());
                 }

@@ -76,7 +76,7 @@ impl Default for Mapping {
 impl Configure for Mapping {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { cut, rapid, values, tolerance } = self;
-        fields.whole("cut", 0..=u16::MAX, "", "the command word of a line with the laser on", cut);
+        fields.whole("cut", 0..=u16::MAX, "", "the command word for a line with the laser on", cut);
         fields.whole("move", 0..=u16::MAX, "", "the command word of a line with the laser off", rapid);
         let shape = "[some of \"x\", \"y\", \"z\", \"a\", \"b\", \"c\", \"f\", \"s\", \"length\"]";
         fields.parsed("values", shape, "the floats of both, in order: mm, degrees, mm/min", values);

@@ -16,9 +16,9 @@ use robot_session::{Output, now, settle};
 use crate::io::bell::Bell;
 use crate::io::tcp;
 
-/// A peer that takes nothing for so long is gone.
+/// A peer that takes nothing for this long is gone.
 const STUCK: Duration = Duration::from_secs(5);
-/// A lost connection is tried again so often.
+/// How often a lost connection is retried.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// What has come on a connection.
@@ -40,7 +40,7 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    /// False when nobody is there any more.
+    /// False when the peer is gone.
     fn put(&self, arrival: Arrival) -> bool {
         let is_taken = self.arrivals.send(arrival).is_ok();
         self.bell.ring();

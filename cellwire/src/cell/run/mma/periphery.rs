@@ -109,7 +109,7 @@ impl Line {
     /// Connects to it. The bell is rung for each line that it says, and when it is gone.
     ///
     /// # Errors
-    /// When nobody is there.
+    /// When there is no peer.
     pub fn open(address: &str, timeout: Duration, bell: Bell) -> Result<Self> {
         let stream = tcp::connect(address, timeout).context("the periphery")?;
         stream.set_nodelay(true)?;

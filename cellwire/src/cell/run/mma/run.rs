@@ -34,7 +34,7 @@ pub struct Addresses {
 pub enum Ended {
     /// Every part is placed.
     Complete,
-    /// The operator has stopped it, or nobody answers a question.
+    /// The operator has stopped it, or a question was not answered.
     Stopped,
 }
 
@@ -67,7 +67,7 @@ impl<'a> Runner<'a> {
     pub fn settle_begun(&mut self) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
-            self.ask("an earlier run has ended while the robot was at this part: clear the gripper")?;
+            self.ask("an earlier run ended while the robot was at this part: clear the gripper")?;
             loop {
                 let Ok(line) = self.operator.words.recv() else { return Ok(false) };
                 match Word::parse(&line) {
@@ -218,8 +218,8 @@ impl<'a> Runner<'a> {
                 (self.operator.notify)(json!({"event": "placed", "part": self.part + 1}))?;
                 self.next(task, Event::Next)
             }
-            Step::Unpicked => self.ask("the part was missed or lost as often as it may be"),
-            Step::NothingFound => self.ask("a camera sees nothing"),
+            Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
+            Step::NothingFound => self.ask("a camera found nothing"),
             Step::Faulted => {
                 let why = match (lost, task.fault()) {
                     (Some(why), _) => why.into(),
@@ -263,7 +263,7 @@ impl<'a> Runner<'a> {
         }))
     }
 
-    /// What the operator has typed since. Nobody there is one who stops at the next question.
+    /// What the operator has typed since. Without an operator the run stops at the next question.
     fn listen(&mut self, task: &mut Task) -> Result<()> {
         loop {
             let word = match self.operator.words.try_recv() {

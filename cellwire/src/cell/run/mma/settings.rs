@@ -62,7 +62,7 @@ impl Settings {
         ensure!(count > 0, "the task has no parts: give `parts`, or [[part]] with platform, pick and place");
         ensure!(
             !cameras_are_simulated || count <= self.part.len(),
-            "simulated cameras see the {} [[part]] of the task, and `parts` is {count}",
+            "simulated cameras have {} [[part]], but `parts` is {count}",
             self.part.len()
         );
         Ok(count)
@@ -100,9 +100,9 @@ impl Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, part, vacuum, task, central } = self;
-        fields.whole("parts", 0..=1_000_000, "parts", "how many are placed; 0: every [[part]]", parts);
+        fields.whole("parts", 0..=1_000_000, "parts", "parts to place; 0: every [[part]]", parts);
         let shape = "[[part]] platform = [rad, rad], pick = [mm, mm, mm, rad], place = [mm, mm, mm, rad]";
-        fields.parsed("part", shape, "what simulated cameras see, part after part", part);
+        fields.parsed("part", shape, "the parts that simulated cameras report, in order", part);
         let about = "how long the vacuum of the simulated periphery builds up";
         fields.time("vacuum", ANY_TIME, about, vacuum);
         fields.group("task", |fields| task.configure(fields));

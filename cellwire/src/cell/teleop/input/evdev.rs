@@ -121,7 +121,7 @@ mod linux {
         pub(in super::super) fn open(path: &Path, context: Context) -> Result<Self> {
             let open = Open::new(path).with_context(|| {
                 format!(
-                    "cannot open the input device {} (see /dev/input/by-id; the group `input` may)",
+                    "cannot open the input device {} (see /dev/input/by-id; needs the group `input`)",
                     path.display()
                 )
             })?;

@@ -174,14 +174,15 @@ mod device {
             match (fitting.next(), fitting.next()) {
                 (Some((device, name)), None) => {
                     let open = device.open_device(&api);
-                    let open = open
-                        .with_context(|| format!("cannot open {name} (may this user read and write it?)"))?;
+                    let open = open.with_context(|| {
+                        format!("cannot open {name} (check this user's read and write permission)")
+                    })?;
                     Ok((open, name.clone()))
                 }
                 (None, _) if all.is_empty() => bail!("no 3Dconnexion device is plugged in"),
-                (None, _) => bail!("no 3Dconnexion device with `{wanted}` in its name, there is {}", names()),
+                (None, _) => bail!("no 3Dconnexion device with `{wanted}` in its name; found: {}", names()),
                 (Some(_), Some(_)) => {
-                    bail!("more than one 3Dconnexion device, name one of them: {}", names())
+                    bail!("more than one 3Dconnexion device; choose one: {}", names())
                 }
             }
         }
@@ -202,7 +203,7 @@ mod elsewhere {
 
     impl super::Reports for None {
         fn open(_: &str) -> anyhow::Result<(Self, String)> {
-            anyhow::bail!("--hid needs the feature `hid` of this program, which it was built without")
+            anyhow::bail!("--hid is not available: this program was built without the feature `hid`")
         }
 
         fn read(&mut self, _: Duration, _: &mut [u8]) -> anyhow::Result<usize> {

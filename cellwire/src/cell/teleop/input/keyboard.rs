@@ -7,7 +7,7 @@ use super::device::{Input, InputEvent};
 use crate::cell::teleop::sample::{FULL, Jog, Sample};
 use crate::io::line::Clock;
 
-/// A key moves so long: terminals repeat it thirty times a second, and do not say when it is let go.
+/// A key moves this long: terminals repeat it thirty times a second, and do not say when it is let go.
 const HOLD: Duration = Duration::from_millis(120);
 /// What no key contradicts is renewed this often.
 const PERIOD: Duration = Duration::from_millis(28);
@@ -44,7 +44,7 @@ impl Input for Keyboard {
         match self.keys.recv_timeout(wait.min(self.next.saturating_sub(now))) {
             Ok(jog) => self.pressed = Some((jog, self.clock.now() + HOLD)),
             Err(RecvTimeoutError::Timeout) => {}
-            // Nobody reads the keys any more.
+            // The keys are no longer read.
             Err(RecvTimeoutError::Disconnected) => {
                 std::thread::sleep(wait);
                 return events.push(InputEvent::Lost);

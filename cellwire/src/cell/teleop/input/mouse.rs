@@ -1,4 +1,4 @@
-//! What 3Dconnexion devices have in common, whoever reads them.
+//! What 3Dconnexion devices have in common, for every driver.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use crate::cell::teleop::sample::FULL;
 
 /// Full deflection as these devices report it.
 const DEFLECTION: i32 = 350;
-/// A push that is not repeated so long is old.
+/// The age at which a push that is not repeated is old.
 pub(super) const MAX_AGE: Duration = Duration::from_millis(100);
-/// A device at rest sends nothing: its rest is as good as new while the device is there, and is said so often.
+/// A device at rest sends nothing: its rest is as good as new while the device is there, and is said this often.
 pub(super) const PERIOD: Duration = Duration::from_millis(28);
 /// A device that is gone is looked for this often.
 const REOPEN: Duration = Duration::from_millis(200);
 
-/// Waits for so long; then, whether a device that is gone is to be looked for again, and `next` is when after that.
+/// Waits for this long; then, whether a device that is gone is to be looked for again, and `next` is when after that.
 pub(super) fn looks_again(context: &Context, next: &mut Duration, wait: Duration) -> bool {
     std::thread::sleep(wait);
     let now = context.clock.now();

@@ -39,7 +39,7 @@ impl Recorded {
     }
 }
 
-/// Writes a recording; the disk keeps nobody waiting.
+/// Writes a recording; the disk blocks nothing.
 #[derive(Debug)]
 pub(super) struct Recorder {
     clock: Clock,
@@ -81,7 +81,7 @@ impl Recorder {
 
     pub(super) fn finish(self) -> Result<()> {
         drop(self.lines);
-        self.writer.join().map_err(|_| anyhow!("the recording's writer has failed"))?
+        self.writer.join().map_err(|_| anyhow!("writing the recording failed"))?
     }
 }
 
@@ -93,37 +93,38 @@ fn flush(file: BufWriter<File>) -> Result<()> {
 /// Reads a recording.
 ///
 /// # Errors
-/// When a line is none of a recording, with its number, or its time is before that of the line before.
+/// When a line is none of a recording, with its number, or the time decreases.
 pub fn read(text: &str) -> Result<Vec<Recorded>> {
     let mut events: Vec<Recorded> = Vec::new();
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.starts_with('#')) {
         let event = parse(line).with_context(|| format!("line {number}"))?;
         let before = events.last().map_or(Duration::ZERO, |last| last.at);
-        ensure!(event.at >= before, "line {number}: its time is before that of the line before");
+        ensure!(event.at >= before, "line {number}: the time decreases");
         events.push(event);
     }
-    ensure!(!events.is_empty(), "there is nothing in it");
+    ensure!(!events.is_empty(), "the recording is empty");
     Ok(events)
 }
 
 fn parse(line: &str) -> Result<Recorded> {
     let fields: Vec<&str> = line.split_whitespace().collect();
-    let time =
-        |text: &str| text.parse().map(Duration::from_micros).with_context(|| format!("`{text}` is no time"));
+    let time = |text: &str| {
+        text.parse().map(Duration::from_micros).with_context(|| format!("`{text}` is not a time"))
+    };
     match fields.as_slice() {
         [at, "old"] => Ok(Recorded { at: time(at)?, values: Err(false) }),
         [at, "lost"] => Ok(Recorded { at: time(at)?, values: Err(true) }),
         [at, axes @ .., buttons, fresh] if axes.len() == 6 => {
             let mut values = [0; 6];
             for (value, text) in values.iter_mut().zip(axes) {
-                let axis: i16 = text.parse().with_context(|| format!("`{text}` is no axis"))?;
+                let axis: i16 = text.parse().with_context(|| format!("`{text}` is not an axis"))?;
                 ensure!((-1100..=1100).contains(&axis), "{axis} is not in -1100..=1100");
                 *value = axis;
             }
-            let buttons = buttons.parse().with_context(|| format!("`{buttons}` is no mask of buttons"))?;
+            let buttons = buttons.parse().with_context(|| format!("`{buttons}` is not a button mask"))?;
             Ok(Recorded { at: time(at)?, values: Ok((values, buttons, time(fresh)?)) })
         }
-        _ => bail!("it is neither nine numbers nor a time with `old` or `lost`"),
+        _ => bail!("expected nine numbers, or a time with `old` or `lost`"),
     }
 }
 
@@ -190,10 +191,10 @@ mod tests {
     #[test]
     fn what_is_no_recording_is_refused_with_its_line() {
         let error = |text: &str| format!("{:#}", read(text).unwrap_err());
-        assert_eq!(error("# x\n"), "there is nothing in it");
-        assert_eq!(error("5 old\n4 old\n"), "line 2: its time is before that of the line before");
+        assert_eq!(error("# x\n"), "the recording is empty");
+        assert_eq!(error("5 old\n4 old\n"), "line 2: the time decreases");
         assert_eq!(error("0 1 2 3 4 5 2000 0 9"), "line 1: 2000 is not in -1100..=1100");
-        assert!(error("0 1 2 3").starts_with("line 1: it is neither"), "{}", error("0 1 2 3"));
-        assert!(error("x old").starts_with("line 1: `x` is no time"));
+        assert!(error("0 1 2 3").starts_with("line 1: expected"), "{}", error("0 1 2 3"));
+        assert!(error("x old").starts_with("line 1: `x` is not a time"));
     }
 }

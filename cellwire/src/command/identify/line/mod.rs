@@ -17,13 +17,13 @@ pub(super) use judge::Judged;
 
 /// The rates, those first that are met most often.
 pub(super) const RATES: [u32; 10] = [9600, 19_200, 38_400, 115_200, 4800, 57_600, 2400, 1200, 600, 300];
-/// So many characters show whether a rate and a format are right.
+/// How many characters show whether a rate and a format are right.
 const ENOUGH: usize = 96;
-/// So many are a beginning.
+/// How many are a beginning.
 const SOME: usize = 24;
 /// Of a format that is right not more characters are broken, in percent: what is cut off by the change of formats among them.
 const CLEAN: usize = 10;
-/// The best is found when the next one is less likely by so many bits.
+/// The best is found when the next one is less likely by this many bits.
 const APART: f64 = 12.0;
 /// And when it is so likely itself.
 const LIKELY: f64 = 16.0;

@@ -1,4 +1,4 @@
-//! Lines whose rate and format nobody knows, as bits.
+//! Lines of unknown rate and format, as bits.
 
 use serialport::{DataBits, Parity};
 use testkit::uart::{Format, marked};

@@ -39,7 +39,7 @@ impl<'a> File<'a> {
         self.document.as_ref().map_or(true, |document| same_name(self.path, document.name()))
     }
 
-    /// A line a finding.
+    /// One line per finding.
     pub(super) fn lines(&self) -> String {
         let name = printable(&self.path.display().to_string());
         let line = |(problem, (line, column)): (Problem, (usize, usize))| {

@@ -15,38 +15,38 @@ use super::rules;
 use crate::io::output::{log, printable, remark};
 use file::{File, kind, motions};
 
-/// Reads LS files and reports what is wrong with them: each finding once, with its line and column and what to do.
+/// Reports errors in LS files, with line, column and advice.
 ///
-/// An error is what a controller refuses to load or to run; a warning is what is probably not meant; a hint may be worth a look. In a
-/// folder, a call of a program that has no file in it is a hint. The exit status is 1 if there is an error, or what --fail-on says.
+/// An error is something that a controller refuses to load or run; a warning is a probable mistake; a hint may be intended. In a
+/// folder, a call of a program without a file is a hint. The exit status is 1 if there is an error (see --fail-on).
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The files; of a folder, every .ls file in and below it
+    /// Files, or folders with .ls files at any depth
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// How findings are printed
+    /// The output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// The least level at which the exit status is 1
+    /// The lowest level that makes the exit status 1
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Least::Error)]
     fail_on: Least,
-    /// The names of the controller's macros, one a line: they are no hints
+    /// A file with the names of the controller's macros, one per line, which suppresses hints for them
     #[arg(long, value_name = "FILE")]
     macros: Option<PathBuf>,
-    /// The longest name that the controller takes; old ones take 8
+    /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// What each file has, and its findings with their lines and what to do
+    /// A summary of each file, and its findings with source lines and advice
     Text,
-    /// A line a finding
+    /// One line per finding
     Short,
-    /// A JSON object a file
+    /// One JSON object per file
     Json,
-    /// One SARIF 2.1.0 document, for what shows the findings of checkers
+    /// One SARIF 2.1.0 document, for editors and code hosts
     Sarif,
 }
 

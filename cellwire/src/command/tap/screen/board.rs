@@ -8,10 +8,10 @@ use crate::io::samples::Samples;
 use crate::io::tap::Place;
 use cellwire_links::shadow::{Complaint, Kind};
 
-/// So many of the last lines are kept.
+/// How many of the last lines are kept.
 const LINES: usize = 200;
 
-/// A rate is that of the last so many seconds.
+/// A rate is that of the last this many seconds.
 const WINDOW: usize = 5;
 
 /// The limits of the bars, in microseconds: three for each factor of ten.
@@ -75,7 +75,7 @@ impl Board {
             title: title.into(),
             began: now,
             now,
-            place: "nobody is connected".into(),
+            place: "not connected".into(),
             open: 0,
             state: String::new(),
             ends: BTreeMap::new(),
@@ -133,7 +133,7 @@ impl Board {
             }
             Told::Missed(missing) => {
                 self.missed += missing;
-                (format!("{missing} bytes were not seen"), true)
+                (format!("{missing} bytes were not captured"), true)
             }
             Told::Closed(why) => (format!("closed {}", why.as_deref().unwrap_or_default()), why.is_some()),
         };
@@ -142,7 +142,7 @@ impl Board {
 
     /// Messages can no longer be decoded.
     pub(super) fn fail(&mut self, why: &str) {
-        self.failure = Some(format!("{why}: nothing more is decoded; the bytes pass all the same"));
+        self.failure = Some(format!("{why}: decoding stopped; bytes are still forwarded"));
     }
 
     /// Something is wrong with the tap itself: a server that is not there, a disk that is full.

@@ -30,7 +30,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
     draw_times(frame, times, board);
     draw_wrong(frame, wrong, board);
     draw_last(frame, last, board);
-    frame.render_widget(Line::from("q ends the tap").style(QUIET), foot);
+    frame.render_widget(Line::from("q quits").style(QUIET), foot);
 }
 
 fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
@@ -44,7 +44,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
 
 fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let header =
-        Row::new(["", "messages", "a second", "bytes", "corrupt", "answers: median", "99 %", "longest"]);
+        Row::new(["", "messages", "a second", "bytes", "corrupt", "response: median", "99 %", "longest"]);
     let rows = board.ends.iter().map(|(name, end)| {
         let time = |quantile: f64| match end.answers.count() {
             0 => String::new(),
@@ -71,7 +71,7 @@ fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
 fn draw_times(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let ends: Vec<_> = board.ends.iter().filter(|(_, end)| end.answers.count() > 0).collect();
     if ends.is_empty() {
-        let block = Block::bordered().title("Answers take");
+        let block = Block::bordered().title("Response times");
         return frame.render_widget(block, area);
     }
     let columns = Layout::horizontal(ends.iter().map(|_| Constraint::Fill(1))).split(area);
@@ -106,7 +106,7 @@ fn draw_wrong(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let counts: Vec<String> =
         board.complaints.iter().map(|(name, count)| format!("{name} {count}")).collect();
     let Some(LineBoard { at, end, text, .. }) = &board.complaint else {
-        return frame.render_widget(Line::from("shadow ends: nothing is wrong").style(QUIET), area);
+        return frame.render_widget(Line::from("shadow ends: no violations").style(QUIET), area);
     };
     let last = Line::from(vec![
         Span::styled(clock(*at), QUIET),
@@ -124,7 +124,7 @@ fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         title = format!("{title}; wrong: {}", errors.join(", "));
     }
     if board.missed > 0 {
-        title = format!("{title}; {} bytes passed unseen", board.missed);
+        title = format!("{title}; {} bytes forwarded but not captured", board.missed);
     }
     let block = Block::bordered().title(title);
     let room = usize::from(block.inner(area).height);

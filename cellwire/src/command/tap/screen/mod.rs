@@ -27,7 +27,7 @@ const PICTURE: Duration = Duration::from_millis(100);
 /// # Errors
 /// When there is none.
 pub(super) fn check() -> Result<()> {
-    ensure!(io::stdout().is_terminal(), "--screen needs a terminal; without it lines of JSON are printed");
+    ensure!(io::stdout().is_terminal(), "--screen needs a terminal");
     Ok(())
 }
 

@@ -57,7 +57,10 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
     };
     assert_eq!(columns("host"), "host 10 5.0 200 0 88.1 ms 88.1 ms 88.1 ms");
     assert_eq!(columns("controller"), "controller 10 5.0 112 1 12.0 ms 12.0 ms 12.0 ms");
-    assert!(text.contains("wrong: controller: checksum (LE-13) 1; 7 bytes passed unseen"), "{text}");
+    assert!(
+        text.contains("wrong: controller: checksum (LE-13) 1; 7 bytes forwarded but not captured"),
+        "{text}"
+    );
     assert!(text.contains("01:00:01.000 controller  checksum (LE-13) eb90"), "{text}");
 }
 
@@ -65,7 +68,7 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
 fn the_screen_counts_what_shadows_say_and_shows_the_last_of_it() {
     let mut board = Board::new("laser-eb90", UNIX_EPOCH);
     let row = |board: &Board, text: &str| rows(board).into_iter().find(|row| row.contains(text));
-    assert!(row(&board, "shadow ends: nothing is wrong").is_some());
+    assert!(row(&board, "shadow ends: no violations").is_some());
     for (kind, clause) in [(Kind::Rule, "LE-5"), (Kind::Budget, "LE-99"), (Kind::Rule, "LE-25")] {
         let text = "the word 0102h answers 0101h".into();
         let complaint = Complaint { at: MS, end: "controller", kind, clause, text };

@@ -75,7 +75,7 @@ fn linux(packet: &[u8], header: usize, is_big: bool, missing: u64) -> Option<Tra
     let data = packet.get(header..)?;
     let length = if has_data { word(36)? as usize } else { 0 };
     let data = data.get(..length.min(data.len()))?;
-    // Of bytes to the device all were meant to be sent; of bytes from it, so many came.
+    // Of bytes to the device all were meant to be sent; of bytes from it, this many came.
     let carries = (endpoint & 0x80 != 0) == is_complete;
     let lost = if carries { u64::from(word(32)?).saturating_sub(data.len() as u64) } else { 0 };
     Some(Transfer {

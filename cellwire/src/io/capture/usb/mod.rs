@@ -15,12 +15,12 @@ pub use self::adapter::Adapter;
 use self::adapter::LineSettings;
 pub(super) use self::header::Header;
 
-/// So many transfers, bytes and requests of a device wait until it is known what it is.
+/// How many transfers, bytes and requests of a device wait until it is known what it is.
 const MAX_WAITING: usize = 256;
 const MAX_WAITING_BYTES: usize = 1 << 16;
-/// So many devices are kept.
+/// How many devices are kept.
 const MAX_DEVICES: usize = 256;
-/// An FTDI is known by the status bytes of so many packets.
+/// An FTDI is known by the status bytes of this many packets.
 const STATUS_PACKETS: usize = 4;
 
 /// A packet that brings bytes of a link, or shows what an adapter is.

@@ -68,8 +68,7 @@ pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Findi
             match beside(path, &called) {
                 Some(path) => open.push(read(&path, macros)?),
                 None => {
-                    let what =
-                        format!("CALL {called} is passed over: there is no {called}.LS beside the program");
+                    let what = format!("CALL {called} is skipped: no {called}.LS in the program's folder");
                     survey.add(what, &name, line);
                 }
             }
@@ -156,23 +155,23 @@ impl Survey {
     fn look(&mut self, name: &str, loaded: &Loaded, macros: &Macros) {
         for (line, instruction) in (1..).zip(&loaded.program.instructions) {
             if matches!(instruction, Instruction::Other(text) if text.contains('$')) {
-                self.add("system variables are 0 until the program sets them, and do nothing", name, line);
+                self.add("system variables are 0 until set, and have no effect", name, line);
             }
             match instruction {
                 Instruction::Motion(motion) => self.motion(name, line, motion),
-                Instruction::Nested(_) => self.add("instructions of TB and TA are passed over", name, line),
+                Instruction::Nested(_) => self.add("instructions of TB and TA are skipped", name, line),
                 Instruction::Other(text) => match instruction.operation() {
                     Some(Operation::Macro { name, .. }) if macros.contains_key(&name.to_uppercase()) => {}
                     Some(Operation::Command { name: "SKIP CONDITION" | "OFFSET CONDITION", .. }) => {}
                     None | Some(Operation::Macro { .. }) => {
-                        self.add(format!("`{text}` is not understood, it is passed over"), name, line)
+                        self.add(format!("`{text}` is not understood and skipped"), name, line)
                     }
                     Some(Operation::Command { .. } | Operation::Monitor(_) | Operation::When(..)) => {
-                        self.add(format!("`{text}` is not modelled, it is passed over"), name, line)
+                        self.add(format!("`{text}` is not modelled and skipped"), name, line)
                     }
-                    Some(Operation::Run(_)) => self.add("RUN is passed over: there is one task", name, line),
+                    Some(Operation::Run(_)) => self.add("RUN is skipped: there is one task", name, line),
                     Some(Operation::Payload(_)) => {
-                        self.add("PAYLOAD is passed over: nothing has a weight", name, line)
+                        self.add("PAYLOAD is skipped: weights are not modelled", name, line)
                     }
                     Some(_) => {}
                 },
@@ -196,7 +195,7 @@ impl Survey {
             {
                 if let Some(number @ 1..) = number {
                     let what = format!(
-                        "{kind}[{number}] is {otherwise} until the program sets it: no LS file has it"
+                        "{kind}[{number}] is {otherwise} until the program sets it: LS files do not contain it"
                     );
                     if !self.0.contains_key(&what) {
                         self.add(what, name, 0);

@@ -128,8 +128,8 @@ impl Memory {
             Index::Item(item) => match self.read(item, tables, around)? {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
                 Value::Number(number) if (1.0..=65_535.0).contains(&number) => Ok(number.round() as u32),
-                Value::Number(number) => Err(format!("{number} is no index")),
-                other => Err(format!("{other:?} is no index")),
+                Value::Number(number) => Err(format!("{number} is not an index")),
+                other => Err(format!("{other:?} is not an index")),
             },
             Index::Untaught => Err("an index is not filled in".into()),
         }
@@ -180,7 +180,7 @@ impl Memory {
             ItemKind::Position => {
                 let found = around.program.position(n);
                 let place = found.and_then(|position| position.groups.first()).and_then(Place::of_group);
-                Value::Place(place.ok_or_else(|| format!("P[{n}] is not there, or was never taught"))?)
+                Value::Place(place.ok_or_else(|| format!("P[{n}] does not exist or was never taught"))?)
             }
             kind => return Err(format!("{kind}[{n}] is not modelled as a value")),
         })
@@ -343,12 +343,15 @@ fn combine(operator: Operator, left: Value, right: Value) -> Result<Value, Fault
         }
         (O::Add | O::Subtract, Value::Place(a), Value::Place(b)) => {
             let sign = if operator == O::Add { 1.0 } else { -1.0 };
-            return a.plus(b, sign).map(Value::Place).ok_or_else(|| "joints and X Y Z do not add".into());
+            return a
+                .plus(b, sign)
+                .map(Value::Place)
+                .ok_or_else(|| "joints and X Y Z cannot be added".into());
         }
         _ => {}
     }
     let (Value::Number(a), Value::Number(b)) = (&left, &right) else {
-        return Err(format!("{left:?} and {right:?} do not fit together"));
+        return Err(format!("{left:?} and {right:?} are incompatible"));
     };
     let (a, b) = (*a, *b);
     if matches!(operator, O::Divide | O::DivideWhole | O::Remainder) && b == 0.0 {

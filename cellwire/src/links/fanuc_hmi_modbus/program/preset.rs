@@ -24,7 +24,7 @@ impl Preset {
     /// Reads the file.
     ///
     /// # Errors
-    /// It cannot be read, or is no TOML.
+    /// It cannot be read, or is not TOML.
     pub fn read(path: &Path) -> Result<Self> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -38,7 +38,7 @@ impl Preset {
                 preset.values.push((name, value));
                 continue;
             };
-            ensure!(name == "macros", "[{name}] is no table of this file: [macros] is");
+            ensure!(name == "macros", "[{name}] is not a table of this file; the only one is [macros]");
             for (name, program) in macros {
                 let program = program.as_str().with_context(|| format!("{name} = \"PROGRAM\" is a macro"))?;
                 preset.macros.insert(name.to_uppercase(), program.to_owned());
@@ -77,7 +77,7 @@ fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) ->
     }
     let (kind, n) = match parsed(name) {
         Some(Item { kind, index: Index::Number(n), element: None, .. }) => (kind, n),
-        _ => bail!("it is none of R[1], PR[1], SR[1], DI[1], F[1], UFRAME[1], UTOOL[1], UFRAME_NUM, $NAME"),
+        _ => bail!("expected R[1], PR[1], SR[1], DI[1], F[1], UFRAME[1], UTOOL[1], UFRAME_NUM or $NAME"),
     };
     if let Some(signal) = signal(kind, n) {
         let bit = match value {
@@ -97,7 +97,7 @@ fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) ->
         ItemKind::UserFrame | ItemKind::UserTool => {
             machine.memory.frames.insert((kind == ItemKind::UserTool, n), six(value)?);
         }
-        _ => bail!("nothing of this kind is preset"),
+        _ => bail!("this kind cannot be preset"),
     }
     Ok(())
 }
@@ -125,7 +125,7 @@ mod tests {
     fn what_is_no_preset_is_named() {
         assert_eq!(
             Preset::parse("[other]\na = 1").unwrap_err().to_string(),
-            "[other] is no table of this file: [macros] is"
+            "[other] is not a table of this file; the only one is [macros]"
         );
         let preset = Preset::parse("\"R[1]\" = 5\n[macros]\n\"Open hand\" = \"OPEN\"").unwrap();
         assert_eq!(preset.macros.get("OPEN HAND").map(String::as_str), Some("OPEN"));

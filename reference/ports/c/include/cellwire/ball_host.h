@@ -31,7 +31,7 @@ enum ball_host_kind {
 struct ball_host_event {
     enum ball_host_kind kind;
     struct isra_ball_packet packet;
-    uint64_t live_until; /* UINT64_MAX: for ever */
+    uint64_t live_until; /* UINT64_MAX: no limit */
     enum isra_ball_kind error;
     size_t length, error_offset, expected, found;
 };

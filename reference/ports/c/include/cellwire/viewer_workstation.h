@@ -30,7 +30,7 @@ enum viewer_workstation_kind {
 struct viewer_workstation_event {
     enum viewer_workstation_kind kind;
     struct val2_viewer_item item;
-    uint64_t live_until; /* UINT64_MAX: for ever */
+    uint64_t live_until; /* UINT64_MAX: no limit */
 };
 
 enum viewer_workstation_request {

@@ -32,10 +32,10 @@ class Words:
         if is_double or len(self.commands) > MAX_RANGES:
             raise ValueError("a command word has one class, and there are up to 32 ranges of them")
         if len(codes) < len(self.errors) or any(self.class_of(code) for code in codes):
-            raise ValueError("an error code is no command word, and no other error code")
+            raise ValueError("an error code must not be a command word or another error code")
 
     def class_of(self, word: int | None) -> str | None:
-        """`interpreted`, `immediate` or `query`; None: it is no command word."""
+        """`interpreted`, `immediate` or `query`; None: it is not a command word."""
         if word is None:
             return None
         return next((words["class"] for words in self.commands if words["first"] <= word <= words["last"]), None)

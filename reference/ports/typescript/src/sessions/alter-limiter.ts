@@ -46,7 +46,7 @@ function moved({ position }: AxisState, speed: number): AxisState {
   return { speed: end - position, position: end };
 }
 
-/** A reply was not read: the offset is taken back. */
+/** A reply was not read: the offset is withdrawn. */
 export function takenBack({ speed, position }: AxisState): AxisState {
   return { speed: 0, position: clamp(position - speed, MIN_WORD, MAX_WORD) };
 }

@@ -12,7 +12,7 @@ export interface KawasakiRobotConfig extends GivenDialect {
   limits: { element: number; packet: number };
   datagrams: boolean;
   max_number: number;
-  /** Every so many-th job is acknowledged, or each by itself. */
+  /** Every Nth job is acknowledged, or each individually. */
   acks: number | "individual";
   low_water: number | null;
   recovery: { resends: number; pauses: number; clears: number };

@@ -17,7 +17,7 @@ export interface ModbusClientConfig {
   in_flight: number;
   /** A reply from another unit than was asked is taken. */
   any_unit: boolean;
-  /** Unit 0 is a broadcast, which nobody answers. */
+  /** Unit 0 is a broadcast, without a reply. */
   broadcast: boolean;
   turnaround: number;
   settle: number;

@@ -255,7 +255,7 @@ impl AnyPc {
         after != *w
     }
 
-    /// How long it may stand still. A look at a settled queue takes 2 ms, and a tick here.
+    /// How long it may stall. A look at a settled queue takes 2 ms, and a tick here.
     fn bound(&self) -> u32 {
         let ticks = self.robot.alarm_bound().as_millis() / TICK.as_millis();
         ticks as u32 + u32::from(self.robot.recovery.clears)

@@ -32,7 +32,7 @@ pub struct World {
     pub(super) sent_all: bool,
     pub(super) over: bool,
     pub(super) faults: u8,
-    /// Ticks of standing still with a connection.
+    /// Ticks of a stall with a connection.
     pub(super) stood: u8,
     pub(super) flags: Flags,
 }
@@ -58,7 +58,7 @@ pub enum Act {
     Timeout,
     /// The robot sends a packet, and the PC answers with up to three messages, or never.
     Transmit([Letter; 3]),
-    /// The robot reads so many messages of the first packet.
+    /// The robot reads this many messages of the first packet.
     Read(u8),
     /// The robot reads a message of a PC that does anything.
     Receive(Letter),

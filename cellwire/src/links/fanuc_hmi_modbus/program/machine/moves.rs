@@ -163,7 +163,7 @@ impl Machine {
         Ok((place, frame, tool))
     }
 
-    /// Whoever starts a program that selects no frames has selected those of its first position.
+    /// Without a selection of frames, those of the first position are selected.
     fn assume(&mut self, number: u32, (frame, tool): (Option<u16>, Option<u16>)) {
         let mut assumed = Vec::new();
         for (name, of, selected) in [("UFRAME", frame, &mut self.frame), ("UTOOL", tool, &mut self.tool)] {
@@ -173,7 +173,7 @@ impl Machine {
             }
         }
         if !assumed.is_empty() {
-            let what = format!("{}, as in P[{number}]: nothing selects it", assumed.join(" and "));
+            let what = format!("{}, as in P[{number}], without a selection", assumed.join(" and "));
             self.event("assumed", &json!({"what": what}));
         }
     }
@@ -187,7 +187,7 @@ impl Machine {
         let found = self.with(loaded, tables, |memory, tables, around| memory.read(item, tables, around))?;
         match found {
             Value::Place(place) => Ok(place),
-            other => Err(format!("{other:?} is no position")),
+            other => Err(format!("{other:?} is not a position")),
         }
     }
 

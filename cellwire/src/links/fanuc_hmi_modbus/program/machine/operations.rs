@@ -157,7 +157,7 @@ impl Machine {
     fn signal_of(&mut self, item: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Signal, Fault> {
         let n =
             self.with(loaded, tables, |memory, tables, around| memory.index(&item.index, tables, around))?;
-        signal(item.kind, n).ok_or_else(|| format!("{}[{n}] is no signal", item.kind))
+        signal(item.kind, n).ok_or_else(|| format!("{}[{n}] is not a signal", item.kind))
     }
 
     pub(super) fn jump(&mut self, label: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {

@@ -1,4 +1,4 @@
-//! The file of a hall: the broker, and a table for each cell.
+//! The file of a site: the broker, and a table for each cell.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
@@ -15,10 +15,10 @@ use crate::{remembered, share};
 use cellwire::io::input;
 use cellwire_links::settings;
 
-/// A hall.
+/// A site.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Hall {
+pub struct Site {
     /// Where everything goes.
     pub broker: Broker,
     /// What waits for it.
@@ -59,9 +59,9 @@ pub struct Broker {
     pub user: Option<String>,
     /// A file with the password in its first line.
     pub password_file: Option<PathBuf>,
-    /// Without it the connection is open to everybody on the way.
+    /// Without it the connection is not encrypted.
     pub tls: Option<TlsFiles>,
-    /// Without a message for one and a half times so long the broker counts the bridge as gone.
+    /// After 1.5 times this without a message the broker considers the bridge disconnected.
     #[serde(default = "keep_alive", deserialize_with = "time")]
     pub keep_alive: Duration,
     /// The host application without which nothing is sent.
@@ -127,10 +127,10 @@ pub struct Commands {
     /// The most that a command's time may differ from now.
     #[serde(default = "half_a_minute", deserialize_with = "time")]
     pub max_age: Duration,
-    /// So many a second each cell takes on the average.
+    /// How many a second each cell takes on the average.
     #[serde(default = "ten")]
     pub rate: f64,
-    /// And so many at once, after a while without any.
+    /// And this many at once, after a while without any.
     #[serde(default = "hundred")]
     pub burst: u32,
 }
@@ -195,34 +195,34 @@ const SMALLEST: u64 = 16 << 10;
 /// Commands are remembered for longer than this.
 const OLDEST: Duration = Duration::from_secs(3600);
 
-impl Hall {
+impl Site {
     /// Reads the file, and checks everything but the links of the cells. Files that it names are beside it.
     ///
     /// # Errors
     /// With the line of what is wrong.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
-        let mut hall: Self = toml::from_str(&text)
+        let mut site: Self = toml::from_str(&text)
             .map_err(|error| anyhow!("{}: {}", path.display(), error.to_string().trim_end()))?;
-        (hall.path, hall.text) = (path.to_owned(), text);
-        hall.check().map_err(|(name, error)| hall.located(&name, error))?;
-        for name in hall.cell.keys() {
+        (site.path, site.text) = (path.to_owned(), text);
+        site.check().map_err(|(name, error)| site.located(&name, error))?;
+        for name in site.cell.keys() {
             check_name(name).map_err(|error| {
-                hall.located(&format!("cell.{name}"), error.context(format!("cell {name}")))
+                site.located(&format!("cell.{name}"), error.context(format!("cell {name}")))
             })?;
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         let beside = |file: &mut PathBuf| *file = folder.join(&file);
-        beside(&mut hall.store.file);
-        hall.broker.password_file.iter_mut().for_each(beside);
-        if let Some(tls) = &mut hall.broker.tls {
+        beside(&mut site.store.file);
+        site.broker.password_file.iter_mut().for_each(beside);
+        if let Some(tls) = &mut site.broker.tls {
             beside(&mut tls.ca);
             tls.certificate.iter_mut().chain(&mut tls.key).for_each(beside);
         }
-        hall.broker.check_secrets().map_err(|(name, error)| hall.located(name, error))?;
-        hall.broker.login().map_err(|error| hall.located("broker.password_file", error))?;
-        hall.broker.tls().map_err(|error| hall.located("broker.tls", error))?;
-        Ok(hall)
+        site.broker.check_secrets().map_err(|(name, error)| site.located(name, error))?;
+        site.broker.login().map_err(|error| site.located("broker.password_file", error))?;
+        site.broker.tls().map_err(|error| site.located("broker.tls", error))?;
+        Ok(site)
     }
 
     /// The file.
@@ -276,7 +276,7 @@ impl Hall {
             return wrong("broker.keep_alive", &"give 5s to 1h");
         }
         if broker.user.is_none() && broker.password_file.is_some() {
-            return wrong("broker.password_file", &"there is no broker.user whose password it is");
+            return wrong("broker.password_file", &"broker.user is missing");
         }
         if broker.tls.as_ref().is_some_and(|tls| tls.certificate.is_some() != tls.key.is_some()) {
             return wrong("broker.tls", &"give certificate and key, or neither");
@@ -285,7 +285,7 @@ impl Hall {
             return wrong("store.bytes", &"give 16KiB or more");
         }
         if self.commands.max_age > OLDEST {
-            return wrong("commands.max_age", &"give 1h at the most");
+            return wrong("commands.max_age", &"give at most 1h");
         }
         let Commands { rate, burst, max_age } = self.commands;
         if !(rate > 0.0 && burst > 0) {
@@ -294,13 +294,11 @@ impl Hall {
         // Those that may still come again.
         let most = remembered::MOST as f64 / 2.0;
         if rate * 2.0 * max_age.as_secs_f64() + f64::from(burst) > most {
-            let why = format!(
-                "a cell's commands of twice max_age are more than the {most} that are remembered: give less"
-            );
+            let why = format!("more than the {most} remembered commands within twice max_age: give less");
             return wrong("commands.rate", &why);
         }
         match self.cell.is_empty() {
-            true => wrong("cell", &"there is no cell: give a table [cell.NAME] for each"),
+            true => wrong("cell", &"there is no cell: add a table [cell.NAME] for each"),
             false => share::check(self.share.as_ref(), broker, &self.cell),
         }
     }
@@ -316,7 +314,7 @@ impl Broker {
             self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
         ensure!(!places.is_empty(), ADVICE);
         let is_secure = |place: &Place| place.url.as_ref().is_none_or(|url| url.starts_with("wss:"));
-        let scheme = "give tls for wss://, and none for ws://";
+        let scheme = "wss:// needs tls, ws:// must not have it";
         ensure!(
             places.iter().all(|place| place.url.is_none() || is_secure(place) == self.tls.is_some()),
             scheme
@@ -331,9 +329,8 @@ impl Broker {
             let Some(file) = file else { continue };
             if is_readable(file) && !self.allow.contains(&Unsafe::ReadableSecrets) {
                 let file = file.display();
-                let why = anyhow!(
-                    "everybody on this machine can read {file}: chmod 600 it, or give allow = [\"readable_secrets\"]"
-                );
+                let why =
+                    anyhow!("{file} is world-readable: chmod 600 it, or set allow = [\"readable_secrets\"]");
                 return Err((name, why));
             }
         }
@@ -347,7 +344,7 @@ impl Broker {
             && !self.allow.contains(&Unsafe::PasswordWithoutTls)
         {
             let why = anyhow!(
-                "the password would go to {} in the clear: give tls, or allow = [\"password_without_tls\"]",
+                "the password would be sent to {} in clear text: set tls, or allow = [\"password_without_tls\"]",
                 self.address
             );
             return Err(("broker.password_file", why));
@@ -384,7 +381,7 @@ impl Broker {
                 let key = input::text(path)?;
                 ensure!(
                     key.contains("PRIVATE KEY-----"),
-                    "{} has no PRIVATE KEY in PEM form",
+                    "{} has no PRIVATE KEY in PEM format",
                     path.display()
                 );
                 Some((certificates(certificate)?, Password(key)))
@@ -421,7 +418,7 @@ fn place(address: &str) -> Result<Place> {
     Ok(Place { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
 }
 
-/// Whether everybody on this machine can read it. That nobody can is said by who reads it.
+/// Whether the file is world-readable. Whether it is readable at all is checked when it is read.
 fn is_readable(file: &Path) -> bool {
     #[cfg(unix)]
     return file.metadata().is_ok_and(|found| {
@@ -436,21 +433,21 @@ fn is_readable(file: &Path) -> bool {
 pub(crate) fn check_name(name: &str) -> Result<()> {
     ensure!(!name.is_empty() && name.len() <= 64, "give a name of 1 to 64 bytes");
     if let Some(bad) = name.chars().find(|c| matches!(c, '+' | '#' | '/') || c.is_control()) {
-        bail!("a topic's level has no {bad:?}");
+        bail!("a topic level must not have {bad:?}");
     }
     Ok(())
 }
 
 /// Levels of a topic, which is none of Sparkplug's.
 fn check_prefix(prefix: &str) -> Result<()> {
-    ensure!(!prefix.starts_with("spBv1.0") && !prefix.starts_with('$'), "give a topic of your own");
+    ensure!(!prefix.starts_with("spBv1.0") && !prefix.starts_with('$'), "this topic prefix is reserved");
     prefix.split('/').try_for_each(check_name)
 }
 
 fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
     let text = String::deserialize(deserializer)?;
     humantime::parse_duration(&text)
-        .map_err(|_| serde::de::Error::custom("not a time with its unit, such as 15s"))
+        .map_err(|_| serde::de::Error::custom("not a time with a unit, such as 15s"))
 }
 
 fn keep_alive() -> Duration {
@@ -487,5 +484,5 @@ fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
         _ => None,
     };
     let bytes = unit.and_then(|unit: u64| digits.parse::<u64>().ok()?.checked_mul(unit));
-    bytes.ok_or_else(|| serde::de::Error::custom("no size with its unit, such as 256MiB"))
+    bytes.ok_or_else(|| serde::de::Error::custom("not a size with a unit, such as 256MiB"))
 }

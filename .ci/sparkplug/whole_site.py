@@ -1,4 +1,4 @@
-"""A hall: simulated cells, the bridge, a broker that is killed, and a consumer that counts."""
+"""A site: simulated cells, the bridge, a broker that is killed, and a consumer that counts."""
 import argparse
 import json
 import os
@@ -32,7 +32,7 @@ processors = sorted(os.sched_getaffinity(0))
 if args.alone:
     os.sched_setaffinity(0, processors[:-1])
 BRIDGE = str(Path(args.cellwire).with_name("cellwire-bridge"))
-LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "hall", "bridge-1", "scada"
+LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "site", "bridge-1", "scada"
 COMMANDER, DASHBOARD = (HOST, "battery"), ("dashboard", "staple")
 PAGE = Path(__file__).parents[2] / "docs/bridge.md"
 folder = args.place / "run"
@@ -42,7 +42,7 @@ wait, fail, spawn = place.wait, place.fail, place.spawn
 
 def certificates():
     run = lambda *command: subprocess.run(command, cwd=folder, check=True, capture_output=True)
-    run("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=hall authority",
+    run("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=site authority",
         "-keyout", "ca.key", "-out", "ca.pem")
     run("openssl", "req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-keyout", "broker.key", "-out", "broker.csr")
     (folder / "names").write_text("subjectAltName=DNS:localhost\n")
@@ -102,14 +102,14 @@ def start_broker():
 
 
 class Bridge:
-    def __init__(self, hall):
-        self.hall, self.cpu, self.most, self.written = hall, 0.0, 0, 0
+    def __init__(self, site):
+        self.site, self.cpu, self.most, self.written = site, 0.0, 0, 0
         self.start()
 
     def start(self):
         self.began = time.time()
         place = ["taskset", "-c", str(processors[-1])] if args.alone else []
-        self.process = spawn([*place, BRIDGE, "--config", str(self.hall)], "bridge.log", stderr=open(folder / "bridge.err", "a"))
+        self.process = spawn([*place, BRIDGE, "--config", str(self.site)], "bridge.log", stderr=open(folder / "bridge.err", "a"))
 
     def look(self):
         try:
@@ -157,8 +157,8 @@ for index in range(args.cells):
     cells.append(link(f"{link.NAME}-{index // len(links) + 1}", args.cellwire, folder, spawn))
 for cell in cells:
     wait(f"the simulator of {cell.name}", cell.ready)
-hall = folder / "hall.toml"
-hall.write_text(f"""\
+site = folder / "site.toml"
+site.write_text(f"""\
 [broker]
 address = "{f'wss://localhost:{websocket_port}/mqtt' if args.websocket else f'localhost:{tls_port}'}"
 group = "{GROUP}"
@@ -172,13 +172,13 @@ aliases = {str(args.aliases).lower()}
 mqtt = "{args.mqtt}"
 
 [store]
-file = "hall.redb"
+file = "site.redb"
 
 [health]
 listen = "127.0.0.1:{health_port}"
 
 """ + "\n".join(cell.table() for cell in cells))
-checked = subprocess.run([BRIDGE, "--config", str(hall), "--check"], capture_output=True, text=True)
+checked = subprocess.run([BRIDGE, "--config", str(site), "--check"], capture_output=True, text=True)
 if checked.returncode != 0:
     fail(checked.stderr)
 
@@ -186,7 +186,7 @@ if checked.returncode != 0:
 forbidden = [cell for cell in cells if cell.NAME != "kawasaki-msg"][:1] if args.qos == 1 and args.mqtt == "5" else []
 access(*forbidden)
 broker = start_broker()
-bridge = Bridge(hall)
+bridge = Bridge(site)
 consumer = Consumer("127.0.0.1", plain_port, COMMANDER, GROUP, NODE, HOST, args.qos)
 consumer.refusing = bool(forbidden)
 started = time.time()
@@ -315,7 +315,7 @@ print(row("cell", "out", "in", "lost"))
 out_all = in_all = lost_all = 0
 kinds = {}
 for cell in cells:
-    # A link that is tried again makes records up to the end: what the bridge had, or what came after that.
+    # A link that is retried makes records up to the end: what the bridge had, or what came after that.
     highest = max((number for (name, _), number in consumer.last.items() if name == cell.name), default=0)
     out = max(int(last[f'record_number{{cell="{cell.name}"}}']), highest)
     got = consumer.accepted[cell.name]

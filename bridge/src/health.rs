@@ -119,11 +119,11 @@ impl Health {
             "/events" => Reply { is_live: true, ..Reply::new(200, "text/event-stream", figures.event()) },
             "/health" => {
                 let (status, body) = if figures.is_stuck {
-                    (503, "the store cannot be written\n")
+                    (503, "the store cannot be written\n".into())
                 } else if figures.is_online {
-                    (200, "online\n")
+                    (200, "online\n".into())
                 } else {
-                    (503, "no broker, or no host application\n")
+                    (503, format!("nothing is published: {}\n", figures.broker.why))
                 };
                 Reply::new(status, "text/plain; charset=utf-8", body)
             }

@@ -59,6 +59,8 @@ pub enum Received {
     },
     /// Nothing that it understands, and why.
     Strange(String),
+    /// A retained message was cleared.
+    Nothing,
 }
 
 impl Node {
@@ -148,9 +150,17 @@ impl Node {
         if let Some(host) = topic.strip_prefix(NAMESPACE).and_then(|rest| rest.strip_prefix("/STATE/")) {
             return state(host, payload);
         }
+        if payload.is_empty() {
+            return Received::Nothing;
+        }
         let strange = |why: &str| Received::Strange(format!("{topic}: {why}"));
         let length = payload.len();
-        let Ok(payload) = Payload::decode(payload) else { return strange("not a Sparkplug B payload") };
+        let Ok(payload) = Payload::decode(payload) else {
+            return strange(match payload.first() {
+                Some(b'{') => "JSON is not a Sparkplug B payload: see Commands in docs/bridge.md",
+                _ => "not a Sparkplug B payload",
+            });
+        };
         if topic == self.topic("NCMD", None) {
             let asks = |metric: &Metric| {
                 metric.name.as_deref() == Some(REBIRTH) && metric.value == Some(Value::Boolean(true))
@@ -254,6 +264,7 @@ mod tests {
         assert!(strange("spBv1.0/g/NCMD/n", &rebirth(false), false));
         assert!(strange("spBv1.0/g/NCMD/n", &rebirth(true), true));
         assert!(strange("spBv1.0/g/NCMD/n", b"\xff", false));
+        assert_eq!(node.receive("spBv1.0/g/NCMD/n", b"", true), Received::Nothing);
         assert!(strange("spBv1.0/x/DCMD/n/d", &rebirth(true), false));
         let write =
             |payload: &[u8], is_retained| match node.receive("spBv1.0/g/DCMD/n/d", payload, is_retained) {

@@ -197,7 +197,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         run.say("what?");
         assert!(run.event("hint")["hint"].as_str().unwrap().contains("the number of the last job"));
         run.say(&executed.to_string());
-        assert_eq!(run.event("answered")["done"], executed as u64 + 1 - first);
+        assert_eq!(run.event("answered")["answer"], executed);
         finish(run, 300);
         cell.assert_executed_once();
     }
@@ -221,7 +221,7 @@ fn a_robot_that_is_restarted_leaves_a_question_and_the_run_goes_on() {
     run.say("pause");
     assert_eq!(run.event("hint")["hint"], "answer done, repeat or stop");
     run.say("repeat");
-    assert_eq!(run.event("answered")["done"], 0);
+    assert_eq!(run.event("answered")["answer"], "repeat");
     finish(run, 200);
     // What was executed of those that it asked about was executed again, as the operator wanted.
     let again = executed as u64 + 1 - question["first"].as_u64().unwrap();

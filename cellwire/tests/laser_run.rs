@@ -193,7 +193,7 @@ fn an_answer_that_does_not_come_stops_it_until_the_operator_has_looked() {
     let unknown = run.event("unknown");
     assert_eq!(
         (&unknown["first"], &unknown["count"], &unknown["why"]),
-        (&1.into(), &7.into(), &"Silence".into())
+        (&1.into(), &7.into(), &"no answer within 300ms".into())
     );
     assert_eq!(run.line()["event"], "question");
     assert_eq!(run.lines.recv_timeout(Duration::from_millis(500)).ok(), None, "nothing is sent unasked");

@@ -150,7 +150,10 @@ impl Link {
     /// # Errors
     /// When there is none.
     pub fn by_name(name: &str) -> Result<&'static Self> {
-        LINKS.iter().find(|link| link.name == name).with_context(|| format!("no link is called {name}"))
+        LINKS.iter().find(|link| link.name == name).with_context(|| {
+            let names: Vec<&str> = LINKS.iter().map(|link| link.name).collect();
+            format!("no link is called {name}; the links are {}", names.join(", "))
+        })
     }
 
     /// An end by its name.

@@ -351,6 +351,7 @@ impl Uplink {
                 Event::None
             }
             Received::Strange(why) => Event::Strange(why),
+            Received::Nothing => Event::None,
         }
     }
 

@@ -116,7 +116,7 @@ fn execute(
         progress: &mut |done| progress.set_position(done as u64),
     };
     let mut runner = Runner::new(program, journal, host, operator);
-    if !runner.settle_unknown()? {
+    if !runner.settle_unknown("an earlier run ended before the answer")? {
         return Ok(Ended::Stopped);
     }
     let port = args.port.as_deref().unwrap_or_default();

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
+use crate::io::drive::Lost;
 use crate::io::files;
 use crate::io::journal::{self, Journal, Outcome, Record};
 use crate::io::output::log;
@@ -82,7 +83,13 @@ impl WorkArgs {
         progress.set_position(journal.count(Outcome::Done) as u64);
         let ended = run(journal, &progress);
         progress.finish_and_clear();
-        ended
+        ended.map_err(|error| match error.downcast_ref() {
+            Some(Lost(why)) => {
+                let (done, path) = (journal.count(Outcome::Done), journal.path().display());
+                Lost(format!("{why}; {done} of {parts} done: the same command continues from {path}")).into()
+            }
+            None => error,
+        })
     }
 }
 

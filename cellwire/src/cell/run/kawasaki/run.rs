@@ -232,7 +232,16 @@ impl<'a> Runner<'a> {
         }
         self.question = None;
         (self.operator.progress)(self.journal.count(Outcome::Done));
-        (self.operator.notify)(json!({"event": "answered", "first": first + 1, "count": count, "done": done}))
+        let answer = if done == 0 {
+            json!("repeat")
+        } else if done == count {
+            json!("done")
+        } else {
+            json!(first + done)
+        };
+        (self.operator.notify)(
+            json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}),
+        )
     }
 
     fn ask(&mut self, first: usize, count: usize) -> Result<()> {

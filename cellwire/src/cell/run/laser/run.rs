@@ -4,7 +4,7 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError};
+use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
 use robot_session::{Driver, Session as _, Transport, now};
 use serde_json::json;
 
@@ -56,13 +56,13 @@ impl<'a> Runner<'a> {
         Self { program, journal, config, operator, paused, stopping, flight, refused, unknown }
     }
 
-    /// Asks about every instruction whose outcome an earlier run has left unknown; false when the operator stops.
+    /// Asks about every instruction whose outcome is unknown, and says why it is; false when the operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn settle_unknown(&mut self) -> Result<bool> {
+    pub fn settle_unknown(&mut self, why: &str) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown() {
-            if !self.ask(first, count, "an earlier run ended before the answer")? {
+            if !self.ask(first, count, why)? {
                 return Ok(false);
             }
         }
@@ -93,9 +93,9 @@ impl<'a> Runner<'a> {
             }
             match goes_on {
                 Ok(true) => {}
-                Ok(false) => return Err(Lost("the controller's port is gone".into()).into()),
+                Ok(false) => return Err(Lost("the connection to the controller was closed".into()).into()),
                 Err(error) if error.is::<std::io::Error>() => {
-                    return Err(Lost(format!("the controller's port: {error:#}")).into());
+                    return Err(Lost(format!("the connection to the controller was lost: {error:#}")).into());
                 }
                 Err(error) => return Err(error),
             }
@@ -103,7 +103,7 @@ impl<'a> Runner<'a> {
                 return Ok(Ended::Refused);
             }
             if core::mem::take(&mut self.unknown) {
-                if !self.settle_unknown()? {
+                if !self.settle_unknown("the controller may have executed them: look at the machine")? {
                     return Ok(Ended::Stopped);
                 }
                 host.resume();
@@ -154,11 +154,26 @@ impl<'a> Runner<'a> {
             }
             HostEvent::Unknown { reason, .. } => {
                 self.unknown = true;
-                self.outcome(Outcome::Unknown, &format!("{reason:?}"))
+                let why = self.why(reason);
+                self.outcome(Outcome::Unknown, &why)
             }
             HostEvent::Unasked { word } => (self.operator.notify)(json!({"event": "unasked", "word": word})),
             HostEvent::Corrupt(error) => (self.operator.notify)(json!({"event": "corrupt", "error": error})),
             other => (self.operator.notify)(json!({"event": "notice", "what": format!("{other:?}")})),
+        }
+    }
+
+    fn why(&self, reason: UnknownReason) -> String {
+        match reason {
+            UnknownReason::Silence => format!("no answer within {:?}", self.config.answer_timeout),
+            UnknownReason::Corrupt => "the answer was corrupt".into(),
+            UnknownReason::OtherWord { expected, found } => {
+                format!("the answer was word {found:04X}h instead of {expected:04X}h")
+            }
+            UnknownReason::PartialFrame => "the controller may have rejected only a part of the frame".into(),
+            UnknownReason::ExecutionFailed => "the execution failed, and may have had effects".into(),
+            UnknownReason::Disconnected => "the connection was lost".into(),
+            other => format!("{other:?}"),
         }
     }
 

@@ -26,7 +26,7 @@ use crate::pose::Pose;
 /// [`refuse`](Self::refuse), and report what the axes do: [`set_pose`](Self::set_pose), [`arrived`](Self::arrived),
 /// [`fail`](Self::fail).
 ///
-/// Every line gets exactly one reply (§3). The session answers a status by itself, and refuses with
+/// Every line gets exactly one reply (§3). The session answers a status automatically, and refuses with
 /// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or not possible now; whatever else the owner refuses, with any
 /// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent, and until
 /// then the session wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read

@@ -72,7 +72,7 @@ pub struct Task<S: Service, C> {
 }
 
 /// How long a [`Task`] waits before it connects again: twice as long after each attempt, and half of it by chance, so that many that have
-/// lost the same peer do not come back together. After a connection that has lasted for longer than the last pause it begins anew.
+/// lost the same peer do not come back together. After a connection that lasted longer than the last pause it restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
     /// After the first. 100 ms.

@@ -186,7 +186,7 @@ pub enum HostEvent {
     /// A standard message. While ALTER runs, a reply to it is due.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Motion(Motion),
-    /// The controller has ended ALTER. The host takes its next start by itself.
+    /// The controller has ended ALTER. The host accepts its next start automatically.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     End(End),
     /// ALTER is over without an end message.

@@ -35,7 +35,7 @@ pub enum HostPhase {
         asked: u8,
         /// The answer that is due.
         answer: Option<Due>,
-        /// When the count begins anew.
+        /// When the count restarts.
         forget_at: Duration,
     },
     /// A start message is not answered yet.

@@ -116,7 +116,7 @@ impl Controller {
         &self.core.machine
     }
 
-    /// What the session is doing, in a word.
+    /// The state of the session.
     pub fn state(&self) -> ControllerState {
         match &self.core.machine.phase {
             ControllerPhase::Disconnected => ControllerState::Disconnected,

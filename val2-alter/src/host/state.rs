@@ -136,7 +136,7 @@ pub struct Request {
 }
 
 impl HostMachine {
-    /// A host whose port is not open.
+    /// A host without a connection.
     pub const fn new(policy: Policy, subroutine: bool) -> Self {
         Self { phase: HostPhase::Disconnected, policy, subroutine, gap_at: None }
     }

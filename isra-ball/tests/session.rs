@@ -1,4 +1,4 @@
-//! Each end alone, and every rule of the source.
+//! Each end by itself, and every rule of the source.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;

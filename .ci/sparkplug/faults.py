@@ -313,7 +313,7 @@ def flood():
 
 
 FAULTS = {
-    "restart": (restart, "the broker is started anew"),
+    "restart": (restart, "the broker restarts"),
     "cut": (cut, "the network is cut"),
     "kill": (kill, "the bridge is killed"),
     "leave": (leave, "the host application goes and comes"),

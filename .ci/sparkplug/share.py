@@ -1,4 +1,4 @@
-"""Two bridges, each in a network of its own, that share cells at one broker: one dies, is cut off, both are started anew, and the broker
+"""Two bridges, each in a network of its own, that share cells at one broker: one dies, is cut off, both restart, and the broker
 is. Commands with ids go to the cells all the time, and each device is asked afterwards what it has executed."""
 import argparse
 import atexit

@@ -98,7 +98,7 @@ impl Cell {
     /// Whether something is to be done about a thread that was to end, and has; or about a place that is free.
     pub fn is_over(&self) -> bool {
         match self.next {
-            // Without a lease a thread ends by itself.
+            // Without a lease a thread ends on its own.
             Next::Same => self.is_shared && self.has_ended(),
             Next::Gone | Next::Away => self.thread.is_some() && self.has_ended(),
             Next::Another(_) => self.has_ended(),

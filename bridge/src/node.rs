@@ -9,7 +9,7 @@ use super::payload::{Kind, Metric, Payload, Value};
 const NAMESPACE: &str = "spBv1.0";
 /// The longest message that is taken as a command, in bytes.
 const LONGEST: usize = 256 * 1024;
-/// The metric whose writing asks for all births anew.
+/// The metric that requests all births again when written.
 const REBIRTH: &str = "Node Control/Rebirth";
 /// The metric that ties a death to its birth.
 const BD_SEQ: &str = "bdSeq";
@@ -37,7 +37,7 @@ pub struct Publication {
 /// What a message of the broker is to the node.
 #[derive(Debug, PartialEq)]
 pub enum Received {
-    /// All births are wanted anew.
+    /// All births are requested again.
     Rebirth,
     /// Metrics of a device are to be written.
     Write {
@@ -91,7 +91,7 @@ impl Node {
         Publication { topic: self.topic("NDEATH", None), payload: payload.encode_to_vec() }
     }
 
-    /// The birth of the node. It begins the numbers of messages anew.
+    /// The birth of the node. It restarts the message numbers.
     pub fn birth(&mut self, cells: usize) -> Publication {
         self.seq = 0;
         let now = metric::now();

@@ -1,4 +1,4 @@
-//! What the system tells the bridge: to end, or to read the site file anew.
+//! Signals of the system to the bridge: to end, or to reload the site file.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

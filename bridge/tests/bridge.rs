@@ -284,7 +284,7 @@ fn a_broker_that_ends_each_connection_is_tried_again_soon() {
     let ball = ball();
     let broker = Broker::new();
     let mut bridge = bridge(folder.path(), &broker.address(), &ball);
-    // As one that is started anew again and again: that is no other client with the name.
+    // Like a broker that restarts repeatedly: that is not another client with the name.
     let mut last = Instant::now();
     for _ in 0..7 {
         broker.accept(&[]).message();

@@ -325,7 +325,7 @@ fn background_writes_the_sources_task() {
     let folder = Folder::new("background");
     let output = folder.run("ls background --out -");
     assert_eq!(out(&output), std::fs::read_to_string(reference("figure-8.canonical.ls")).unwrap());
-    let summary = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n";
+    let summary = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are scratch\n";
     assert!(err(&output).starts_with(summary), "{}", err(&output));
     assert_eq!(folder.run("ls background --first 20").status.code(), Some(2));
 }

@@ -53,7 +53,7 @@ fn every_bad_line_of_a_table_is_named() {
             "line 8: field 'way' is missing, and has no default",
             "line 9: field 'tool' has 6 characters, not from 1 to 4",
             "line 10: field 'tool' holds '$', which is a mark",
-            "line 11: 3 cells, and 2 fields are named",
+            "line 11: 3 cells, but 2 fields are named",
             "line 12: field 'tool' holds 'ä', which is not in the character set",
         ],
         "{said}"

@@ -325,7 +325,7 @@ fn a_cut_without_power_is_a_move() {
 fn a_program_that_is_not_understood_is_refused_with_its_line() {
     for (name, program, expected) in [
         ("a.csv", "cut,1,2\nfold,1,2\n", "line 2: `fold` is not a command word"),
-        ("a.csv", "cut,1,two\n", "line 1: `two` is no number"),
+        ("a.csv", "cut,1,two\n", "line 1: `two` is not a number"),
         ("a.csv", "0x0301\n", "line 1: 0x0301 is a query"),
         ("a.csv", "# nothing\n", "has no instructions"),
         ("a.csv", "cut,1e39\n", "line 1: number too large"),
@@ -335,10 +335,10 @@ fn a_program_that_is_not_understood_is_refused_with_its_line() {
         ("a.nc", "G2 X10 Y0 I3\n", "line 1: the arc begins 3.000 mm and ends 7.000 mm from its centre"),
         ("a.nc", "X10\n", "line 1: coordinates without a preceding G0, G1, G2 or G3"),
         ("a.nc", "G1 X1 X2\n", "line 1: X is given twice"),
-        ("a.nc", "G1 X1 F0\n", "line 1: F0 is no feed"),
+        ("a.nc", "G1 X1 F0\n", "line 1: F0 is not a valid feed"),
         ("a.nc", "M6 T1\n", "line 1: M6 is not supported"),
-        ("a.nc", "M3\nG0 X1\nG1 X2\n", "line 3: a cut without a feed: give F before it"),
-        ("a.nc", "M4 S-1\n", "line 1: S-1 is no power"),
+        ("a.nc", "M3\nG0 X1\nG1 X2\n", "line 3: a cut without a feed rate: give F first"),
+        ("a.nc", "M4 S-1\n", "line 1: S-1 is not a valid power"),
         ("a.nc", "G1 X\n", "line 1: \"X\" is not followed by a number"),
         (
             "a.nc",

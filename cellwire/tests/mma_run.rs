@@ -150,7 +150,7 @@ fn a_lost_connection_is_a_question_and_an_error_if_it_is_not_regained() {
     let question = run.event("question");
     assert_eq!(question["part"], 1);
     assert!(question["why"].as_str().unwrap().contains("the connection to the robot was lost"), "{question}");
-    // The robot is there again: its part is begun anew.
+    // The robot is back: its part is restarted.
     cell.robot.tool.process.wait().unwrap();
     cell.robot = Device::start("mma-robot", &address, 200);
     run.say("repeat");

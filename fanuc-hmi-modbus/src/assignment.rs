@@ -63,7 +63,7 @@ impl Assignment<'_> {
         start..start + self.size as u32
     }
 
-    /// Checks every field by itself.
+    /// Checks every field separately.
     ///
     /// # Errors
     /// The first one outside its range.

@@ -104,7 +104,7 @@ pub enum Error {
     /// There is no usable reply.
     #[error(transparent)]
     Failed(#[from] Failure),
-    /// The client was shut down. Whether the request was carried out is unknown.
+    /// The client was shut down. Whether the request was executed is unknown.
     #[error(transparent)]
     Closed(#[from] Closed),
 }

@@ -30,7 +30,7 @@ impl WordOrder {
 
     /// The two registers that hold these 32 bits.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "each half is taken by itself")]
+    #[expect(clippy::cast_possible_truncation, reason = "each half is taken separately")]
     pub const fn split(self, bits: u32) -> [u16; 2] {
         let (high, low) = ((bits >> 16) as u16, bits as u16);
         match self {

@@ -294,7 +294,7 @@ impl Warning {
             Self::UndefinedPosition { .. } => "teach the position, or correct the number",
             Self::RepeatedPosition { .. } => "delete one of them, or give it a number of its own",
             Self::UntaughtPosition { .. } => "teach the position before the program runs",
-            Self::LineNumber { .. } => "check whether a line is missing; the controller numbers them anew",
+            Self::LineNumber { .. } => "check whether a line is missing; the controller renumbers them",
             Self::LineCount { .. } => "check whether a line is missing, or set it to 0",
             Self::SpeedUnit => {
                 "J takes %, sec and msec; the other motions take mm/sec, cm/min, inch/min, deg/sec, sec, msec"

@@ -130,7 +130,7 @@ fn a_speed_that_is_changed_changes_its_line_alone() {
         )]
     );
     assert_eq!(motion(&document, 1), linear);
-    // The places are those of a file that is read anew.
+    // The places are those of a reread file.
     assert_eq!(Document::decode(document.as_str()).unwrap(), document);
 }
 
@@ -160,7 +160,7 @@ fn a_motion_that_gets_or_loses_words_keeps_the_others() {
         change(" : C P[1]  PTH\n :  P[2] 5mm/sec FINE ;", &|m| m.speed = Speed::mm_per_sec(7.0)),
         " : C P[1]  PTH\n :  P[2] 7mm/sec FINE ;"
     );
-    // Spelled with other words than the writer's: the instruction is written anew.
+    // Spelled with other words than the writer's: the instruction is rewritten.
     assert_eq!(
         change("   1:L P[1:] 5.0sec FINE;", &|m| m.speed = Speed::Fixed { value: 6.0, unit: SpeedUnit::Sec }),
         "   1:L P[1:] 6.0sec FINE;"

@@ -1,4 +1,4 @@
-//! The computer that polls the ball, in a task of its own that opens its port again by itself: the latest values at any time.
+//! The computer that polls the ball, in a task of its own that reopens its port automatically: the latest values at any time.
 //!
 //! ```no_run
 //! use isra_ball::HostConfig;

@@ -148,7 +148,7 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
 }
 
 /// What an error has as its offset.
-#[expect(clippy::cast_possible_truncation, reason = "the offset of an error begins anew where it is full")]
+#[expect(clippy::cast_possible_truncation, reason = "the offset of an error wraps")]
 const fn offset(position: u64) -> usize {
     position as usize
 }

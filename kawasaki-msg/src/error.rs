@@ -320,7 +320,7 @@ pub enum ConfigError {
     #[error("a message can have {longest} bytes, the session holds {held}")]
     #[allow(missing_docs, reason = "see the error's message")]
     LongMessages { longest: usize, held: usize },
-    /// The type of the session cannot tell all job numbers apart, which it has to where each job is acknowledged by itself: see
+    /// The type of the session cannot tell all job numbers apart, which it has to where jobs are acknowledged individually: see
     /// [`Robot::sized`](crate::Robot::sized).
     #[error("jobs are numbered up to {max}, the session only distinguishes numbers below {numbers}")]
     #[allow(missing_docs, reason = "see the error's message")]

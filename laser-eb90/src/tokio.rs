@@ -1,4 +1,4 @@
-//! The host in a task of its own, which opens its port again by itself: runs of instructions and queries by `.await`.
+//! The host in a task of its own, which reopens its port automatically: runs of instructions and queries by `.await`.
 //!
 //! ```no_run
 //! use laser_eb90::HostConfig;

@@ -48,7 +48,7 @@ pub enum Observation {
     First,
     /// The life counter has not moved: the same run, read twice.
     Repeated,
-    /// The life counter has gone back: the controller was started anew, and this is a first block.
+    /// The life counter has gone back: the controller was restarted, and this is a first block.
     Restarted,
     /// A sample.
     Sample(MotionSample),
@@ -86,7 +86,7 @@ pub struct Counts {
     pub gaps: u64,
     /// Runs that were missed.
     pub missed: u64,
-    /// Times that the controller was started anew.
+    /// Restarts of the controller.
     pub restarts: u64,
 }
 

@@ -31,7 +31,7 @@ MESSAGES = 60
 
 
 def crc(data, bits, poly, init, reflect, out):
-    """A CRC, written anew."""
+    """A recomputed CRC."""
     value = init
     for byte in data:
         byte = int(f"{byte:08b}"[::-1], 2) if reflect else byte

@@ -52,7 +52,7 @@ where
     /// the session works with beside bytes and time has changed, as the queue that a robot fills: from the interrupts of all these, where
     /// they have one priority, or from one that they trigger.
     ///
-    /// The port sends what it was given by itself: it is not flushed. While the session does not
+    /// The port sends its bytes on its own: it is not flushed. While the session does not
     /// [want input](Session::wants_input), bytes stay in the port.
     ///
     /// # Errors

@@ -29,10 +29,10 @@ use core::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Any time; [`Duration::MAX`] is never.
+/// Any time; [`Duration::MAX`] means never.
 pub const ANY_TIME: RangeInclusive<Duration> = Duration::ZERO..=Duration::MAX;
 
-/// A time above zero; [`Duration::MAX`] is never.
+/// A time above zero; [`Duration::MAX`] means never.
 pub const SOME_TIME: RangeInclusive<Duration> = Duration::from_nanos(1)..=Duration::MAX;
 
 /// What a baud rate is for.

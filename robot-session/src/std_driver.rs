@@ -258,7 +258,7 @@ impl<T: Transport> Driver<T> {
         }
     }
 
-    /// The transport. One that is connected anew has nothing left of before when the last turn has said that the connection is over.
+    /// The transport. After a reconnection it has no earlier bytes once the last turn has reported the end of the connection.
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }

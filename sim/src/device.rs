@@ -119,7 +119,7 @@ pub trait Device {
     /// When [`advance`](Self::advance) is to be called at the latest.
     fn due(&self) -> Option<Duration>;
 
-    /// Its power was gone: it begins anew, with no connection, and keeps what a real one keeps.
+    /// Its power was lost: it restarts without a connection, and keeps what a real device keeps.
     fn restart(&mut self, now: Duration);
 
     /// It loses what it holds and has not executed; the connection goes on.

@@ -329,7 +329,7 @@ fn a_job_that_is_cut_off(change: Option<Change>) {
     }
 }
 
-/// The motion program was stopped in the middle of a job and begun anew: the order is over, and nothing is drawn again.
+/// The motion program was stopped in the middle of a job and restarted: the order is over, and nothing is drawn again.
 fn a_motion_program_that_was_stopped(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs(1..=3));

@@ -41,7 +41,7 @@ fn a_late_start_does_not_begin_an_order_again() {
     rig.pc.start(4, picture(4, 2)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(rig.lines().len(), drawn.len() + 2, "a new order is taken");
-    // Over TCP nothing is late, and the same picture may begin anew.
+    // Over TCP nothing is late, and the same picture may start again.
     let mut rig = Rig::new(1, Faults::NONE, 64, 9999);
     for _ in 0..2 {
         rig.pc_events.clear();

@@ -139,7 +139,7 @@ fn an_interrupted_order_ends_after_the_job_that_is_being_executed<C: Controller>
     assert!(rig.pc_events.contains(&over), "{:?}", rig.pc_events);
     assert!(rig.robot_events.contains(&RobotEvent::OrderOver { order: 50, executed }));
     assert_eq!(rig.lines(), expected(50, executed));
-    // "After the interruption the drawing cannot go on" (thesis, section 11.1): the same picture begins anew.
+    // "After the interruption the drawing cannot go on" (thesis, section 11.1): the same picture starts again.
     rig.pc_events.clear();
     rig.pc.start(50, picture(50, 10)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
@@ -204,7 +204,7 @@ fn another_order_is_left_alone_where_that_is_wished<C: Controller>() {
 }
 
 fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
-    // The restarted PC begins order 50 anew while the robot is in the middle of the old one: "50" is no acceptance.
+    // The restarted PC begins order 50 again while the robot is in the middle of the old one: "50" is no acceptance.
     let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
     restart_pc(&mut rig, PcConfig::TCP);
     rig.pc.start(50, picture(50, 500)).unwrap();
@@ -263,7 +263,7 @@ fn a_restarted_robot_leaves_the_outcome_unknown<C: Controller>() {
     assert!(executed as usize <= rig.executed.len() && rig.executed.len() <= sent as usize);
     assert!(executed < sent);
     assert_eq!((rig.pc.phase(), rig.pc.executed(), rig.pc.sent()), (Phase::Idle, executed, sent));
-    // Whoever called decides: here the picture begins anew.
+    // The caller decides: here the picture starts again.
     rig.pc_events.clear();
     rig.executed.clear();
     rig.pc.start(50, picture(50, 10)).unwrap();

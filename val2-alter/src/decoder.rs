@@ -101,7 +101,7 @@ impl<M: Message> Decoder<M> {
     }
 
     /// What a frame and an error have as their offset.
-    #[expect(clippy::cast_possible_truncation, reason = "the offset begins anew where it is full")]
+    #[expect(clippy::cast_possible_truncation, reason = "the offset wraps")]
     const fn offset(&self) -> usize {
         self.position as usize
     }

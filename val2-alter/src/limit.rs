@@ -97,7 +97,7 @@ impl Limiter {
         }
     }
 
-    /// Begins anew, at rest on the path.
+    /// Restarts, at rest on the path.
     pub fn restart(&mut self) {
         self.axes = Axes::REST;
     }

@@ -1,4 +1,4 @@
-//! The host in a task of its own, which opens its port again by itself: a target that may be set from anywhere.
+//! The host in a task of its own, which reopens its port automatically: a target that may be set from anywhere.
 //!
 //! ```no_run
 //! use val2_alter::HostConfig;

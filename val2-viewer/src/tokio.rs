@@ -1,4 +1,4 @@
-//! The workstation in a task of its own, which opens its port again by itself: the latest pose at any time.
+//! The workstation in a task of its own, which reopens its port automatically: the latest pose at any time.
 //!
 //! ```no_run
 //! use val2_viewer::WorkstationConfig;

@@ -78,7 +78,7 @@ impl Cursor {
         Cursor { end: self.end, wrapped: self.wrapped, ..cursor }
     }
 
-    /// Begins the lap and the numbers anew where they have ended, and finds the next stop.
+    /// Wraps the lap and the numbers at their end, and finds the next stop.
     #[inline(always)]
     pub(crate) const fn turn(&mut self, limits: Limits) {
         if self.at == limits.wrap() {

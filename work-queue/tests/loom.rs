@@ -569,7 +569,7 @@ mod models {
         });
     }
 
-    /// A queue in a static: one pair of ends at a time, and the second pair begins anew.
+    /// A queue in a static: one pair of ends at a time, and the second pair starts empty.
     #[test]
     fn a_static_queue_is_split_again() {
         model(|| {

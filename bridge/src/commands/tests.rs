@@ -67,7 +67,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     let decision = commands.decide(to("cell", &request), later, &mut batch);
     let (kind, text) = outcome(&decision);
     assert!(
-        kind == "late" && text.starts_with("a refused: its time 1000000 is more than 30 s before now"),
+        kind == "late" && text.starts_with("a refused: timestamp 1000000 is more than 30 s before"),
         "{text}"
     );
 }
@@ -119,7 +119,8 @@ fn what_is_no_command_is_refused_with_advice() {
     assert_eq!(decide(&none, true), "no_time none refused: the command has no timestamp");
     let allowed = "not_allowed no refused: the site file does not allow commands to this cell";
     assert_eq!(decide(&write(r#"{"id":"no"}"#, 100_000), false), allowed);
-    let late = "late late refused: its time 69999 is more than 30 s before now, 100000: too late, or a clock is wrong";
+    let late =
+        "late late refused: timestamp 69999 is more than 30 s before 100000: too late, or a clock is wrong";
     assert_eq!(decide(&write(r#"{"id":"late"}"#, 69_999), true), late);
     let early = decide(&write(r#"{"id":"early"}"#, 130_001), true);
     assert!(

@@ -73,7 +73,7 @@ pub struct Hub<'a> {
     /// What the cells that begin report to.
     sender: SyncSender<Input>,
     site: Site,
-    /// The site file is to be read anew.
+    /// The site file is to be reloaded.
     reload: Arc<AtomicBool>,
     store: Store,
     words: Words,

@@ -1,4 +1,4 @@
-//! Cells begin, and end: at the start, and when the site file is read anew.
+//! Start and end of cells: at the start, and when the site file is reloaded.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -86,7 +86,7 @@ impl Hub<'_> {
         over.map(|(place, _)| place).collect()
     }
 
-    /// Reads the site file anew if that is asked for, and begins cells in places that are [over](Self::over): everything that their
+    /// Reloads the site file if requested, and starts cells in places that are [over](Self::over): everything that their
     /// threads have reported was taken.
     pub(super) fn renew(&mut self, over: Vec<usize>, turn: &mut Turn) -> Result<()> {
         if self.reload.swap(false, Ordering::Relaxed)

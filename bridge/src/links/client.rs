@@ -27,13 +27,13 @@ const GLANCE: Duration = Duration::from_millis(50);
 pub(super) struct Silence {
     /// After this long; zero: never, it counts as alive while it is connected.
     pub time: Duration,
-    /// It answers what it is asked, and has not seen who asks if it does not: then the connection is begun anew. Another one speaks by
+    /// It answers what it is asked, and has not seen who asks if it does not: then the connection is reopened. Another one speaks by
     /// itself, and may begin at any time.
     pub is_asked: bool,
 }
 
 impl Silence {
-    /// Of a device that speaks by itself.
+    /// Of a device that sends unsolicited messages.
     pub(super) fn of_speaker(time: Duration) -> Self {
         Self { time, is_asked: false }
     }
@@ -170,7 +170,7 @@ fn connection<A: Adapter>(
             end.disconnected(&why);
         }
         if let Some(command) = end.command() {
-            // Who speaks by itself may be about to.
+            // Such a device may be about to send.
             let begun = if is_alive || !silence.is_asked {
                 adapter.command(session, command)
             } else {

@@ -246,7 +246,7 @@ fn no_two_bridges_have_a_cell_whatever_fails_and_one_has_it_soon_after() {
         for round in 0..20 {
             let outage = (round % 5 == 4).then(|| world.now + milliseconds(world.rng.u64(500..20_000)));
             if outage.is_some() {
-                // The broker is started anew: it has forgotten everything.
+                // The broker restarts without its memory.
                 world.bridges.iter_mut().for_each(|bridge| bridge.cut(&mut Rng::with_seed(round)));
                 world.bridges.iter_mut().for_each(|bridge| bridge.up.clear());
             } else {

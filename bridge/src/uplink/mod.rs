@@ -280,7 +280,7 @@ impl Uplink {
         Event::Released(place)
     }
 
-    /// The broker does not take it. After a hole in the numbers of messages births follow anew, which begin them at 0.
+    /// The broker does not take it. After a gap in the message numbers the births are repeated, which restart them at 0.
     fn rejected(&mut self, key: u64, why: String, refusal: Refusal) -> Event {
         self.counts.rejected += 1;
         match refusal {
@@ -383,7 +383,7 @@ impl Uplink {
         session.publish(&format!("{share}{}", self.name), message, true, None)
     }
 
-    /// All births follow anew.
+    /// All births are repeated.
     pub fn bear_again(&mut self) {
         self.is_born = false;
     }

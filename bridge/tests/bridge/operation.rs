@@ -1,4 +1,4 @@
-//! The site file read anew, report by exception, aliases, JSON, and several brokers.
+//! Reloading of the site file, report by exception, aliases, JSON, and several brokers.
 
 use std::path::Path;
 use std::process::Command;

@@ -60,7 +60,7 @@ fn install(handler: impl FnMut() + Send + 'static) -> Result<()> {
     super::windows::when_closed(call)
 }
 
-/// From now on the first interrupt is noted: [`requested`] is true then, and the command ends by itself. Another one ends the program.
+/// From now on the first interrupt is noted: [`requested`] is true then, and the command ends normally. Another one ends the program.
 ///
 /// # Errors
 /// When another handler is installed already.
@@ -72,7 +72,7 @@ pub fn note() -> Result<()> {
     })
 }
 
-/// As [`note`]; a command that has not ended by itself after `limit` is ended, with a remark: a disk may take nothing for minutes.
+/// As [`note`]; a command that has not ended after `limit` is terminated, with a remark: a disk may block for minutes.
 ///
 /// # Errors
 /// When another handler is installed already.

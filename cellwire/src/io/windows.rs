@@ -34,7 +34,7 @@ pub fn latency_timer(port: &str) -> Option<u32> {
 static CLOSED: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();
 
 /// Calls `handler` when the console is closed, the user logs off, or the machine is shut down. The system ends the process five
-/// seconds later, if it has not ended by itself.
+/// seconds later, if it has not ended.
 ///
 /// # Errors
 /// When there is a handler already.

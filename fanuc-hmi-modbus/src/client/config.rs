@@ -6,27 +6,27 @@ use crate::frame::Frame;
 use crate::framing::Framing;
 use crate::timing;
 
-/// How a client reaches its servers.
+/// Settings of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientConfig {
     /// The transport. [`Framing::Tcp`].
     pub framing: Framing,
-    /// From when a request is handed out to when its reply has arrived, at most; above zero. One second. On a serial line
+    /// The timeout from the transmission of a request to its reply; above zero. One second. On a serial line
     /// [`rtu`](Self::rtu) adds the time that the longest request and the longest reply take.
     pub timeout: Duration,
-    /// How many requests may be in flight at once, 1 to the places of the client. 1, which every server takes: how many a FANUC
-    /// controller takes is not published. Without transactions in the frames, more than 1 cannot work.
+    /// The maximum of requests in flight, 1 to the client's slots. 1, which every server supports: how many a FANUC
+    /// controller supports is not published. Without transactions in the frames, more than 1 is invalid.
     pub in_flight: usize,
-    /// Whether a reply from another unit than was asked is taken, as some gateways answer. Off.
+    /// Whether a reply from another unit is accepted, which some gateways send. Off.
     pub any_unit: bool,
     /// Whether unit 0 is a broadcast, which has no reply. On for RTU; off on TCP, where 0 is often the server itself.
     pub broadcast: bool,
-    /// How long the units of a serial line get to carry out a broadcast, from when it is handed out. 100 ms, to which
+    /// The time for the units of a serial line to execute a broadcast, from its transmission. 100 ms, to which
     /// [`rtu`](Self::rtu) adds the time of the longest frame.
     pub turnaround: Duration,
-    /// An assumption: no reply comes later than this after its request has timed out. Without a transaction in it, a late reply
-    /// could be taken for the reply to the next request, so that waits this long. Not used on TCP. Where a reply is later still,
-    /// it may be taken for another one's; the reply that belongs there is then reported as a stray. 1 s on a serial line; 10 s for
+    /// An assumption: the latest reply after its request has timed out. Without a transaction, a late reply
+    /// could be taken for the reply to the next request, which therefore waits this long. Not used on TCP. If a reply is later still,
+    /// it may be matched to the wrong request, whose own reply is then reported as a stray. 1 s on a serial line; 10 s for
     /// RTU over TCP, where a new connection ends the wait at once.
     pub settle: Duration,
     /// For the model only: transactions count modulo this.
@@ -49,7 +49,7 @@ robot_session::rules! {
         OneInFlight,
         /// A reply has to fit its request.
         CheckReply,
-        /// Without transactions an exception behind something corrupt may be data of the reply that was damaged.
+        /// Without transactions an exception after corrupt bytes may be data of the damaged reply.
         DoubtException,
         /// On a serial line a request of another client may be in flight at the beginning.
         DrainFirst,
@@ -57,7 +57,7 @@ robot_session::rules! {
         ReadBeforeSend,
         /// On a serial line nothing is sent while bytes arrive.
         WaitForSilence,
-        /// Bytes after a silence do not go on with what came before it.
+        /// Bytes after a silence do not continue an earlier frame.
         CutAtSilence,
         /// What is in flight ends with the connection.
         EndAtDisconnect,
@@ -96,7 +96,7 @@ impl ClientConfig {
         }
     }
 
-    /// RTU frames through a TCP connection.
+    /// RTU frames over TCP.
     pub const fn rtu_over_tcp() -> Self {
         let settle = Duration::from_secs(10);
         Self { framing: Framing::RTU_OVER_TCP, broadcast: true, settle, ..Self::tcp() }

@@ -2,7 +2,7 @@ use robot_session::Unexpected;
 
 use crate::error::{DecodeError, Mismatch};
 
-/// Names a request of a client, which never gives the same twice.
+/// Identifies a request of a client; never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(into = "u64"))]
@@ -26,7 +26,7 @@ impl From<Ticket> for u64 {
     }
 }
 
-/// What a client reports: the first three are outcomes of requests, the others notices.
+/// The events of a client: the first three are outcomes of requests, the others notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -36,7 +36,7 @@ pub enum ClientEvent {
     Replied {
         /// The request.
         ticket: Ticket,
-        /// Who replied. The reply itself says it, too.
+        /// The unit that replied, also in the reply.
         #[cfg_attr(feature = "serde", serde(skip))]
         unit: u8,
     },
@@ -63,20 +63,20 @@ pub enum ClientEvent {
         unit: u8,
         /// Its function code, without the bit that marks an exception.
         function: u8,
-        /// The request that has timed out and that it belongs to, as far as that can be known.
+        /// The request to which it belongs, which has timed out, if known.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         late: Option<Ticket>,
-        /// Off TCP: why it is not the reply that is waited for.
+        /// Except on TCP: why it is not the awaited reply.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         mismatch: Option<Mismatch>,
     },
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best connect again.
+    /// On TCP, which does not corrupt data: bytes that do not begin a frame, and no frame after them yet. Reconnect.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
-    /// The caller broke the contract; nothing has changed.
+    /// A call violated the contract; nothing has changed.
     Unexpected(Unexpected),
 }
 
@@ -98,20 +98,20 @@ impl ClientEvent {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Failure {
-    /// The reply did not come in time. Whether the request was carried out is unknown.
+    /// The reply timed out. Whether the request was executed is unknown.
     #[error("no reply before the timeout; the outcome of the request is unknown")]
     TimedOut,
-    /// The connection was lost while the request was in flight. Whether it was carried out is unknown.
+    /// The connection was lost while the request was in flight. Whether it was executed is unknown.
     #[error("the connection was lost; the outcome of the request is unknown")]
     Disconnected,
     /// The connection was lost before the request was sent.
     #[error("the connection was lost before the request was sent")]
     NotSent,
-    /// The reply with the transaction of the request does not fit it. Whether the request was carried out is unknown.
+    /// The reply with the transaction of the request does not fit it. Whether the request was executed is unknown.
     #[error("the reply does not answer the request: {0}")]
     #[cfg_attr(feature = "serde", serde(rename = "mismatch"))]
     Refused(Mismatch),
-    /// The reply with the transaction of the request is malformed. Whether the request was carried out is unknown.
+    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown.
     #[error("the reply is malformed: {0}")]
     Malformed(DecodeError),
 }
@@ -132,7 +132,7 @@ pub struct ClientStatistics {
     pub strays: u64,
     /// Runs of corrupt bytes.
     pub corrupt: u64,
-    /// Inputs that the machine did not expect: the caller broke the contract.
+    /// Inputs that the machine did not expect: the caller violated the contract.
     pub unexpected: u64,
     /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,

@@ -25,7 +25,7 @@ use crate::message::{PduBuf, Reply, Request, function};
 
 /// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
 ///
-/// A [`Session`](robot_session::Session): its verbs, and the order of calling them, are the trait's.
+/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait.
 /// [`request`](Self::request) at any time; requests are sent in the order in which they were made, and wait for a connection if there is none.
 ///
 /// Every request ends in exactly one [`ClientEvent::Replied`], [`ClientEvent::Announced`] or [`ClientEvent::Failed`], and is sent
@@ -35,8 +35,8 @@ use crate::message::{PduBuf, Reply, Request, function};
 /// A reply that comes after its request has timed out is dropped and reported as [`ClientEvent::Stray`]. On TCP it is never
 /// taken for another one's; off TCP as far as [`ClientConfig::settle`] reaches.
 ///
-/// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. What is found behind them is taken if it fits, but for
-/// an exception in RTU frames: it may be data of the reply that was damaged.
+/// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. A reply after them is accepted if it fits, except for
+/// an exception in RTU frames: it may be data of the damaged reply.
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8, F: Framings = Framing> {
     core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
@@ -135,8 +135,8 @@ impl<const N: usize, F: Framings> Client<N, F> {
         self.core.machine.in_flight()
     }
 
-    /// The bytes of a reply that is not whole. Where there are some after its request has timed out, on TCP, the server has cut it
-    /// off, or will go on with it at any time: best connect again.
+    /// The bytes of a partial reply. If there are any after the timeout of its request, on TCP, the server has truncated it,
+    /// or may continue it at any time: reconnect.
     pub const fn pending(&self) -> usize {
         self.core.decoder.pending()
     }

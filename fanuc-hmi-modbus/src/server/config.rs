@@ -3,12 +3,12 @@ use robot_session::Rules;
 use crate::framing::Framing;
 use crate::timing;
 
-/// How a server is reached.
+/// Settings of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ServerConfig {
     /// The transport. [`Framing::Tcp`].
     pub framing: Framing,
-    /// The unit that it is, 1 to 247 (0 and 255 too on TCP): requests to others are not carried out. `None`, the default, answers
+    /// Its unit number, 1 to 247 (also 0 and 255 on TCP): requests to other units are not executed. `None`, the default, answers
     /// every unit with its own identifier, as most Modbus TCP servers do.
     pub unit: Option<u8>,
     /// Whether unit 0 is a broadcast, executed without a reply. Off on TCP, where 0 is often the server itself; on for RTU.
@@ -21,7 +21,7 @@ pub struct ServerConfig {
 robot_session::rules! {
     /// The rules of the server's machine.
     pub enum Rule {
-        /// Only requests for the server's own unit are carried out.
+        /// Only requests for the server's own unit are executed.
         CheckUnit,
         /// A broadcast is not answered.
         NoReplyToBroadcast,
@@ -31,7 +31,7 @@ robot_session::rules! {
         AnswerLast,
         /// Replies end with the connection.
         DropReplies,
-        /// Through TCP a request is read when there is a place for its reply.
+        /// Over TCP a request is read when there is room for its reply.
         WaitForPlace,
     }
 }
@@ -48,7 +48,7 @@ impl ServerConfig {
         Self::on_line(framing, unit)
     }
 
-    /// RTU frames through a TCP connection.
+    /// RTU frames over TCP.
     pub const fn rtu_over_tcp(unit: u8) -> Self {
         Self::on_line(Framing::RTU_OVER_TCP, unit)
     }

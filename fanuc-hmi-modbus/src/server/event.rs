@@ -30,13 +30,13 @@ pub enum ServerEvent {
         /// The function code.
         function: u8,
     },
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best close the connection.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
-    /// The caller broke the contract; nothing has changed.
+    /// A call violated the contract; nothing has changed.
     Unexpected(Unexpected),
 }
 
@@ -52,7 +52,7 @@ pub struct ServerStatistics {
     pub refused: u64,
     /// Runs of corrupt bytes.
     pub corrupt: u64,
-    /// Inputs that the machine did not expect: the caller broke the contract.
+    /// Inputs that the machine did not expect: the caller violated the contract.
     pub unexpected: u64,
     /// Notices dropped because the event queue was full.
     pub dropped_notices: u64,

@@ -28,7 +28,7 @@ use replies::Replies;
 
 /// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
 ///
-/// A [`Session`](robot_session::Session): its verbs, and the order of calling them, are the trait's. Requests are carried out on
+/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait. Requests are carried out on
 /// the [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
 /// same order. Any number of connections can share registers: implement [`Registers`] for what they share.
 ///

@@ -50,7 +50,7 @@ pub fn init(baud: u32) -> Uart {
     BITMODE.write(3); // 32 bits
     PRESCALER.write(4); // 1 MHz
     CC3.write(MICROS);
-    SHORTS.write(1 << 3); // begins anew there
+    SHORTS.write(1 << 3); // restarts there
     TIMER_INTENSET.write(COMPARE3_INTERRUPT);
     START.write(1);
 

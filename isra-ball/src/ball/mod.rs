@@ -17,13 +17,13 @@ use crate::keys::Keys;
 use crate::message::{Packet, Status};
 use machine::{Action, BallMachine, Input, Reply};
 
-/// The ball: answers each ENQ with one packet and sends nothing unasked (§4.2).
+/// The ball: answers each ENQ with one packet, and sends nothing else (§4.2).
 ///
 /// The order of calls is the [`Session`](robot_session::Session)'s; [`measure`](Self::measure) whenever the sensor has new values. There are no timeouts.
 ///
 /// - A reply has the newest values when it is sent. If there are none since the last reply, those are sent again, marked as
 ///   [`Status::Old`].
-/// - Any other byte than ENQ is an event and changes nothing; an ENQ before the reply to the last one is sent asks for nothing more.
+/// - Any byte other than ENQ is an event and changes nothing; an ENQ before the reply to the last one has no effect.
 /// - A poll of one connection is not answered on the next. The values outlast it.
 /// - Every event is a notice: when more than eight wait, the oldest are dropped.
 #[derive(Debug, Clone)]
@@ -33,7 +33,7 @@ pub struct Ball {
     packet: Packet,
 }
 
-/// What the ball reports.
+/// The events of the ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -51,7 +51,7 @@ pub enum BallEvent {
     Unexpected(Unexpected),
 }
 
-/// What a ball has done.
+/// Counters of a ball.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -63,7 +63,7 @@ pub struct BallStatistics {
     pub old: u64,
     /// Polls that came before the reply to the last one was sent.
     pub ignored: u64,
-    /// Bytes that were no poll.
+    /// Bytes that were not polls.
     pub unknown: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
@@ -87,7 +87,7 @@ impl Ball {
         self.advance(Duration::ZERO, Input::Measured, None);
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &BallMachine {
         &self.core.machine
     }

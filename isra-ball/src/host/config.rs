@@ -5,23 +5,23 @@ use robot_session::Rules;
 use crate::error::ConfigError;
 use crate::timing;
 
-/// How the host polls.
+/// Settings of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
     /// The line's rate in baud, above 0. Default: 9600, as in the source (§4.1). A packet that comes sooner after a poll than the
-    /// line can carry both is no reply to it; a tenth is left to clocks that are not exact.
+    /// line can carry both is not a reply to it; a tolerance of a tenth allows for inexact clocks.
     pub baud: u32,
-    /// From one poll to the next at least; not below [`timing::min_period`]. Default: 28 ms, the robot's cycle (§3.4), which the
+    /// The shortest time between polls; not below [`timing::min_period`]. Default: 28 ms, the robot's cycle (§3.4), which the
     /// ball's 13.54 ms fit into.
     pub period: Duration,
-    /// The longest that ball, line and driver together delay a packet beyond its time on the line: an assumption. Default: 14 ms,
+    /// An assumption: the longest delay of a packet by ball, line and driver, without its transmission time. Default: 14 ms,
     /// which with the packet fits the period.
     ///
     /// A poll without a packet for this long is missed, and the next one is later than a period after it, because packets have no
     /// number: were all of them late by whole periods, each would seem to be the reply to another poll. So they are
     /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) now and then, and no values are new.
     pub max_delay: Duration,
-    /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
+    /// The age at which values are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
     /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
     /// reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
     pub max_age: Duration,
@@ -31,7 +31,7 @@ pub struct HostConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the host's machine that keep old values from being used.
+    /// The rules of the host's machine against the use of old values.
     pub enum Rule {
         /// After a connection is made, nothing is sent until the reply to a poll of before would have come, and longer than from one
         /// poll to the next.
@@ -41,7 +41,7 @@ robot_session::rules! {
         /// After a poll without a reply the next one is later than after one with a reply: packets that are late by whole periods
         /// do not fit both.
         Uneven,
-        /// A packet that is sooner than the line can carry it is no reply.
+        /// A packet that comes faster than the line rate is not a reply.
         NotBefore,
         /// New values are newer than the reply before: without a recent one nothing is known of their age.
         ProveAge,

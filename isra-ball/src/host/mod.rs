@@ -28,9 +28,9 @@ use machine::{Action, Enquiry, HostMachine, Input};
 ///   [`Stale`](HostEvent::Stale) when they become older. [`live_until`](Self::live_until) is when.
 /// - **Replies.** Packets have no number: the reply to a poll is the packet that comes when a reply can come. Any other is
 ///   [`Unasked`](HostEvent::Unasked).
-///   A ball that is late each time, by however much, is not believed: the poll after one without a reply comes
+///   A ball with a constant delay is rejected: the poll after one without a reply comes
 ///   [later](HostConfig::quiet) than the others, and no delay fits both.
-/// - **Corrupt bytes** are an event, and the next packet is read all the same. Bytes that are still without a whole packet when no
+/// - **Corrupt bytes** are an event, and the next packet is still read. Bytes that are still without a whole packet when no
 ///   reply can come any more are given up: the line is half duplex, so nothing before a poll belongs to its reply.
 /// - **Life.** A poll without reply ends with its connection, and the values are stale then. The first poll of a connection is sent
 ///   after the time in which the reply to a poll of another host could still come.
@@ -39,7 +39,7 @@ pub struct Host {
     core: CoreOf<Self>,
 }
 
-/// What the host reports.
+/// The events of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -48,17 +48,17 @@ pub enum HostEvent {
     /// The reply to a poll, with new values: use them until [`Host::live_until`].
     #[cfg_attr(feature = "serde", serde(rename = "new", serialize_with = "robot_session::under::message"))]
     Packet(Packet),
-    /// The reply to a poll, with values that were used before or may be too old: use those of before, as long as they are not stale.
+    /// The reply to a poll, with values that were used before or may be too old: use the previous ones, as long as they are not stale.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Old(Packet),
     /// A poll without a reply.
     Missed,
-    /// The values are older than [`max_age`](HostConfig::max_age), or the connection is lost: stop what they drive. Once, until
+    /// The values are older than [`max_age`](HostConfig::max_age), or the connection is lost: stop the motion. Once, until
     /// new values come.
     Stale,
-    /// A notice: a packet that is no reply. Something delays packets by more than [`max_delay`](HostConfig::max_delay), or noise
-    /// was a poll to the ball, which sends nothing unasked (§4.2). One now and then is noise; where they go on and no values are
-    /// new, the delay does.
+    /// A notice: a packet that is not a reply. Packets are delayed by more than [`max_delay`](HostConfig::max_delay), or noise
+    /// was a poll to the ball, which only sends when polled (§4.2). An occasional one is noise; if they continue and no values are
+    /// new, it is a delay.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(Packet),
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
@@ -68,7 +68,7 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// What a host has done.
+/// Counters of a host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -82,9 +82,9 @@ pub struct HostStatistics {
     pub old: u64,
     /// Polls without a reply.
     pub missed: u64,
-    /// Times that the values became too old.
+    /// How often the values became too old.
     pub stale: u64,
-    /// Packets that were no reply.
+    /// Packets that were not replies.
     pub unasked: u64,
     /// Decode errors.
     pub corrupt: u64,
@@ -99,7 +99,7 @@ impl Host {
     ///
     /// # Errors
     /// [`ConfigError::Period`] if a poll and its packet do not fit the line in the period, [`ConfigError::MaxAge`] if the values of a
-    /// ball that does nothing wrong could become stale.
+    /// correct ball could become stale.
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
@@ -112,7 +112,7 @@ impl Host {
         self.core.machine.live_until()
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &HostMachine {
         &self.core.machine
     }

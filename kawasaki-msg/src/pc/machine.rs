@@ -278,7 +278,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    /// Only where each job is acknowledged by itself.
+    /// Only where jobs are acknowledged individually.
     fn on_ahead(&mut self, index: u32, config: &Config) -> Option<Action> {
         let Order::Running { stage: Stage::Active, .. } = self.order else { return None };
         let Count { executed, sent, .. } = self.count;

@@ -119,7 +119,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// ([`PcEvent::OutcomeUnknown`]).
     ///
     /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others; these only
-    /// count where each job is acknowledged by itself ([`PcConfig::cumulative_acks`]). From
+    /// count where jobs are acknowledged individually ([`PcConfig::cumulative_acks`]). From
     /// `sent` on none was sent: this number has to be kept safely **before** the packet is sent. [`sent`](Self::sent) has it when
     /// [`poll_transmit`](robot_session::Session::poll_transmit) returns. The source has to give the same jobs at the same places,
     /// and the highest job number has to be the same.

@@ -241,7 +241,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         if is_step { self.step(now, config) } else { Action::Nothing }
     }
 
-    /// One thing that is due. A step of recovery comes first: the next cycle would begin its time anew.
+    /// One thing that is due. A step of recovery comes first: the next cycle would restart its time.
     fn on_timeout(&mut self, now: Duration, config: &Config) -> Action {
         if let Link::Disconnected { connect_at } = self.link
             && is_due(connect_at, now)

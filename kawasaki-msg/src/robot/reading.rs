@@ -1,4 +1,4 @@
-//! What a robot makes of a message that is read by itself.
+//! How a robot reads a single message.
 
 use robot_work_queue::Wake;
 

@@ -177,7 +177,7 @@ pub enum AckState<const WORDS: usize = ALL_NUMBERS> {
         /// Acknowledged up to this count.
         acked: u32,
     },
-    /// Jobs overtake one another, and each is acknowledged by itself.
+    /// Jobs overtake one another, and each is acknowledged individually.
     Individual {
         /// Executed ahead of those before them.
         ahead: NumberSet<WORDS>,

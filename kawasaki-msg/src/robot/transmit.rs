@@ -92,7 +92,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// Acknowledges what is executed: every k-th job, or what is left "at least when there is nothing else to send" (thesis,
-    /// section 11.2) or to execute. Whether nothing that has to be acknowledged by itself is left.
+    /// section 11.2) or to execute. Whether no individual acknowledgement is left.
     fn acknowledge(
         &self,
         is_idle: bool,

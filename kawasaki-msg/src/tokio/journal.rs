@@ -51,7 +51,7 @@ pub struct Journal {
     length: u64,
 }
 
-/// From here on the file is begun anew with its last line.
+/// The size at which the file is rewritten with its last line.
 const LONGEST: u64 = 1 << 20;
 
 impl Journal {

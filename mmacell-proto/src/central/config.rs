@@ -5,7 +5,7 @@ use robot_session::Rules;
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 
-/// What the source leaves open at the central controller's end.
+/// Settings of the central controller's end that the source leaves open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CentralConfig {
     /// What is accepted of replies. Default: [`Dialect::STRICT`].
@@ -15,10 +15,10 @@ pub struct CentralConfig {
     /// How long a reply may take, from 1 ns; `Duration::MAX` means no timeout, and then a half-open connection is never
     /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
     pub timeout: Duration,
-    /// A status that is asked for sooner than this after the start of a motion may be older than the motion: that the device
-    /// is at rest is not believed then, unless it has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
+    /// How long after the start of a motion a status may be from before it: a report of rest is then
+    /// ignored, unless the device has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
     pub settle: Duration,
-    /// How far from its target a device has arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
+    /// The distance from the target that counts as arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
@@ -26,13 +26,13 @@ pub struct CentralConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the machine that no other setting takes out.
+    /// The rules of the machine that are independent of other settings.
     pub enum Rule {
         /// A device has arrived only with its servo motors on.
         ServoOn,
         /// A command that was sent and not answered is unknown.
         UnknownWhenSent,
-        /// What is known of a motion belongs to its connection.
+        /// The knowledge about a motion ends with its connection.
         ForgetMotion,
         /// A halt ends the motion's target.
         ForgetTarget,

@@ -24,13 +24,13 @@ use crate::pose::Pose;
 /// [`request`](Self::request) a command and drive the session as [`Session`](robot_session::Session) requires; its outcome is an event, and then the next
 /// one may be requested.
 ///
-/// - One command is outstanding at a time: replies have no number, only their order shows whose they are. Hence everything but
-///   one well-formed reply of the right kind, in time, ends the connection: [`CentralEvent::Closed`] gives the command that was
+/// - One command is outstanding at a time: replies have no number, and are matched by their order. Hence everything except
+///   one well-formed, timely reply of the right kind ends the connection: [`CentralEvent::Closed`] reports the command that was
 ///   sent as unknown. Close the connection then and make a new one.
 /// - A command is written by `poll_transmit` in one piece; its reply is awaited from then on.
 /// - A request is refused while an outcome waits to be polled, and a connection is not begun while more than two do: no outcome
 ///   is ever lost.
-/// - What is known of a motion belongs to its connection: after a new one a status is [`Progress::Still`] or
+/// - The knowledge about a motion ends with its connection: after a new one a status is [`Progress::Still`] or
 ///   [`Progress::Moving`] until a motion is commanded.
 #[derive(Debug, Clone)]
 pub struct Central<P: Pose> {
@@ -40,7 +40,7 @@ pub struct Central<P: Pose> {
 /// The outcomes that can wait: a command's and its connection's, twice.
 const OUTCOMES: usize = 4;
 
-/// What a central controller's end has counted.
+/// Counters of a central controller's end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -64,17 +64,17 @@ impl<P: Pose> Central<P> {
     /// An end without a connection.
     ///
     /// # Errors
-    /// The configuration cannot work.
+    /// The configuration is invalid.
     pub fn new(config: CentralConfig) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self { core: Core::new(config, CentralMachine::NEW, Decoder::new(config.accepts)) })
     }
 
-    /// Requests a command: `poll_transmit` gives it.
+    /// Requests a command, which `poll_transmit` then writes.
     ///
     /// # Errors
-    /// The last command is not finished or its outcome not polled, there is no connection, or the command has no form on the
-    /// wire. Nothing changes.
+    /// The last command has no outcome yet or it was not fetched, there is no connection, or the command cannot be
+    /// encoded. Nothing changes.
     pub fn request(&mut self, command: Command<P>) -> Result<(), SessionError> {
         if command.has_values() {
             command.in_dialect(self.core.config.writes).encode(&mut [0; 40])?;
@@ -117,7 +117,7 @@ impl<P: Pose> Central<P> {
         &self.core.machine
     }
 
-    /// How it was configured.
+    /// The configuration.
     pub const fn config(&self) -> &CentralConfig {
         &self.core.config
     }

@@ -20,7 +20,7 @@ pub struct DeviceConfig {
 }
 
 robot_session::rules! {
-    /// The rules of the machine that no other setting takes out.
+    /// The rules of the machine that are independent of other settings.
     pub enum Rule {
         /// A new connection takes the place of the one before, and gets none of its replies.
         TakeOver,

@@ -283,7 +283,7 @@ impl<P: Pose> DeviceMachine<P> {
     /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
     pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
 
-    /// What the device reports of itself; `None` while its pose is not known.
+    /// The device's status; `None` while its pose is unknown.
     pub fn status(&self) -> Option<Status<P>> {
         Some(Status {
             moving: self.axes.moving(),

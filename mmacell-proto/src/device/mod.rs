@@ -26,16 +26,16 @@ use crate::pose::Pose;
 /// [`refuse`](Self::refuse), and report what the axes do: [`set_pose`](Self::set_pose), [`arrived`](Self::arrived),
 /// [`fail`](Self::fail).
 ///
-/// Every line gets exactly one reply (§3). The session answers a status by itself, and refuses with
-/// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or not possible now; whatever else the owner refuses, with any
+/// Every line gets exactly one reply (§3). The session answers a status automatically, and refuses with
+/// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or invalid now; the owner refuses other commands with any
 /// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent, and until
 /// then the session wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read
-/// then is not obeyed. Input that comes all the same may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
+/// then is not executed. Further input may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
 ///
-/// A new connection takes the place of the one before at once, also if its loss was not reported: the one before may
-/// be half open. Nothing of it is answered on the new one; what the axes do goes on.
+/// A new connection replaces the previous one at once, also if its loss was not reported: the one before may
+/// be half open. Nothing of it is answered on the new one; motions continue.
 ///
-/// What the source leaves open is decided thus: a motion is refused while another goes on, with the servo motors off, or out
+/// Decisions where the source is open: a motion is refused during another one, with the servo motors off, or out
 /// of the range that a status can hold; an error stops the motion, switches the servo motors off, shows in the status, and is
 /// cleared by a reset; a reset is answered at once, switches the servo motors on and goes home; a device that refuses a command
 /// does not latch an error.
@@ -46,7 +46,7 @@ pub struct Device<P: Pose> {
 
 const BACKLOG: usize = 512;
 
-/// What a device's end has counted.
+/// Counters of a device's end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -73,13 +73,13 @@ impl<P: Pose> Device<P> {
     /// A device without a connection, with its servo motors off, its override at 100 %, and its pose unknown.
     ///
     /// # Errors
-    /// The configuration cannot work.
+    /// The configuration is invalid.
     pub fn new(config: DeviceConfig) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self { core: Core::new(config, DeviceMachine::NEW, LineDecoder::new(config.accepts)) })
     }
 
-    /// Accepts the order that is pending: `OK`. The order is to be carried out if this succeeds, and not otherwise.
+    /// Accepts the order that is pending: `OK`. Execute the order only if this succeeds.
     ///
     /// # Errors
     /// This order is not pending (the connection is gone, or it has been answered), or it has become impossible since it was
@@ -107,7 +107,7 @@ impl<P: Pose> Device<P> {
         }
     }
 
-    /// The axes are here now. A pose that has no form on the wire is taken as unknown: a status is refused then.
+    /// Sets the pose of the axes. A pose that cannot be encoded is treated as unknown, and a status is then refused.
     pub fn set_pose(&mut self, pose: P) {
         self.advance(Duration::ZERO, Input::Pose(pose.has_form().then_some(pose)), None);
     }
@@ -124,7 +124,7 @@ impl<P: Pose> Device<P> {
         self.advance(Duration::ZERO, Input::Failed(error), None);
     }
 
-    /// What the device reports of itself; `None` while its pose is not known.
+    /// The device's status; `None` while its pose is unknown.
     pub fn status(&self) -> Option<Status<P>> {
         self.core.machine.status()
     }
@@ -139,7 +139,7 @@ impl<P: Pose> Device<P> {
         &self.core.machine
     }
 
-    /// How it was configured.
+    /// The configuration.
     pub const fn config(&self) -> &DeviceConfig {
         &self.core.config
     }

@@ -28,7 +28,7 @@ robot_session::rules! {
     pub enum Rule {
         /// The hand has to rest before it moves the arm.
         Rest,
-        /// A push begins the rest anew.
+        /// A push restarts the rest.
         Uninterrupted,
         /// New values arm: time alone does not, for a push may have come that is not read yet.
         ByValues,

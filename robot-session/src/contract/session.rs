@@ -78,7 +78,7 @@ impl Caller {
 /// How many are endless.
 const MANY: usize = 10_000;
 
-/// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] is never.
+/// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] means never.
 const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
 
 /// Does the same in other ways, which must make no difference.

@@ -13,11 +13,11 @@ use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
 use super::Waker;
 use crate::Session;
 
-/// What a link adds to its session for users who call and wait: its calls, and to whom an outcome belongs.
+/// What a link adds to its session for handles: its calls, and the matching of outcomes to calls.
 pub trait Service: Send {
-    /// The session that the calls are made of.
+    /// The session that receives the calls.
     type Session: Session + Send;
-    /// One call: what is asked for, and where its outcome goes.
+    /// One call: its arguments, and the receiver of its outcome.
     type Call: Send;
     /// The items of [`Handle::events`]: all events except outcomes of awaited calls.
     type Event: Clone + Send;
@@ -25,13 +25,13 @@ pub trait Service: Send {
     /// Calls are made without a connection too: those of a robot are about itself.
     const OFFLINE: bool = false;
 
-    /// Whether the session takes another call now. Those that it does not take wait, the oldest first.
+    /// Whether the session accepts another call now. Other calls wait, the oldest first.
     fn has_room(&self, session: &Self::Session) -> bool;
 
     /// Makes a call, unless its caller is gone: nothing has happened yet.
     fn call(&mut self, session: &mut Self::Session, now: Duration, call: Self::Call);
 
-    /// Gives an event to whom it belongs. The outcome of a call that is no longer awaited is an event of the handle.
+    /// Passes an event to its receiver. The outcome of a call that is no longer awaited is an event of the handle.
     fn event(
         &mut self,
         session: &mut Self::Session,
@@ -44,14 +44,14 @@ pub trait Service: Send {
         None
     }
 
-    /// Time has passed. What the service makes of it, the session sends.
+    /// Time has passed. The session sends what the service requests then.
     fn handle_timeout(&mut self, _session: &mut Self::Session, _now: Duration) {}
 
-    /// Keeps of the session what has to survive the program: called before what the session has written is sent, so that the peer has
-    /// nothing that was not kept, and when something has happened. A future that is dropped is called again.
+    /// Stores the state that must survive the program: called before bytes of the session are sent, so that the peer has
+    /// nothing that was not stored, and after events. A dropped future is called again.
     ///
     /// # Errors
-    /// It could not be kept: nothing is sent, and the connection ends.
+    /// The state could not be stored: nothing is sent, and the connection ends.
     fn keep(&mut self, _session: &mut Self::Session) -> impl Future<Output = io::Result<()>> + Send {
         ready(Ok(()))
     }
@@ -60,7 +60,7 @@ pub trait Service: Send {
     fn refuse(&mut self, call: Self::Call, why: &Arc<io::Error>);
 }
 
-/// Where the outcome of a call goes.
+/// The receiver of a call's outcome.
 #[derive(Debug)]
 pub struct Reply<T>(oneshot::Sender<T>);
 
@@ -92,7 +92,7 @@ impl<T> Future for Outcome<T> {
     }
 }
 
-/// What a [`Service`] says when it was given an event.
+/// The result of passing an event to a [`Service`].
 #[derive(Debug)]
 pub struct Reports<'a, E> {
     pub(super) events: &'a broadcast::Sender<E>,
@@ -106,13 +106,13 @@ impl<E: Clone> Reports<'_, E> {
         let _ = self.events.send(event);
     }
 
-    /// The connection is of no use any more: another one is made.
+    /// The connection is unusable: another one is made.
     pub fn reconnect(&mut self, why: io::Error) {
         self.reconnect.get_or_insert(why);
     }
 }
 
-/// What the user of a session has: calls, events, whether there is a connection, and its end. Cloning it is cheap; the
+/// The caller's side of a session: calls, events, the state of the connection, and shutdown. Cloning it is cheap; the
 /// [`Task`](super::Task) ends when the last one is dropped.
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
@@ -140,10 +140,10 @@ pub enum Link {
 pub struct Closed;
 
 impl<S: Service> Handle<S> {
-    /// Makes a call and waits for its outcome: `call` is given where that goes. At most as many calls as the session takes are under way,
-    /// the others wait, the oldest first. Without a connection they wait for the attempt that is made, and fail with it.
+    /// Makes a call and waits for its outcome: `call` gets the receiver of that. The session limits the number of calls in progress;
+    /// others wait, the oldest first. Without a connection they wait for the current attempt, and fail with it.
     ///
-    /// A dropped future does not take a call back that was made: its outcome is an event.
+    /// Dropping the future does not withdraw the call: its outcome is then an event.
     ///
     /// # Errors
     /// The task has ended.
@@ -151,7 +151,7 @@ impl<S: Service> Handle<S> {
         self.begin(call).await?.await
     }
 
-    /// Makes a call; its outcome is waited for apart.
+    /// Makes a call; its outcome is awaited separately.
     ///
     /// # Errors
     /// The task has ended.
@@ -186,7 +186,7 @@ impl<S: Service> Handle<S> {
         Ok(())
     }
 
-    /// Ends the connection and the task, and waits for that. Calls that are under way have ended then, with their outcomes.
+    /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with their outcomes.
     pub async fn shutdown(&self) {
         self.stop.send_replace(true);
         let mut link = self.link.clone();

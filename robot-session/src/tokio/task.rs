@@ -18,14 +18,14 @@ use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
 use crate::turn::Handler;
 use crate::{Ended, STALL, Session, now};
 
-/// How many calls wait in the task for room in the session; those beyond it wait where they were made.
+/// How many calls wait in the task for room in the session; further ones wait at the caller.
 const CALLS: usize = 16;
 /// How many events are kept for who has not read them yet.
 const EVENTS: usize = 256;
 /// A session without a connection that is due is called as often as this at most.
 const SHORTEST: Duration = Duration::from_millis(1);
 
-/// A handle, and the task that does what it asks for: `tokio::spawn(task.run())`, or [`Task::thread`].
+/// A handle, and the task that executes its calls: `tokio::spawn(task.run())`, or [`Task::thread`].
 pub fn spawn<S: Service, C: Connector>(
     session: S::Session,
     service: S,
@@ -71,8 +71,8 @@ pub struct Task<S: Service, C> {
     stall: Duration,
 }
 
-/// How long a [`Task`] waits before it connects again: twice as long after each attempt, and half of it by chance, so that many that have
-/// lost the same peer do not come back together. After a connection that has lasted for longer than the last pause it begins anew.
+/// The delays of a [`Task`] before it reconnects: doubled after each attempt, and half of it random, so that many tasks that
+/// lost the same peer do not reconnect at once. After a connection that lasted longer than the last pause it restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
     /// After the first. 100 ms.
@@ -91,7 +91,7 @@ impl Default for Reconnect {
 enum Over {
     /// The task is to end.
     Stopped,
-    /// Another one takes its place.
+    /// Another one replaces it.
     Replaced,
     Lost(io::Error),
 }
@@ -102,18 +102,18 @@ struct Served<S: Service> {
     session: Box<S::Session>,
     service: S,
     events: broadcast::Sender<S::Event>,
-    /// Why the connection is of no use any more.
+    /// Why the connection is unusable.
     reconnect: Option<io::Error>,
 }
 
 impl<S: Service, C: Connector> Task<S, C> {
-    /// How long it waits before it connects again.
+    /// The delays before it reconnects.
     #[must_use]
     pub fn reconnect(self, reconnect: Reconnect) -> Self {
         Self { reconnect, ..self }
     }
 
-    /// How long the peer may take no byte of what it is sent, if not [`STALL`].
+    /// How long the peer may read nothing, if not [`STALL`].
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
         Self { stall, ..self }

@@ -83,7 +83,7 @@ impl Controller {
         &mut self.tables
     }
 
-    /// Its power was gone: the background task begins anew, and what clients have written is gone.
+    /// Its power was lost: the background task restarts, and values written by clients are lost.
     pub(super) fn restart(&mut self) {
         self.run = None;
         self.tables = match self.source {

@@ -95,7 +95,7 @@ impl Device for Computer {
         self.resumes_at
     }
 
-    /// It begins with the list anew.
+    /// It starts with the list again.
     fn restart(&mut self, now: Duration) {
         // The same settings have worked before.
         if let Ok(computer) = self.settings.device() {

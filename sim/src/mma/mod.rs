@@ -21,7 +21,7 @@ pub type MmaRobot = Mma<RobotPose>;
 /// The platform's settings.
 pub type MmaPlatform = Mma<PlatformPose>;
 
-/// Why a device closes the connection by itself.
+/// Why a device closes the connection.
 const CLOSES: &str = "the connection ended by CLO, or by more commands than can be kept";
 
 /// A robot's or a platform's settings.

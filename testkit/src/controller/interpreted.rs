@@ -67,7 +67,7 @@ impl AsRobot {
         self.has_motion = false;
     }
 
-    /// The motion task's program is begun anew, as after it was stopped.
+    /// The motion task's program is restarted, as after a stop.
     pub fn restart_motion(&mut self) {
         self.machine.restart(MOTION);
         self.has_motion = true;

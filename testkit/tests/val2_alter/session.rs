@@ -74,7 +74,7 @@ fn a_corrupt_start_message_is_asked_for_again_and_then_refused() {
     let mut other = connected(HostConfig::default());
     assert_eq!(answer(&mut other, MS, b"noise\x10\x10\x02"), None);
     assert_eq!(other.statistics().corrupt, 1);
-    // A good one begins anew.
+    // A good one starts again.
     assert_eq!(answer(&mut host, MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7"), Some(accept));
     assert_eq!(host.state(), HostState::Running);
     assert_eq!(answer(&mut host, MS, b"\x10\x10\x02\xE0\x10\x03\xE0"), None);

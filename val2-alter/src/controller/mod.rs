@@ -79,7 +79,7 @@ impl Controller {
         self.ask(now, Input::Finish)
     }
 
-    /// The program runs a subroutine by itself, between two cycles: until [`resume`](Controller::resume) the replies move nothing.
+    /// The program runs a subroutine on its own, between two cycles: until [`resume`](Controller::resume) the replies move nothing.
     ///
     /// # Errors
     /// [`SessionError::NotRunning`]: also while a reply is awaited, because an exception in it would be lost.
@@ -116,7 +116,7 @@ impl Controller {
         &self.core.machine
     }
 
-    /// What the session is doing, in a word.
+    /// The state of the session.
     pub fn state(&self) -> ControllerState {
         match &self.core.machine.phase {
             ControllerPhase::Disconnected => ControllerState::Disconnected,

@@ -10,38 +10,38 @@ use crate::limit::Limits;
 use crate::message::{End, ErrorCode, Exception, Mode, Motion, Start};
 use crate::timing::{self, Budget, after};
 
-/// How a [`Host`](crate::Host) behaves.
+/// Settings of a [`Host`](crate::Host).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
     /// The envelope. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
-    /// The line's baud rate: what a reply takes of the window follows from it. Default: 38400.
+    /// The line's baud rate, which determines the transmission time of a reply. Default: 38400.
     pub baud: u32,
     /// The mode of the ALTER instruction. A start message with another one is refused. Default: 23.
     pub mode: Mode,
-    /// What each axis may do. Default: [`Limits::GENTLE`].
+    /// The limits of each axis. Default: [`Limits::GENTLE`].
     pub limits: Limits,
     /// Whether the ALTER instruction has an exception subroutine. Without one an exception aborts the robot's program,
     /// and [`Host::exception`](crate::Host::exception) refuses it. Default: no.
     pub subroutine: bool,
     /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it. Default: accept.
     pub policy: Policy,
-    /// How often in a row a corrupt start message is asked for again; the next one is refused. Default: 2, since a controller
+    /// How often in a row a corrupt start message is requested again; the next one is refused. Default: 2, since a controller
     /// gives up after its third attempt.
     pub repeats: u8,
-    /// After how many cycles without a message the controller counts as lost; from 2. Default: 4.
+    /// The number of cycles without a message after which the controller counts as lost; from 2. Default: 4.
     pub silence_cycles: u32,
-    /// A silence of more than this inside a frame ends the frame. `None` when reads are far apart though bytes are not, as with
-    /// an adapter that collects them. Default: 4 ms.
+    /// The longest silence inside a frame. `None` if reads are further apart than bytes, such as with
+    /// a buffering adapter. Default: 4 ms.
     pub gap: Option<Duration>,
-    /// How long a target holds. Then speeds go to zero (cumulative), and an offset stays where it is (non-cumulative).
+    /// How long a target is valid. Then speeds go to zero (cumulative), and an offset stays constant (non-cumulative).
     /// [`Duration::MAX`] means no limit. Default: 200 ms.
     pub target_timeout: Duration,
-    /// What must be left of the window when another axis begins to move: for doubled DLEs in the next messages, and for the time
-    /// that the host takes. Matters on slow lines. Default: 1 ms.
+    /// The time left in the window when another axis begins to move: for doubled DLEs in the next messages, and for the time
+    /// of the host. Relevant on slow lines. Default: 1 ms.
     pub reserve: Duration,
-    /// The longest that reading a message and sending its reply are late together, beyond the time that the bytes take on the
-    /// line: an assumption. A reply has no number, and one that is later than this may be taken for the reply to the next
+    /// An assumption: the longest total delay of reading a message and sending its reply, without the transmission time on the
+    /// line. A reply has no number, and a later one may be taken for the reply to the next
     /// message; an exception that it carries could then be executed twice. From what the window leaves of a cycle on (13 ms
     /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
     /// again, and its outcome is unknown; a word is sent, as zero too, until no reply can come any more in which it was not zero
@@ -54,7 +54,7 @@ pub struct HostConfig {
 }
 
 robot_session::rules! {
-    /// A rule of the host's machine that the model takes out to show what it is needed for.
+    /// A rule of the host's machine, which the model can disable to show that it is needed.
     pub enum Rule {
         /// Only the configured mode is accepted.
         Mode,
@@ -166,7 +166,7 @@ impl Default for HostConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Policy {
-    /// Accepted; a corrupt one is asked for again.
+    /// Accepted; a corrupt one is requested again.
     Accept,
     /// Refused: VAL II ends its program with an error (the operator's command "Verweigern", §10.6).
     Refuse,
@@ -174,7 +174,7 @@ pub enum Policy {
     Ignore,
 }
 
-/// What a [`Host`](crate::Host) reports. Each ALTER of which a message came ends in one `End` or `Lost`.
+/// The events of a [`Host`](crate::Host). Each ALTER with at least one message ends in one `End` or `Lost`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -186,7 +186,7 @@ pub enum HostEvent {
     /// A standard message. While ALTER runs, a reply to it is due.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Motion(Motion),
-    /// The controller has ended ALTER. The host takes its next start by itself.
+    /// The controller has ended ALTER. The host accepts its next start automatically.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     End(End),
     /// ALTER is over without an end message.

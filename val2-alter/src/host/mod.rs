@@ -27,14 +27,14 @@ use crate::message::{
 use crate::timing;
 use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judged, Stage};
 
-/// The host computer's session. Its verbs are those of [`robot_session::Session`]; it never reads a clock and never blocks.
+/// The host computer's session. Its methods are those of [`robot_session::Session`]; it never reads a clock and never blocks.
 ///
 /// [`set_target`](Host::set_target) at any time: the reply to a message is made when `poll_transmit` is called, from the target
-/// of that moment, within the limits. A reply has all six words if they fit what is left of the window. Else it leaves out words
-/// that are zero and were zero, which is right whatever the controller makes of them; an axis whose word does not fit waits at
+/// of that moment, within the limits. A reply has all six words if they fit the remaining window. Otherwise it omits words
+/// that are and were zero, which is valid for either reading of the source; an axis whose word does not fit waits at
 /// rest until another has come to rest.
 ///
-/// A corrupt frame costs the bytes that the error covers; the session goes on, and asks again for a corrupt start message. Of 16
+/// A corrupt frame costs the bytes that the error covers; the session continues, and requests a corrupt start message again. When 16
 /// events wait, the oldest notice is dropped and counted; [`HostEvent::End`] and [`HostEvent::Lost`] of an ALTER,
 /// [`HostEvent::Exception`] and [`HostEvent::Stopped`] are outcomes and are not.
 #[derive(Debug, Clone)]
@@ -50,7 +50,7 @@ pub struct Host {
 const OUTCOMES: usize = 2;
 
 impl Host {
-    /// A host whose port is not open.
+    /// A host without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Window`]: not even one value fits the line; [`ConfigError::SilenceCycles`].
@@ -65,24 +65,24 @@ impl Host {
         })
     }
 
-    /// Sets where the next replies go, in units of their words: a speed in each cycle (cumulative), or an offset from the path
+    /// Sets the target of the next replies, in units of their words: a speed in each cycle (cumulative), or an offset from the path
     /// (non-cumulative). It holds for [`HostConfig::target_timeout`]; a new start sets it to zero.
     pub fn set_target(&mut self, now: Duration, target: [i16; AXES]) {
         self.target = target;
         self.advance(now, Input::Target, None);
     }
 
-    /// The source of targets is lost: speeds go to zero (cumulative), an offset stays (non-cumulative), until a target is set.
+    /// Call this when the source of targets is lost: speeds go to zero (cumulative), an offset stays (non-cumulative), until a target is set.
     pub fn clear_target(&mut self, now: Duration) {
         self.advance(now, Input::NoTarget, None);
     }
 
-    /// Sends an exception code with the next reply, once. What became of it is a [`HostEvent::Exception`], after one message, or
-    /// after two when the first one says that the reply was not read. If it was not late either, it is sent again.
+    /// Sends an exception code with the next reply, once. Its outcome is a [`HostEvent::Exception`], after one message, or
+    /// after two if the first one reports that the reply was not read. If it was not late either, it is resent.
     ///
     /// # Errors
-    /// [`SessionError::NoSubroutine`] when the configuration says that the ALTER instruction names none,
-    /// [`SessionError::NotRunning`], [`SessionError::ExceptionPending`] before the outcome of the one before, and
+    /// [`SessionError::NoSubroutine`] when the configuration has no subroutine,
+    /// [`SessionError::NotRunning`], [`SessionError::ExceptionPending`] before the outcome of the previous one, and
     /// [`SessionError::EventsFull`].
     pub fn exception(&mut self, now: Duration, exception: Exception) -> Result<(), SessionError> {
         let has_room = self.core.events.has_room(OUTCOMES + 1);
@@ -94,19 +94,19 @@ impl Host {
         Ok(())
     }
 
-    /// Brings the values to zero within the limits, then answers no message; the controller ends ALTER by that (§3.3.3). The
-    /// policy becomes [`Policy::Ignore`]: [`Host::set_policy`] takes ALTER up again. If ALTER runs, [`HostEvent::Stopped`],
+    /// Brings the values to zero within the limits, then stops answering, which makes the controller end ALTER (§3.3.3). The
+    /// policy becomes [`Policy::Ignore`]: [`Host::set_policy`] resumes ALTER. If ALTER runs, [`HostEvent::Stopped`],
     /// [`HostEvent::End`] or [`HostEvent::Lost`] follows.
     pub fn stop(&mut self, now: Duration) {
         self.advance(now, Input::Stop, None);
     }
 
-    /// Sets how start messages are answered from now on, one that is not answered yet included.
+    /// Sets how start messages are answered from now on, including one that is not yet answered.
     pub fn set_policy(&mut self, now: Duration, policy: Policy) {
         self.advance(now, Input::Policy(policy), None);
     }
 
-    /// Whether the ALTER instruction has an exception subroutine, when that changes with the robot's program.
+    /// Sets whether the ALTER instruction has an exception subroutine, if that depends on the robot's program.
     pub fn set_subroutine(&mut self, now: Duration, installed: bool) {
         self.advance(now, Input::Subroutine(installed), None);
     }
@@ -116,7 +116,7 @@ impl Host {
         &self.core.machine
     }
 
-    /// What the session is doing, in a word.
+    /// The state of the session.
     pub fn state(&self) -> HostState {
         match &self.core.machine.phase {
             HostPhase::Disconnected => HostState::Disconnected,
@@ -433,7 +433,7 @@ impl End for Host {
     }
 }
 
-/// What a host is doing.
+/// The state of a host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum HostState {
     /// The port is not open.

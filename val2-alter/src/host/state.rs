@@ -35,7 +35,7 @@ pub enum HostPhase {
         asked: u8,
         /// The answer that is due.
         answer: Option<Due>,
-        /// When the count begins anew.
+        /// When the count restarts.
         forget_at: Duration,
     },
     /// A start message is not answered yet.
@@ -136,7 +136,7 @@ pub struct Request {
 }
 
 impl HostMachine {
-    /// A host whose port is not open.
+    /// A host without a connection.
     pub const fn new(policy: Policy, subroutine: bool) -> Self {
         Self { phase: HostPhase::Disconnected, policy, subroutine, gap_at: None }
     }

@@ -8,25 +8,25 @@ use crate::message::PosePacket;
 /// Writes a packet into a buffer and returns its length; `None` if there is no room, or nothing is to be sent.
 pub type Format = fn(&PosePacket, &mut [u8]) -> Option<usize>;
 
-/// How the host answers.
+/// Settings of the host.
 #[derive(Debug, Clone, Copy)]
 pub struct HostConfig {
-    /// From one packet to the next at least, and from the beginning of a connection to its first packet. Above 0. Default:
+    /// The shortest time between packets, and from the beginning of a connection to its first packet. Above 0. Default:
     /// 150 ms.
     ///
     /// All requests of this time have one answer: 288 of them come out of a serial driver at 19200 baud. A
-    /// workstation, which draws for 200 ms, is never slowed down. [`Duration::MAX`] is never.
+    /// workstation, which draws for 200 ms, is never slowed down. [`Duration::MAX`] means never.
     pub interval: Duration,
-    /// How old a pose may become before it is not sent any more. Above 0. Default: 200 ms, a display cycle: seven poses of ALTER.
+    /// The maximum age of a pose that is sent. Above 0. Default: 200 ms, a display cycle: seven poses of ALTER.
     /// [`Duration::MAX`] means no limit.
     ///
     /// When ALTER has ended, the arm's position is unknown: requests then wait for a new pose. The source's host stops reading
     /// them (§9.4).
     pub max_age: Duration,
     /// The longest time from an XOFF to the next byte that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the source
-    /// gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the line. [`Duration::MAX`] is never.
+    /// gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the line. [`Duration::MAX`] means never.
     pub max_hold: Duration,
-    /// What a packet looks like. Default: the line of [`PosePacket`], since the source does not describe its own format.
+    /// The format of a packet. Default: the line of [`PosePacket`], since the source does not describe its own format.
     ///
     /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. One with the bytes 11h or 13h in it, XON and XOFF, is
     /// [not sent](crate::HostEvent::Unsendable).
@@ -39,7 +39,7 @@ pub struct HostConfig {
 robot_session::rules! {
     /// The rules of the host's machine.
     pub enum Rule {
-        /// The first packet of a connection waits for all the requests that have piled up.
+        /// The first packet of a connection waits for all accumulated requests.
         DrainFirst,
         /// Between two packets there is an interval.
         Pace,

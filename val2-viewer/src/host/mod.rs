@@ -37,7 +37,7 @@ pub struct Host {
     packet: PosePacket,
 }
 
-/// What the host reports.
+/// The events of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -63,7 +63,7 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// What a host has done.
+/// Counters of a host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -107,7 +107,7 @@ impl Host {
         self.request(now, Input::Pose);
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &HostMachine {
         &self.core.machine
     }

@@ -5,18 +5,18 @@ use robot_session::Rules;
 use crate::error::ConfigError;
 use crate::timing;
 
-/// When the workstation asks again, and when its picture is stale.
+/// Settings of the workstation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WorkstationConfig {
-    /// The pause between two display cycles after which it asks again although no answer has come. Above
-    /// [`timing::CYCLE`]. Default: 2 s (§9.4; "about 5 seconds" in §10.5). [`Duration::MAX`] is never.
+    /// The pause between two display cycles after which it requests again without an answer. Above
+    /// [`timing::CYCLE`]. Default: 2 s (§9.4; "about 5 seconds" in §10.5). [`Duration::MAX`] means never.
     pub pause: Duration,
-    /// Without a pose for this long, the picture is [stale](crate::WorkstationEvent::Stale), and without an answer for so long a request is
+    /// The time without a pose after which the picture is [stale](crate::WorkstationEvent::Stale), and without an answer after which a request is
     /// [missed](crate::WorkstationEvent::Missed). Above [`timing::CYCLE`]. Default: 1.5 s; the source gives none. [`Duration::MAX`] is
     /// never.
     pub stale_after: Duration,
     /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the
-    /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] is never.
+    /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] means never.
     pub max_hold: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
@@ -30,9 +30,9 @@ robot_session::rules! {
         Credit,
         /// It asks again after a pause.
         AskAgain,
-        /// A line that cannot be read was the answer.
+        /// An undecodable line was the answer.
         CorruptIsAnswer,
-        /// Noise that is no line was not the answer.
+        /// Noise was not the answer.
         NoiseIsNoAnswer,
         /// A picture without new poses becomes stale.
         Expire,

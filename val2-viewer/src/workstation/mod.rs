@@ -29,7 +29,7 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 ///   [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is off would otherwise find a pile of
 ///   requests. An answer that comes later is [`Unasked`](WorkstationEvent::Unasked), and the next display cycle asks again.
 /// - **XOFF** holds the next request until XON, or until [`max_hold`](WorkstationConfig::max_hold) is over.
-/// - **Corrupt bytes** are an event, and the next packet is read all the same. A whole line that cannot be read was the answer.
+/// - **Corrupt bytes** are an event, and the next packet is still read. A whole line that cannot be read was the answer.
 /// - **Life.** A request ends with its connection, and the picture is stale then.
 #[derive(Debug, Clone)]
 pub struct Workstation {
@@ -110,7 +110,7 @@ impl Workstation {
         self.core.machine.live_until()
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &WorkstationMachine {
         &self.core.machine
     }

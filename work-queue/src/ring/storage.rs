@@ -36,7 +36,7 @@ pub struct WorkQueue<T, const N: usize>(Ring<T, [Slot<T>; N], [AtomicBool; N]>);
 // SAFETY: jobs go from one end to the other; `split_static` alone uses a shared queue, and makes one pair of ends at a time.
 unsafe impl<T: Send, const N: usize> Sync for WorkQueue<T, N> {}
 
-// SAFETY: the jobs go with it. It has no ends, which would borrow it, and `begin` sets its pointers anew where it is then.
+// SAFETY: the jobs go with it. It has no ends, which would borrow it, and `begin` sets its pointers again at its new place.
 unsafe impl<T: Send, const N: usize> Send for WorkQueue<T, N> {}
 
 /// The two ends of a queue, which are woken by `R` (the reader) and `W` (the writer).

@@ -43,7 +43,7 @@ fn a_answers_v_refuses_and_q_ends() {
         model.unfinished().unwrap_or_default()
     };
     assert_eq!(unfinished(HostState::Idle), "");
-    assert!(unfinished(HostState::Silent).contains("before the robot has reported"));
+    assert!(unfinished(HostState::Silent).contains("before the robot reported"));
     assert!(unfinished(HostState::Stopping).contains("before the values were zero"));
 }
 

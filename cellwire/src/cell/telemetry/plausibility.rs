@@ -46,7 +46,7 @@ impl Fault {
     }
 }
 
-/// Looks at each block by itself, and at the life counter over time.
+/// Checks each block separately, and the life counter over time.
 #[derive(Debug, Clone)]
 pub struct Plausibility {
     robot: Option<(Arm, Limits)>,

@@ -41,7 +41,7 @@ impl Recording {
                 Some(sample)
             }
             Observation::First | Observation::Restarted => {
-                // Times begin anew: what came before belongs to another run.
+                // Times restart at 0: earlier samples belong to another run.
                 self.first = Some(block.life_counter);
                 self.samples.clear();
                 None

@@ -1,4 +1,4 @@
-//! The connections of a capture, each direction decoded by itself; with --shadow, what both say is held against the specification.
+//! The connections of a capture, each direction decoded separately; with --shadow, both are checked against the specification.
 
 use std::collections::HashMap;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! The connections of a capture: each direction by itself, in order.
+//! The connections of a capture: each direction separately, in order.
 
 use std::collections::HashMap;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! The robot of the simulated controller: one that moves by itself, or one that runs a program.
+//! The robot of the simulated controller: one that moves on a circle, or one that runs a program.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};

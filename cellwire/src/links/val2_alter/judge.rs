@@ -37,7 +37,7 @@ impl Judge {
     }
 }
 
-/// The most that was seen, each axis by itself, in units of its words.
+/// The maximum observed, for each axis separately, in units of its words.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Extremes {
     /// Units in a cycle.

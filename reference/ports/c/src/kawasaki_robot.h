@@ -31,7 +31,7 @@ bool kawasaki_order_done(const struct kawasaki_end *end, struct kawasaki_robot_o
 
 static inline bool order_is_done(const struct kawasaki_robot_order *order) { return order->executed == order->queued; }
 
-/* Whether no job waits to be acknowledged by itself. */
+/* Whether no job waits to be acknowledged individually. */
 bool kawasaki_order_is_acknowledged(const struct kawasaki_robot_order *order);
 
 static inline bool is_connected(const struct kawasaki_robot *robot)

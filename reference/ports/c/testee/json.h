@@ -17,7 +17,7 @@ struct json {
     size_t count;                    /* values inside */
 };
 
-/* The value of a text, valid until the next one is parsed; NULL: it is no JSON, or has too many values. */
+/* The value of a text, valid until the next one is parsed; NULL: it is not JSON, or has too many values. */
 const struct json *json_parse(const char *text);
 
 /* A value of an object; NULL: it is not there. NULL has none. */

@@ -131,7 +131,7 @@ class Serial:
 
 
 class Line(Core[S]):
-    """A session over a transport: connected again by itself, after pauses that grow."""
+    """A session over a transport: reconnected automatically, after growing pauses."""
 
     def __init__(self, session: S, transport: Transport) -> None:
         super().__init__(session)

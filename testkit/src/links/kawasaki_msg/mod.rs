@@ -128,7 +128,7 @@ fn udp(jobs: u32, faults: Faults) -> Setup {
     Setup { robot, pc: PcConfig { datagrams: true, max_number: 6, ..tcp.pc }, ..tcp }
 }
 
-/// Jobs overtake one another, and each is acknowledged by itself.
+/// Jobs overtake one another, and each is acknowledged individually.
 fn overtaking(setup: Setup) -> Setup {
     let robot = RobotConfig { acks: Acks::Individual, ..setup.robot };
     Setup { robot, pc: PcConfig { cumulative_acks: false, ..setup.pc }, ..setup }

@@ -266,7 +266,7 @@ pub enum Act {
     },
     /// The host's line is gone.
     Disconnect,
-    /// The controller begins anew.
+    /// The controller restarts.
     Restart,
 }
 

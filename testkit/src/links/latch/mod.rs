@@ -50,7 +50,7 @@ fn must_fail() -> Vec<MustFail> {
     let [plain, confirmed, held, _] = KEYS;
     vec![
         case("the hand has to rest", RESTED, Rule::Rest, plain),
-        case("a push begins the rest anew", RESTED, Rule::Uninterrupted, plain),
+        case("a push restarts the rest", RESTED, Rule::Uninterrupted, plain),
         case("time alone does not arm", RESTED, Rule::ByValues, plain),
         case("values that are not renewed disarm", FRESH, Rule::Expire, plain),
         case("what came due is done first", RESTED, Rule::TimeFirst, plain),

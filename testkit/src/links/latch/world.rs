@@ -108,7 +108,7 @@ pub enum Act {
     Tick,
     /// Something comes.
     Input(LatchInput),
-    /// The program is started anew.
+    /// The program is restarted.
     Restart,
 }
 

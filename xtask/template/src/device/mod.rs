@@ -78,7 +78,7 @@ impl Device {
         Ok(())
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &DeviceMachine {
         &self.core.machine
     }

@@ -26,7 +26,7 @@ pub struct Host {
     core: CoreOf<Self>,
 }
 
-/// What the host reports.
+/// The events of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -58,7 +58,7 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// What a host has done.
+/// Counters of a host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -103,7 +103,7 @@ impl Host {
         }
     }
 
-    /// The state that decides what happens next.
+    /// The machine.
     pub fn machine(&self) -> &HostMachine {
         &self.core.machine
     }

@@ -44,7 +44,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
 
 fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let header =
-        Row::new(["", "messages", "a second", "bytes", "corrupt", "response: median", "99 %", "longest"]);
+        Row::new(["", "messages", "a second", "bytes", "corrupt", "median response", "99 %", "longest"]);
     let rows = board.ends.iter().map(|(name, end)| {
         let time = |quantile: f64| match end.answers.count() {
             0 => String::new(),

@@ -38,7 +38,7 @@ class Gap(Enum):
 
 
 class Acks:
-    """Acknowledgements: cumulative, one for `every` jobs; or, None, each job by itself."""
+    """Acknowledgements: cumulative, one for `every` jobs; or, None, each job individually."""
 
     def __init__(self, every: int | None) -> None:
         self.every = every
@@ -76,7 +76,7 @@ class Acks:
             self.until = self.counts[number]
 
     def are_sent(self) -> bool:
-        """Whether no job waits to be acknowledged by itself."""
+        """Whether no job waits to be acknowledged individually."""
         return not self.unacked
 
 

@@ -59,7 +59,7 @@ export class AlterAxes {
     if (this.late) this.sent = union(this.sent, this.kept);
   }
 
-  /** A reply was missed: the axes begin anew from rest. */
+  /** A reply was missed: the axes start again from rest. */
   missed(): void {
     this.axes = this.axes.map((axis) => ({ ...axis, speed: 0 }));
   }

@@ -17,7 +17,7 @@ use cellwire_sim::fanuc::Tables;
 
 /// What an instruction that is no motion takes, in s.
 const INSTRUCTION: f64 = 0.001;
-/// How often a condition is looked at, and the time of a motion begins anew, in s: the interpolation period.
+/// How often a condition is looked at, and the time of a motion restarts, in s: the interpolation period.
 const PERIOD: f64 = 0.008;
 /// The time in which the arm gets its speed, in s, with ACC100.
 const RAMP: f64 = 0.2;

@@ -110,7 +110,7 @@ fn a_table_is_executed_once() {
         // Again: not without being told to.
         let (code, said) = cell.run_refused(&[]);
         assert_eq!(code, Some(2));
-        assert!(said.contains("was run to its end") && said.contains("--again"), "{said}");
+        assert!(said.contains("is finished according to") && said.contains("--again"), "{said}");
         // A table that was changed is another one.
         let table = fs::read_to_string(cell.path("pallet.csv")).unwrap();
         fs::write(cell.path("pallet.csv"), table.replacen(",open,", ",closed,", 1)).unwrap();
@@ -381,7 +381,7 @@ fn a_drawing_is_drawn_in_any_plant_whose_jobs_are_lines() {
     let file = path("square.svg");
     let (code, said) = Tool::start(&["kawasaki", "draw", &file, "--settings", &pallet, "--dry-run"]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("the plant's jobs are no lines"), "{said}");
+    assert!(said.contains("the plant's jobs are not lines"), "{said}");
     // Nor what the robot does not reach.
     let (code, said) =
         Tool::start(&["kawasaki", "draw", &file, "--set", "bounds.max.x=30000", "--dry-run"]).end();

@@ -105,7 +105,7 @@ fn a_program_is_run_once() {
     // Again: not without being told to.
     let (code, said) = cell.run(&program, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("the program was run to its end") && said.contains("--again"), "{said}");
+    assert!(said.contains("the program is finished according to") && said.contains("--again"), "{said}");
     let run = cell.run(&program, &["--again"]);
     assert_eq!(run.event("ended")["done"], 50);
     assert_eq!(run.end().0, Some(0));

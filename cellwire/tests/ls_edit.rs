@@ -54,7 +54,7 @@ fn what_would_make_an_error_is_refused_for_all_files() {
         assert_eq!((folder.read("A.LS").as_str(), refused.status.code()), (TEXT, Some(1)));
     }
     let nothing = folder.run("ls edit A.LS");
-    assert!(err(&nothing).starts_with("error: say what to change: --speed, "), "{}", err(&nothing));
+    assert!(err(&nothing).starts_with("error: give at least one of --speed, "), "{}", err(&nothing));
     let unclear = folder.run("ls edit A.LS --speed 5=3");
     assert!(err(&unclear).contains("5 is not a speed such as 100mm/sec, 20%, 0.5sec or R[1]mm/sec"));
 }

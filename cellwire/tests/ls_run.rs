@@ -133,7 +133,7 @@ fn a_robot_that_does_not_reach_is_named_and_a_path_needs_none() {
     let folder = Folder::new("run-reach");
     folder.write("A.LS", &program("A", "J P[1] 50% FINE\nL P[2] 100mm/sec FINE", &[400.0, 2500.0]));
     let output = folder.run("ls run A.LS");
-    let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: an LR Mate 200iD, since no other is described";
+    let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: it is an LR Mate 200iD, since no other is described";
     assert!(out(&output).contains(alarm), "{}", out(&output));
     assert!(err(&output).contains("help: --robot FILE describes the robot, "), "{}", err(&output));
     folder.write("B.LS", &program("B", "J P[1] 50% FINE", &[2500.0]));

@@ -100,7 +100,7 @@ fn every_part_is_placed_once() {
     // Again: not without being told to, and the robot does not move.
     let (code, said) = cell.run(3, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("the task was run to its end") && said.contains("--again"), "{said}");
+    assert!(said.contains("the task is finished according to") && said.contains("--again"), "{said}");
     let (code, said) = cell.run(4, &[]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("it belongs to another task"), "{said}");

@@ -222,7 +222,7 @@ fn a_record_that_is_refused_for_good_is_dropped_and_the_next_ones_go_on() {
     assert!(figure(&bridge, "store_records") <= made - 40 + 9, "they are in the store no more");
     let line = bridge.line("\"refused\"");
     assert!(line.contains("PayloadFormatInvalid") && line.contains("\"cell\":\"ball\""), "{line}");
-    assert!(line.contains("it is dropped"), "{line}");
+    assert!(line.contains("records are dropped"), "{line}");
     assert_eq!(bridge.signal("-TERM"), Some(0));
     assert!(!bridge.rest().iter().any(|line| line.contains("\"refused\"")), "once for each reason");
 }
@@ -343,7 +343,7 @@ fn a_bridge_whose_name_is_taken_leaves_it() {
     // DISCONNECT: session taken over.
     peer.send(&[0xE0, 2, 0x8E, 0]);
     let line = bridge.line("\"broker\":\"disconnected\"");
-    assert!(line.contains("another client has this name: every bridge has a node"), "{line}");
+    assert!(line.contains("another client has this name: give each bridge a different node"), "{line}");
     assert!(broker.is_left_alone(Duration::from_secs(5)));
 }
 
@@ -375,7 +375,7 @@ fn a_disk_that_does_not_answer_does_not_keep_the_bridge() {
     assert_eq!(bridge.signal("-TERM"), Some(130));
     let took = start.elapsed();
     assert!(took >= Duration::from_secs(10) && took < Duration::from_secs(20), "{took:?}");
-    let line = bridge.line("the bridge has not ended");
+    let line = bridge.line("the bridge did not end");
     assert_eq!(line, "the bridge did not end within 10 s and was terminated; the store is kept");
 }
 

@@ -103,7 +103,7 @@ fn what_is_replaced_is_said() {
     assert_eq!(made["vectors"][1]["message"]["registers"], json!([0, 1]));
     assert_eq!(made["vectors"][1]["hex"], "00010000000701030400000001");
     assert!(!made.to_string().contains("0457"), "{made}");
-    assert!(said.contains("replaced: 2 in `registers`; not replaced: names of messages"), "{said}");
+    assert!(said.contains("replaced: 2 in `registers`; not replaced: message names"), "{said}");
     assert!(said.contains("left out: "), "{said}");
 }
 

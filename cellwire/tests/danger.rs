@@ -376,7 +376,7 @@ fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
     in_real_time(|| {
         let mut rig = Rig::new(23, &["--robot-baud", "19200"]);
         // Before anything moves, in text and on the screen; there in the head, where no message takes its place.
-        let advice = "19200 baud, mode 23: 3 of 6 axes fit a reply";
+        let advice = "19200 baud, mode 23: only 3 of 6 axes fit a reply";
         assert!(rig.stderr().contains(&format!("warning: {advice}")), "{}", rig.stderr());
         rig.terminal.wait_for("3 of 6 axes fit, held 0");
         rig.terminal.wait_for("38400 baud or");

@@ -179,7 +179,7 @@ fn the_block_may_be_elsewhere_and_be_read_less_often_than_it_is_written() {
     assert!((1.0..=2.2).contains(&last), "{last}");
     let output = folder.run(&format!("fanuc log {address} --csv other.csv --seconds 1"));
     assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("not one sample"), "{}", err(&output));
+    assert!(err(&output).contains("no samples"), "{}", err(&output));
 }
 
 #[test]

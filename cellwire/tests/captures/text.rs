@@ -74,7 +74,7 @@ fn a_dump_is_read_in_both_directions() {
     assert!(table.contains("fanuc-hmi-modbus"), "{table}");
     write("nothing of the kind\n");
     let (_, code, said) = cellwire("decode isra-ball --format hexdump", &file);
-    assert!(code == Some(2) && said.contains("the input is no hex dump"), "{said}");
+    assert!(code == Some(2) && said.contains("the input is not a hex dump"), "{said}");
 }
 
 #[test]

@@ -118,7 +118,7 @@ fn a_curve_stays_within_the_tolerance() {
 #[test]
 fn what_cannot_be_drawn_is_reported() {
     let error = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
-    assert!(error(picture("")).contains("has no lines to draw"));
+    assert!(error(picture("")).contains("has no outlines to draw"));
     assert!(
         error(Picture::from_svg(b"no svg", A4, false).map(|(picture, _)| picture))
             .starts_with("is not an SVG file")

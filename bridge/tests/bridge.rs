@@ -196,7 +196,7 @@ fn a_broker_that_refuses_or_is_silent_is_reported_once() {
         let _ = stream.read(&mut first);
     }
     let line = bridge.line("\"broker\"");
-    let why = "the broker refuses the connection: NotAuthorized: see user and password_file";
+    let why = "the broker refuses the connection: NotAuthorized: check user, password_file";
     assert!(line.contains(why), "{line}");
     assert!(figure(&bridge, "store_records") > 0);
     assert_eq!(figure(&bridge, "online"), 0);
@@ -323,7 +323,7 @@ fn a_state_from_the_future_is_not_taken_and_what_follows_it_is() {
     };
     peer.publish("spBv1.0/STATE/h", state(true, 365 * 86_400).as_bytes());
     let line = bridge.line("\"strange\"");
-    assert!(line.contains("dated more than 300 s ahead of this machine's clock: it is not taken"), "{line}");
+    assert!(line.contains("dated more than 300 s ahead"), "{line}");
     until("a STATE that is counted", || figure(&bridge, "states_ahead_total") == 1);
     assert_eq!(figure(&bridge, "online"), 0);
     // No two clocks agree.

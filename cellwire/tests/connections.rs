@@ -239,7 +239,7 @@ fn without_a_descriptor_new_clients_are_refused_and_old_ones_stay() {
         }
         let mut others: Vec<TcpStream> = (0..40).map(|_| simulator.connect()).collect();
         if device == "fanuc" {
-            simulator.line("no descriptor is free");
+            simulator.line("too many open files");
             exchange(&mut first).unwrap();
             let refused = others.last_mut().unwrap();
             assert!(ends(refused), "the last client waits");
@@ -277,7 +277,7 @@ fn a_robot_that_does_not_read_does_not_stop_the_pc() {
         thread::sleep(Duration::from_millis(5));
     }
     greet(&mut pc.connect()).expect("the PC hangs");
-    pc.line("does not read what it is sent");
+    pc.line("does not read");
     assert!(pc.resident() < 64 * MB, "{} bytes", pc.resident());
 }
 
@@ -313,7 +313,7 @@ fn a_device_listens_on_loopback_unless_told() {
     assert_eq!(alone.signal("-TERM"), Some(130));
     let mut open = Running::start(cellwire("simulate fanuc --listen 0.0.0.0:0"));
     assert!(open.address().starts_with("0.0.0.0:"), "{}", open.address());
-    open.line("can connect: the protocol has no authentication");
+    open.line("is open to the network without authentication");
     let (code, _, said) = run(cellwire("simulate fanuc --listen 127.0.0.1"));
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("give an address and a port, such as 127.0.0.1:9105"), "{said}");

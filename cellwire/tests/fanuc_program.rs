@@ -198,7 +198,7 @@ fn what_a_robot_cannot_do_is_an_alarm_with_its_line() {
     for (instructions, why) in [
         (
             "J P[1] 50% FINE\nL P[2] 100mm/sec FINE",
-            "the robot cannot reach X 900.0 Y 0.0 Z 0.0 mm in that orientation: an LR Mate 200iD, since no other is described",
+            "the robot cannot reach X 900.0 Y 0.0 Z 0.0 mm in that orientation: it is an LR Mate 200iD, since no other is described",
         ),
         ("R[9]=1/R[1]", "a division by zero"),
         ("JMP LBL[4]", "there is no LBL[4]"),

@@ -122,7 +122,12 @@ fn a_plant_that_contradicts_itself_is_refused_with_its_line() {
         ("lacks", "[messages.end_ack]\nname = \"E\"\nfields = [\"ended\"]\n", 1, "lacks the field Executed"),
         ("twice", "[messages.filler]\nname = \"Tyo\"\n", 1, "is empty, duplicate or unencodable"),
         ("needed", "[messages.status]\nsent = false\n", 1, "must have the role Status once"),
-        ("double", "\n[messages.pause]\nfields = [\"order\", \"order\"]\n", 2, "has a duplicate or invalid field"),
+        (
+            "double",
+            "\n[messages.pause]\nfields = [\"order\", \"order\"]\n",
+            2,
+            "has a duplicate or invalid field",
+        ),
         ("work", "\n\n[messages.pause]\nfields = [\"work\"]\n", 3, "has a duplicate or invalid field"),
         ("choice", "charset = \"utf8\"\n", 1, "give ascii, latin1"),
     ] {

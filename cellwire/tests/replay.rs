@@ -193,12 +193,12 @@ fn what_cannot_be_played_is_said() {
         ),
         (
             format!("fanuc-hmi-modbus --as client --listen 0 --port 7 {capture}"),
-            "no bytes of both ends on port 7",
+            "no conversation with bytes of both ends on port 7",
         ),
         (format!("fanuc-hmi-modbus --as client {capture}"), "--listen"),
         (
             format!("fanuc-hmi-modbus --as client --listen 0 --format hex {capture}"),
-            "give a capture that has both ends",
+            "the capture needs both ends",
         ),
     ] {
         let (status, _, error) = run(cellwire(&format!("replay {arguments}")));

@@ -56,10 +56,10 @@ fn a_certificate_that_cannot_be_accepted_has_its_advice() {
         (
             "self",
             "self.pem",
-            "the broker shows the certificate of an authority, as a self-signed one is: make a certificate",
+            "the broker's certificate is that of an authority, such as a self-signed one: make a certificate",
         ),
-        ("v1", "ca.pem", "the broker's certificate has version 1, without names: make one of version 3"),
-        ("good", "self.pem", "tls.ca is not the authority that has signed the broker's certificate"),
+        ("v1", "ca.pem", "the broker's certificate has version 1 without names: make one of version 3"),
+        ("good", "self.pem", "the broker's certificate is self-signed, or not signed by tls.ca"),
     ] {
         let (_server, place) = serve(path, name);
         let command = bridge_command(path, &place, &ball);

@@ -45,23 +45,23 @@ fn shared_cells_need_one_broker_and_a_device_that_another_bridge_reaches() {
         (
             "\"bridge\", \"other\"",
             "\"a\", \"b\"",
-            "share.bridges: give the nodes of all bridges that share cells",
+            "share.bridges: list the nodes of all bridges that share cells",
         ),
         (
             "[\"bridge\", \"other\"]",
             "[\"bridge\"]",
-            "share.bridges: give the nodes of all bridges that share cells",
+            "share.bridges: list the nodes of all bridges that share cells",
         ),
         ("\"other\"", "\"a+\"", "share.bridges: a topic level must not have '+'"),
         (
             "\"broker:8883\"",
             "[\"a:1\", \"b:1\"]",
-            "broker.address: bridges that share cells have to be at one broker",
+            "broker.address: bridges that share cells must use one broker",
         ),
         (
             "\"10.0.0.1:502\"",
             "\"/dev/ttyS0\"",
-            "cell.robot.shared: another bridge reaches its device at the same HOST:PORT only",
+            "cell.robot.shared: a shared device needs HOST:PORT, not a serial port or listen",
         ),
     ] {
         assert!(site.contains(from));

@@ -69,7 +69,7 @@ fn a_cell_whose_topic_is_refused_is_held_until_it_is_taken_and_the_others_go_on(
     assert!(of(&seen, "DBIRTH", "ball").is_empty() && of(&seen, "DDATA", "ball").is_empty());
     let line = bridge.line("\"held\"");
     assert!(line.contains("\"cell\":\"ball\"") && line.contains("\"why\":\"NotAuthorized\""), "{line}");
-    assert!(line.contains("they wait in the store, and one of them is tried each minute"), "{line}");
+    assert!(line.contains("its records are held and one is retried each minute"), "{line}");
     until("records that are held", || figure(&bridge, HELD) > 5);
 
     // A new connection tries the first of them once.

@@ -53,7 +53,7 @@ fn a_record_longer_than_the_broker_takes_is_dropped_and_a_birth_goes_without_its
     // The record of the refusal repeats the name.
     write(&mut peer, "spBv1.0/g/DCMD/n/ball", &"long".repeat(500), Value::Boolean(true));
     let line = bridge.line("\"record\":\"refused\"");
-    assert!(line.contains("PacketTooLarge") && line.contains("see its limits"), "{line}");
+    assert!(line.contains("PacketTooLarge") && line.contains("check the broker's limits"), "{line}");
     let numbers: Vec<u64> = (0..20).map(|_| until(&mut peer, "spBv1.0/g/DDATA/n/ball").record()).collect();
     let missing: Vec<u64> = (first + 1..numbers[19]).filter(|number| !numbers.contains(number)).collect();
     assert_eq!((missing.len(), figure(&bridge, REFUSED)), (1, 1), "{numbers:?}");

@@ -61,7 +61,7 @@ fn what_a_pen_cannot_follow_is_named_and_left_out_where_that_is_allowed() {
     ] {
         let text = picture_text(&format!("{LINE}{body}"));
         let refused = Picture::from_svg(text.as_bytes(), A4, false).unwrap_err().to_string();
-        assert!(refused.starts_with(&format!("has {named}: turn them into paths")), "{refused}");
+        assert!(refused.starts_with(&format!("has {named}: convert them to paths")), "{refused}");
         let (picture, left_out) = Picture::from_svg(text.as_bytes(), A4, true).unwrap();
         assert_eq!(left_out, named);
         assert!(picture.strokes() >= 1);
@@ -118,7 +118,7 @@ fn a_curve_stays_within_the_tolerance() {
 #[test]
 fn what_cannot_be_drawn_is_reported() {
     let error = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
-    assert!(error(picture("")).contains("has no lines to draw"));
+    assert!(error(picture("")).contains("has no outlines to draw"));
     assert!(
         error(Picture::from_svg(b"no svg", A4, false).map(|(picture, _)| picture))
             .starts_with("is not an SVG file")

@@ -29,12 +29,15 @@ SHARED = "shared"
 WORDS = {
     "modbus": "fanuc-hmi-modbus",
     "fanuc_ls": "fanuc-ls",
+    "/ls_": "fanuc-ls",
     "ball": "isra-ball",
     "kawasaki": "kawasaki-msg",
     "laser": "laser-eb90",
     "mmacell": "mmacell-proto",
+    "/mma_": "mmacell-proto",
     "alter": "val2-alter",
     "viewer": "val2-viewer",
+    "workstation": "val2-viewer",
 }
 
 
@@ -48,7 +51,7 @@ class Port:
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
-        return [path for path in paths if not re.search("testee|tests|cortex-m", path.relative_to(self.folder).as_posix())]
+        return [path for path in paths if not re.search("testee|tests|cortex-m|node_modules|dist/", path.relative_to(self.folder).as_posix())]
 
     def link_of(self, path: Path) -> str:
         name = path.relative_to(self.folder).as_posix().replace("-", "_")
@@ -62,10 +65,13 @@ def python() -> Port:
 
 def c() -> Port:
     folder = PORTS / "c"
-    copy = TARGET / "mutants/c"
-    build = ["cc", "-std=c11", "-O0", "-w", f"-I{copy}/include"]
-    sources = ["src/*.c", "testee/*.c", "testee/ends/*.c"]
-    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, copy, sources, build, ["mutants/testee"]))
+    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, TARGET / "mutants/c", mutant_runs.C))
+
+
+def typescript() -> Port:
+    folder = PORTS / "typescript"
+    compiler = lambda copy: mutant_runs.TypeScript(copy, TARGET / "node_modules")
+    return Port(folder, (".ts",), mutant_runs.Command(folder, TARGET / "mutants/typescript", compiler))
 
 
 def equivalent(port: str) -> dict[tuple[str, str, str, str], str]:
@@ -141,7 +147,7 @@ def table(counts: dict[str, Counter]) -> None:
 
 
 def main() -> None:
-    ports = {"python": python, "c": c}
+    ports = {"python": python, "c": c, "typescript": typescript}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--link", action="append", help=f"only this link, or `{SHARED}`: files of several links")
     parser.add_argument("--sample", type=int, help="only so many, drawn at random")

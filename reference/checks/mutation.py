@@ -59,13 +59,13 @@ LANGUAGES = {
     ".py": Language(
         "tree_sitter_python language", "True", "False",
         {"expression_statement", "return_statement", "raise_statement", "break_statement", "continue_statement", "delete_statement"},
-        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken"},
+        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError"},
     ),
     ".c": Language("tree_sitter_c language", "1", "0", {"expression_statement", "break_statement", "continue_statement"}, ";"),
     ".ts": Language(
         "tree_sitter_typescript language_typescript", "true", "false",
         {"expression_statement", "return_statement", "throw_statement", "break_statement", "continue_statement"},
-        ";", {"Refused"},
+        ";", {"Refused", "require"},
     ),
 }  # fmt: skip
 LANGUAGES[".h"] = LANGUAGES[".c"]
@@ -200,7 +200,12 @@ def is_docstring(node: Node) -> bool:
 def is_passed_over(node: Node, language: Language) -> bool:
     if node.type in PASSED_OVER or is_docstring(node):
         return True
-    if node.type == "string" and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
+    # What a module gives to others by name, and from which file.
+    if node.type == "export_statement" and node.child_by_field_name("source"):
+        return True
+    if node.type == "assignment" and text(node).startswith("__all__"):
+        return True
+    if node.type in ("string", "template_string") and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
         called = node.parent.parent.child_by_field_name("function") or node.parent.parent.child_by_field_name("constructor")
         return called is not None and text(called) in language.wording
     # How much memory there is: more is no fault, and less is one only for sanitizers.

@@ -51,7 +51,7 @@ class Language:
     no: str
     dropped: set[str]  # statements that may be left out
     nothing: str  # the statement that does nothing
-    # Functions whose texts are words of a refusal.
+    # Functions whose texts are words for a reader: of a refusal, of the state in which an input is unexpected.
     wording: set[str] = field(default_factory=set)
 
 
@@ -59,7 +59,7 @@ LANGUAGES = {
     ".py": Language(
         "tree_sitter_python language", "True", "False",
         {"expression_statement", "return_statement", "raise_statement", "break_statement", "continue_statement", "delete_statement"},
-        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError"},
+        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError", "self.unexpected", "self.ignored"},
     ),
     ".c": Language("tree_sitter_c language", "1", "0", {"expression_statement", "break_statement", "continue_statement"}, ";"),
     ".ts": Language(

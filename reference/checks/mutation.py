@@ -84,6 +84,7 @@ class Mutant:
     new: str
     lines: range  # from the beginning of the statement, counted from 1
     nested: bool  # in a function's body
+    clauses: frozenset[str]  # that the comments of its line and of its function name
 
     @property
     def name(self) -> tuple[str, str, str, str]:
@@ -224,6 +225,19 @@ def function_of(node: Node) -> str:
     return ".".join(names)
 
 
+def clauses_of(node: Node, line: str) -> frozenset[str]:
+    """The clauses that a line names, and the comment of the innermost function: before it, or its docstring."""
+    while node.parent and not (node.type in FUNCTIONS and node.type != "variable_declarator"):
+        node = node.parent
+    body, before = node.child_by_field_name("body"), node.prev_sibling
+    comments = [line]
+    if node.parent and body and body.named_children and is_docstring(body.named_children[0]):
+        comments.append(text(body.named_children[0]))
+    if node.parent and before and before.type == "comment":
+        comments.append(text(before))
+    return frozenset(re.findall(r"\b[A-Z]{2}-\d+\b", " ".join(comments)))
+
+
 def statement_of(node: Node) -> Node:
     while node.parent and not node.type.endswith(("statement", "_definition", "_clause", "declaration")):
         node = node.parent
@@ -250,6 +264,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
             continue
         seen.add((begin, end, new))
         first, last = source.rfind(b"\n", 0, begin) + 1, source.find(b"\n", end)
+        clauses = clauses_of(node, source[first:last].decode())
         before = " ".join(source[first:last].decode().split())
         after = " ".join((source[first:begin] + new.encode() + source[end:last]).decode().split())
         function = function_of(node)
@@ -258,7 +273,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
             after += f"  #{names[function, before, after]}"
         lines = range(statement_of(node).start_point.row + 1, node.end_point.row + 2)
         nested = is_nested(node)
-        found.append(Mutant(path.relative_to(root).as_posix(), function, before, after, begin, end, new, lines, nested))
+        found.append(Mutant(path.relative_to(root).as_posix(), function, before, after, begin, end, new, lines, nested, clauses))
     return found
 
 

@@ -62,6 +62,12 @@ class Link:
         return [number for number in self.order if number in cases]
 
 
+def stem(file: str) -> str:
+    """What a module is imported as: a package by its folder."""
+    path = Path(file)
+    return path.parent.name if path.stem == "__init__" else path.stem
+
+
 class Python:
     """The testee's main program in a forked process, with the modules of the port from memory."""
 
@@ -93,11 +99,11 @@ class Python:
     @cache
     def concerned(self, file: str) -> set[str]:
         """The modules that a changed file is in, or that import it, themselves or through others."""
-        stems = {Path(file).stem}
+        stems = {stem(file)}
         while True:
-            more = {Path(each).stem for each in self.modules.values() if stems & self.imports(each)}
+            more = {stem(each) for each in self.modules.values() if stems & self.imports(each)}
             if more <= stems:
-                return {name for name, each in self.modules.items() if Path(each).stem in stems}
+                return {name for name, each in self.modules.items() if stem(each) in stems}
             stems |= more
 
     @cache

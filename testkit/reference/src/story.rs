@@ -173,7 +173,11 @@ fn refused(link: &str, configs: &[RefusedConfig]) -> Result<String> {
     let mut lines = Vec::new();
     for (index, refused) in configs.iter().enumerate() {
         let RefusedConfig { id, comment, end, config, clauses } = refused;
-        ensure!(*id as usize == index + 1, "the refused configuration {id} of {link} is in place {}", index + 1);
+        ensure!(
+            *id as usize == index + 1,
+            "the refused configuration {id} of {link} is in place {}",
+            index + 1
+        );
         let is_refused = End::new(link, end, config, None).is_err();
         ensure!(is_refused, "the configuration {id} of {link} is not refused");
         lines.push(

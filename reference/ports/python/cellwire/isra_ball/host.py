@@ -31,7 +31,7 @@ class HostConfig:
     max_age: int = 150 * MS
 
     def __post_init__(self) -> None:
-        if self.baud == 0 or self.period < -(-self.exchange // MS) * MS:
+        if self.period < -(-self.exchange // MS) * MS:
             raise ValueError("a period shorter than poll and packet")  # IB-21
         if self.max_age < NEVER and self.max_age <= 2 * max(self.period, self.window) + self.window:
             raise ValueError("a max_age with which values become stale although nothing goes wrong")  # IB-22

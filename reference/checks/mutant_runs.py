@@ -1,4 +1,4 @@
-"""How mutants.py runs a port with a change: Python in the memory of a process of its own, other languages built and run as a command.
+"""How mutants.py runs a port with a change: Python in the memory of a process of its own, C and TypeScript built and run as a command.
 
 A run answers whether the change is noticed: an answer is wrong, the testee fails, or it does not come to an end.
 """
@@ -62,6 +62,12 @@ class Link:
         return [number for number in self.order if number in cases]
 
 
+def stem(file: str) -> str:
+    """What a module is imported as: a package by its folder."""
+    path = Path(file)
+    return path.parent.name if path.stem == "__init__" else path.stem
+
+
 class Python:
     """The testee's main program in a forked process, with the modules of the port from memory."""
 
@@ -93,11 +99,11 @@ class Python:
     @cache
     def concerned(self, file: str) -> set[str]:
         """The modules that a changed file is in, or that import it, themselves or through others."""
-        stems = {Path(file).stem}
+        stems = {stem(file)}
         while True:
-            more = {Path(each).stem for each in self.modules.values() if stems & self.imports(each)}
+            more = {stem(each) for each in self.modules.values() if stems & self.imports(each)}
             if more <= stems:
-                return {name for name, each in self.modules.items() if Path(each).stem in stems}
+                return {name for name, each in self.modules.items() if stem(each) in stems}
             stems |= more
 
     @cache
@@ -228,30 +234,25 @@ class Asked:
             self.report(self.now)
 
 
-class Command:
-    """A copy of the port's folder in which a file changes; it is built, and run as a command."""
+class C:
+    """Compiles the files of a copy of the C port that a change concerns, and links them."""
 
-    def __init__(self, folder: Path, copy: Path, sources: list[str], build: list[str], command: list[str]) -> None:
-        shutil.rmtree(copy, ignore_errors=True)
-        shutil.copytree(folder, copy)
-        self.folder, self.copy, self.sources, self.command, self.build = folder, copy, sources, command, build
-        self.changed: Path | None = None  # the file that was built with a change last
-        (copy / "mutants").mkdir()
-        if self.compile(None) is None:
-            sys.exit("the port itself does not build")
+    def __init__(self, copy: Path) -> None:
+        self.copy = copy
+        self.compiler = ["cc", "-std=c11", "-O0", "-w", f"-I{copy}/include"]
+        self.command = [str(copy / "mutants/testee")]
 
-    def compile(self, changed: Path | None) -> bool | None:
-        """Builds what a changed file concerns, all for None; None: it does not build."""
-        if not self.build:
-            return True
-        paths = [path for pattern in self.sources for path in sorted(self.copy.glob(pattern))]
+    def build(self, changed: Path | None) -> bool:
+        """Builds what a changed file concerns, all for None."""
+        paths = [path for pattern in ("src/*.c", "testee/*.c", "testee/ends/*.c") for path in sorted(self.copy.glob(pattern))]
         concerned = [changed] if changed in paths else [path for path in paths if changed is None or self.includes(path, changed.name)]
         objects = {path: self.copy / "mutants" / (path.relative_to(self.copy).as_posix().replace("/", "_") + ".o") for path in paths}
-        for path in concerned:
-            if subprocess.run([*self.build, "-c", "-o", objects[path], path], capture_output=True, check=False).returncode != 0:
-                return None
-        linked = [*self.build, "-o", self.copy / "mutants/testee", *objects.values(), "-lm"]
-        return True if subprocess.run(linked, capture_output=True, check=False).returncode == 0 else None
+        return all(self.compiles("-c", "-o", objects[path], path) for path in concerned) and self.compiles(
+            "-o", self.command[0], *objects.values(), "-lm"
+        )
+
+    def compiles(self, *arguments: str | Path) -> bool:
+        return subprocess.run([*self.compiler, *arguments], capture_output=True, check=False).returncode == 0
 
     def includes(self, path: Path, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Whether a file includes another, itself or through others."""
@@ -259,6 +260,37 @@ class Command:
         folders = [path.parent, self.copy / "include"]
         inner = [(folder / each).resolve() for folder in folders for each in included if each not in seen]
         return any(each.name == name or self.includes(each, name, seen | set(included)) for each in inner if each.exists())
+
+
+class TypeScript:
+    """Compiles the file of a copy of the TypeScript port that has changed, by a compiler that stays in memory."""
+
+    def __init__(self, copy: Path, packages: Path) -> None:
+        out = copy / "mutants"
+        program = [Path(__file__).parent / "typescript.mjs", packages / "typescript", copy, packages / "@types", out]
+        self.compiler = subprocess.Popen(["node", *program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.command = ["node", str(out / "testee.js")]
+
+    def build(self, changed: Path | None) -> bool:
+        assert self.compiler.stdin and self.compiler.stdout
+        if changed:
+            self.compiler.stdin.write(f"{changed}\n")
+            self.compiler.stdin.flush()
+        return self.compiler.stdout.readline() == "built\n"
+
+
+class Command:
+    """A copy of the port's folder in which a file changes; it is built, and run as a command."""
+
+    def __init__(self, folder: Path, copy: Path, builder: Callable[[Path], C | TypeScript]) -> None:
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("node_modules", "dist"))
+        self.folder, self.copy = folder, copy
+        self.changed: Path | None = None  # the file that was built with a change last
+        (copy / "mutants").mkdir()
+        self.builder = builder(copy)
+        if not self.builder.build(None):
+            sys.exit("the port itself does not build")
 
     def prepare(self, link: Link, traced: bool) -> set[str]:
         answers = self.answers(link, link.order)
@@ -275,11 +307,11 @@ class Command:
         copied = self.copy / path.relative_to(self.folder)
         whole = copied.read_bytes()
         if self.changed not in (None, copied):
-            self.compile(self.changed)
+            self.builder.build(self.changed)
         self.changed = copied
         try:
             copied.write_bytes(source)
-            if self.compile(copied) is None:
+            if not self.builder.build(copied):
                 return None
             return any(self.fails(link, part) for part in (cases[:FIRST], cases[FIRST:]) if part)
         finally:
@@ -303,10 +335,9 @@ class Command:
         asked, answered = self.copy / "mutants/asked", self.copy / "mutants/answered"
         asked.write_text("".join(json.dumps(link.cases[number][0]) + "\n" for number in cases))
         with asked.open() as stdin, answered.open("w") as stdout:
-            command = [str(self.copy / self.command[0]), *self.command[1:]] if self.build else self.command
             try:
                 done = subprocess.run(
-                    command, cwd=self.copy, stdin=stdin, stdout=stdout, stderr=subprocess.DEVNULL, preexec_fn=limits, timeout=30, check=False
+                    self.builder.command, cwd=self.copy, stdin=stdin, stdout=stdout, stderr=subprocess.DEVNULL, preexec_fn=limits, timeout=30, check=False
                 )
             except subprocess.TimeoutExpired:
                 return None

@@ -4,8 +4,8 @@ Usage: python3 reference/checks/mutants.py [--link LINK]… [--sample N] [--seed
 
 A change of a file is run against all cases of the file's link, as testee.py makes them; where a file serves several links, against all
 of theirs. Those that change nothing that can be seen stand in equivalent/PORT.txt with the reason. Prints those that nothing notices,
-a table, and `link: noticed of all`; exit status 1 if a link is below 96 %, all together below 98 %, or the list is wrong; with
-`--least`, if all together is below that.
+a table, `link: noticed of all`, and which of the clauses that comments at the changed lines name are noticed when broken; exit status 1
+if a link is below 96 %, all together below 98 %, or the list is wrong; with `--least`, if all together is below that.
 """
 
 import argparse
@@ -29,12 +29,15 @@ SHARED = "shared"
 WORDS = {
     "modbus": "fanuc-hmi-modbus",
     "fanuc_ls": "fanuc-ls",
+    "/ls_": "fanuc-ls",
     "ball": "isra-ball",
     "kawasaki": "kawasaki-msg",
     "laser": "laser-eb90",
     "mmacell": "mmacell-proto",
+    "/mma_": "mmacell-proto",
     "alter": "val2-alter",
     "viewer": "val2-viewer",
+    "workstation": "val2-viewer",
 }
 
 
@@ -48,7 +51,7 @@ class Port:
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
-        return [path for path in paths if not re.search("testee|tests|cortex-m", path.relative_to(self.folder).as_posix())]
+        return [path for path in paths if not re.search("testee|tests|cortex-m|node_modules|dist/", path.relative_to(self.folder).as_posix())]
 
     def link_of(self, path: Path) -> str:
         name = path.relative_to(self.folder).as_posix().replace("-", "_")
@@ -62,10 +65,13 @@ def python() -> Port:
 
 def c() -> Port:
     folder = PORTS / "c"
-    copy = TARGET / "mutants/c"
-    build = ["cc", "-std=c11", "-O0", "-w", f"-I{copy}/include"]
-    sources = ["src/*.c", "testee/*.c", "testee/ends/*.c"]
-    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, copy, sources, build, ["mutants/testee"]))
+    return Port(folder, (".c", ".h"), mutant_runs.Command(folder, TARGET / "mutants/c", mutant_runs.C))
+
+
+def typescript() -> Port:
+    folder = PORTS / "typescript"
+    compiler = lambda copy: mutant_runs.TypeScript(copy, TARGET / "node_modules")
+    return Port(folder, (".ts",), mutant_runs.Command(folder, TARGET / "mutants/typescript", compiler))
 
 
 def equivalent(port: str) -> dict[tuple[str, str, str, str], str]:
@@ -94,8 +100,9 @@ def show(mutant: mutation.Mutant) -> str:
 
 
 def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]], listed: dict, traced: bool):
-    """The results of each link: how many are `noticed`, `equivalent`, `unnoticed`."""
+    """The results of each link and of each clause: how many are `noticed`, `equivalent`, `unnoticed`."""
     counts: dict[str, Counter] = {}
+    clauses: dict[str, Counter] = {}
     by_link: dict[str, list[tuple[Path, mutation.Mutant]]] = {}
     for path, mutant in chosen:
         by_link.setdefault(port.link_of(path), []).append((path, mutant))
@@ -117,13 +124,16 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
             if noticed is None:
                 continue
             is_listed = mutant.name in listed
-            count["noticed" if noticed else "equivalent" if is_listed else "unnoticed"] += 1
+            result = "noticed" if noticed else "equivalent" if is_listed else "unnoticed"
+            count[result] += 1
+            for clause in mutant.clauses:
+                clauses.setdefault(clause, Counter())[result] += 1
             if noticed and is_listed:
                 wrong = True
                 print(f"is listed as equivalent, and noticed:\n{show(mutant)}", flush=True)
             if not noticed and not is_listed:
                 print(f"{show(mutant)}", flush=True)
-    return counts, wrong
+    return counts, clauses, wrong
 
 
 def percent(count: Counter) -> float:
@@ -140,8 +150,17 @@ def table(counts: dict[str, Counter]) -> None:
         print(f"{name}: {count['noticed']} of {count['noticed'] + count['unnoticed']}")
 
 
+def clause_table(clauses: dict[str, Counter]) -> None:
+    """Those of the clauses that comments name: a change near the name is one of its rule, or of something beside it."""
+    broken = {clause for clause, count in clauses.items() if count["noticed"]}
+    for name in sorted(clauses.keys() - broken, key=lambda name: (name[:2], int(name[3:]))):
+        if clauses[name]["unnoticed"]:
+            print(f"{name}: {clauses[name]['unnoticed']} changes, none of them noticed")
+    print(f"clauses that the code names, broken and noticed: {len(broken)} of {len(clauses)}")
+
+
 def main() -> None:
-    ports = {"python": python, "c": c}
+    ports = {"python": python, "c": c, "typescript": typescript}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--link", action="append", help=f"only this link, or `{SHARED}`: files of several links")
     parser.add_argument("--sample", type=int, help="only so many, drawn at random")
@@ -159,8 +178,9 @@ def main() -> None:
     if args.sample is not None and args.sample < len(chosen):
         drawn = set(random.Random(args.seed).sample(range(len(chosen)), args.sample))
         chosen = [each for number, each in enumerate(chosen) if number in drawn]
-    counts, wrong = run(port, links, chosen, listed, args.sample is None)
+    counts, clauses, wrong = run(port, links, chosen, listed, args.sample is None)
     table(counts)
+    clause_table(clauses)
     total = percent(sum(counts.values(), Counter()))
     below = total < (GOAL if args.least is None else args.least)
     below |= args.least is None and any(percent(count) < GOAL_OF_LINK for count in counts.values())

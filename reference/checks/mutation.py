@@ -51,7 +51,7 @@ class Language:
     no: str
     dropped: set[str]  # statements that may be left out
     nothing: str  # the statement that does nothing
-    # Functions whose texts are words of a refusal.
+    # Functions whose texts are words for a reader: of a refusal, of the state in which an input is unexpected.
     wording: set[str] = field(default_factory=set)
 
 
@@ -59,13 +59,13 @@ LANGUAGES = {
     ".py": Language(
         "tree_sitter_python language", "True", "False",
         {"expression_statement", "return_statement", "raise_statement", "break_statement", "continue_statement", "delete_statement"},
-        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken"},
+        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError", "self.unexpected", "self.ignored"},
     ),
     ".c": Language("tree_sitter_c language", "1", "0", {"expression_statement", "break_statement", "continue_statement"}, ";"),
     ".ts": Language(
         "tree_sitter_typescript language_typescript", "true", "false",
         {"expression_statement", "return_statement", "throw_statement", "break_statement", "continue_statement"},
-        ";", {"Refused"},
+        ";", {"Refused", "require"},
     ),
 }  # fmt: skip
 LANGUAGES[".h"] = LANGUAGES[".c"]
@@ -84,6 +84,7 @@ class Mutant:
     new: str
     lines: range  # from the beginning of the statement, counted from 1
     nested: bool  # in a function's body
+    clauses: frozenset[str]  # that the comments of its line and of its function name
 
     @property
     def name(self) -> tuple[str, str, str, str]:
@@ -200,7 +201,12 @@ def is_docstring(node: Node) -> bool:
 def is_passed_over(node: Node, language: Language) -> bool:
     if node.type in PASSED_OVER or is_docstring(node):
         return True
-    if node.type == "string" and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
+    # What a module gives to others by name, and from which file.
+    if node.type == "export_statement" and node.child_by_field_name("source"):
+        return True
+    if node.type == "assignment" and text(node).startswith("__all__"):
+        return True
+    if node.type in ("string", "template_string") and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
         called = node.parent.parent.child_by_field_name("function") or node.parent.parent.child_by_field_name("constructor")
         return called is not None and text(called) in language.wording
     # How much memory there is: more is no fault, and less is one only for sanitizers.
@@ -217,6 +223,19 @@ def function_of(node: Node) -> str:
                 name = inner
             names.insert(0, text(name) if name else "?")
     return ".".join(names)
+
+
+def clauses_of(node: Node, line: str) -> frozenset[str]:
+    """The clauses that a line names, and the comment of the innermost function: before it, or its docstring."""
+    while node.parent and not (node.type in FUNCTIONS and node.type != "variable_declarator"):
+        node = node.parent
+    body, before = node.child_by_field_name("body"), node.prev_sibling
+    comments = [line]
+    if node.parent and body and body.named_children and is_docstring(body.named_children[0]):
+        comments.append(text(body.named_children[0]))
+    if node.parent and before and before.type == "comment":
+        comments.append(text(before))
+    return frozenset(re.findall(r"\b[A-Z]{2}-\d+\b", " ".join(comments)))
 
 
 def statement_of(node: Node) -> Node:
@@ -245,6 +264,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
             continue
         seen.add((begin, end, new))
         first, last = source.rfind(b"\n", 0, begin) + 1, source.find(b"\n", end)
+        clauses = clauses_of(node, source[first:last].decode())
         before = " ".join(source[first:last].decode().split())
         after = " ".join((source[first:begin] + new.encode() + source[end:last]).decode().split())
         function = function_of(node)
@@ -253,7 +273,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
             after += f"  #{names[function, before, after]}"
         lines = range(statement_of(node).start_point.row + 1, node.end_point.row + 2)
         nested = is_nested(node)
-        found.append(Mutant(path.relative_to(root).as_posix(), function, before, after, begin, end, new, lines, nested))
+        found.append(Mutant(path.relative_to(root).as_posix(), function, before, after, begin, end, new, lines, nested, clauses))
     return found
 
 

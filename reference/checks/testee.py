@@ -119,8 +119,12 @@ def stream_cases(stream, side):
     return [({"task": "stream", **side, "hex": hexes, "read": read}, decoded) for read in READS]
 
 
+def is_refused(answer):
+    return "refused" in answer
+
+
 def refused_cases(refused, side):
-    return [({"task": "encode", **side, "message": refused["message"]}, lambda answer: "refused" in answer)]
+    return [({"task": "encode", **side, "message": refused["message"]}, is_refused)]
 
 
 def without_names(event):
@@ -161,6 +165,11 @@ def story_cases(story, link):
     return [(request, played)]
 
 
+def config_cases(refused, link):
+    request = {"task": "session", "link": link, "end": refused["end"], "config": refused["config"], "steps": []}
+    return [(request, is_refused)]
+
+
 def value_cases(value, link):
     """What words mean, apart from any frame."""
 
@@ -193,10 +202,6 @@ def items_are(items):
 
 def written_as(text):
     return lambda answer: "hex" in answer and bytes.fromhex(answer["hex"]).decode() == text
-
-
-def is_refused(answer):
-    return "refused" in answer
 
 
 def ls_request(task, entry, **fields):
@@ -244,8 +249,11 @@ def every_case(link):
     if link == "fanuc-ls":
         yield from ls_cases(load("vectors", link), load("streams", link))
         return
-    for folder in ("vectors", "streams", "sessions"):
-        yield from entries("", load(folder, link), link)
+    sessions = load("sessions", link)
+    for refused in sessions.pop("refused", []):
+        yield case("configs", refused, config_cases(refused, link))
+    for document in (load("vectors", link), load("streams", link), sessions):
+        yield from entries("", document, link)
     # What was seen at machines.
     for path in sorted((REFERENCE / "field").glob("*.json")):
         document = json.loads(path.read_text())

@@ -130,7 +130,7 @@ where
         })
     }
 
-    /// The instruction is executed: the answer echoes its command word, and carries what `values` writes.
+    /// The instruction is executed: the answer echoes its command word, and of a query carries what `values` writes.
     ///
     /// # Errors
     /// Nothing is being executed, its event has not been taken, or the values do not fit a frame; the instruction still waits
@@ -141,10 +141,12 @@ where
         values: impl FnOnce(&mut Payload<'_>) -> Result<(), EncodeError>,
     ) -> Result<(), SessionError> {
         self.check_executing()?;
+        let class = self.instruction().and_then(|instruction| self.core.config.words.class(instruction.word));
         let room = self.values.get_mut(..MAX_PAYLOAD - WORD_LEN).unwrap_or_default();
         let mut payload = Payload::new(room, &self.core.config.profile);
         values(&mut payload).map_err(SessionError::Encode)?;
-        self.len = payload.as_bytes().len();
+        // The answer to an immediate instruction is its echo alone.
+        self.len = if class == Some(Class::Query) { payload.as_bytes().len() } else { 0 };
         self.executed(now, Ok(()));
         Ok(())
     }

@@ -160,7 +160,10 @@ def session(link: Link, request: Json) -> Json:
     if make is None:
         return {"skipped": "not implemented"}
     config = {name: NEVER if value is None else value for name, value in request["config"].items()}
-    end = make[0](make[1](**config))
+    try:
+        end = make[0](make[1](**config))
+    except ValueError as refused:
+        return {"refused": str(refused)}
     return {"steps": [play(end, step) for step in request["steps"]]}
 
 

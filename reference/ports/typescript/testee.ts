@@ -151,6 +151,11 @@ function times(config: Record<string, unknown>): object {
   return Object.fromEntries(Object.entries(config).map(([name, value]) => [name, value === null ? NEVER : value]));
 }
 
+/** A stall is the silence of RTU over TCP. */
+function modbusTimes({ stall, ...config }: Record<string, unknown>): object {
+  return times(stall === undefined ? config : { ...config, silence: stall });
+}
+
 const ENDS: Record<string, (config: Record<string, unknown>) => End> = {
   "isra-ball/host": (config) => ({ session: new BallHost(times(config)), calls: {} }),
   "isra-ball/ball": (config) => {
@@ -278,11 +283,11 @@ const ENDS: Record<string, (config: Record<string, unknown>) => End> = {
     };
   },
   "fanuc-hmi-modbus/client": (config) => {
-    const session = new ModbusClient(times(config));
+    const session = new ModbusClient(modbusTimes(config));
     return { session, calls: { request: (request: modbus.RequestMessage) => session.request(request) } };
   },
   "fanuc-hmi-modbus/server": ({ unit, ...config }) => ({
-    session: new ModbusServer(serverTables(), { ...times(config), ...(unit === undefined ? {} : { unit: unit as number | null }) }),
+    session: new ModbusServer(serverTables(), { ...modbusTimes(config), ...(unit === undefined ? {} : { unit: unit as number | null }) }),
     calls: {},
   }),
 };
@@ -382,7 +387,14 @@ function answer(request: Request): object {
     case "session": {
       const end = ENDS[`${request.link}/${request.end ?? ""}`];
       if (end === undefined) return { skipped: "not implemented" };
-      return { steps: play(end(request.config ?? {}), request.steps ?? []) };
+      let begun;
+      try {
+        begun = end(request.config ?? {});
+      } catch (refusal) {
+        if (refusal instanceof Refused) return { refused: refusal.message };
+        throw refusal;
+      }
+      return { steps: play(begun, request.steps ?? []) };
     }
     case "encode":
       return encoded(() => codec.encode(request.message as never, options, from));

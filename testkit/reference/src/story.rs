@@ -23,6 +23,19 @@ pub(crate) struct Inputs {
     pub(crate) words: BTreeMap<String, Word>,
     pub(crate) ends: BTreeMap<String, EndInputs>,
     pub(crate) stories: Vec<Story>,
+    /// Configurations that an end refuses.
+    #[serde(default)]
+    refused: Vec<RefusedConfig>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RefusedConfig {
+    id: u32,
+    comment: String,
+    end: String,
+    config: Map<String, Value>,
+    clauses: Vec<String>,
 }
 
 /// A message object and who sends it.
@@ -148,8 +161,36 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
             eprintln!("missing {missing:#?}, reached {wrong:?}, unneeded {unneeded:?}");
         }
     }
-    let head = [("link", json::text(link)?), ("ends", counts.end())];
+    let mut head = vec![("link", json::text(link)?), ("ends", counts.end())];
+    if !inputs.refused.is_empty() {
+        head.push(("refused", refused(link, &inputs.refused)?));
+    }
     Ok(Some(json::file("sessions.schema.json", &head, "stories", &lines)))
+}
+
+/// The configurations that an end refuses.
+fn refused(link: &str, configs: &[RefusedConfig]) -> Result<String> {
+    let mut lines = Vec::new();
+    for (index, refused) in configs.iter().enumerate() {
+        let RefusedConfig { id, comment, end, config, clauses } = refused;
+        ensure!(
+            *id as usize == index + 1,
+            "the refused configuration {id} of {link} is in place {}",
+            index + 1
+        );
+        let is_refused = End::new(link, end, config, None).is_err();
+        ensure!(is_refused, "the configuration {id} of {link} is not refused");
+        lines.push(
+            Object::new()
+                .value("id", id)?
+                .value("comment", comment)?
+                .value("end", end)?
+                .value("config", config)?
+                .value("clauses", clauses)?
+                .end(),
+        );
+    }
+    Ok(format!("[\n    {}\n  ]", lines.join(",\n    ")))
 }
 
 /// The cells of machines that are defined: `state: input`.

@@ -3,7 +3,8 @@
 #include "session.h"
 
 #define EXCHANGE_LEN 13
-#define OUTCOMES 3 /* IB-30 */
+#define PLACES 8
+#define NEEDED 3 /* IB-30 */
 
 const struct ball_host_config BALL_HOST_DEFAULT = {
     .baud = 9600, .period = 28 * MS, .max_delay = 14 * MS, .max_age = 150 * MS};
@@ -26,7 +27,7 @@ bool ball_host_init(struct ball_host *host, const struct ball_host_config *confi
     host->quiet = after(cycle, host->spread);
     uint64_t whole = host->exchange > NEVER - MS ? NEVER : (host->exchange + MS - 1) / MS * MS;
     bool outlasts = config->max_age == NEVER || config->max_age > after(after(cycle, cycle), host->window);
-    return config->period >= whole && outlasts;
+    return config->baud > 0 && config->period >= whole && outlasts;
 }
 
 /* IB-29 */
@@ -133,12 +134,23 @@ void ball_host_timeout(struct ball_host *host, uint64_t now)
 
 bool ball_host_event(struct ball_host *host, struct ball_host_event *event) { return TAKE_EVENT(host, event); }
 
+/* Events that wait, but for notices. */
+static size_t outcomes(const struct ball_host *host)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < host->event_count; i++) {
+        enum ball_host_kind kind = host->events[i].kind;
+        count += kind == BALL_HOST_NEW || kind == BALL_HOST_OLD || kind == BALL_HOST_MISSED || kind == BALL_HOST_STALE;
+    }
+    return count;
+}
+
 /* IB-24 */
 size_t ball_host_transmit(struct ball_host *host, uint64_t now, uint8_t *out, size_t size)
 {
     ball_host_timeout(host, now);
     bool is_due = host->link == BALL_HOST_IDLE && now >= host->due;
-    if (!is_due || size < 1 || host->event_count + OUTCOMES > BALL_HOST_EVENTS)
+    if (!is_due || size < 1 || outcomes(host) + NEEDED > PLACES)
         return 0;
     give_up(host, now);
     host->link = BALL_HOST_WAITING;

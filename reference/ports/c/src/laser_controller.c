@@ -228,17 +228,28 @@ static void take_frame(struct laser_controller *controller, uint64_t now)
     }
 }
 
+/* LE-84: the line is silent, if it has been for long enough. */
+static void end_stretch(struct laser_controller *controller, uint64_t now)
+{
+    if (controller->line == LASER_CONTROLLER_BYTES && now >= controller->silent_at) {
+        controller->line = LASER_CONTROLLER_SILENT;
+        forget_fault(controller);
+    }
+}
+
 static void read_items(struct laser_controller *controller, uint64_t now)
 {
     while (controller->work != LASER_CONTROLLER_EXECUTING) {
         bool has_head = controller->decoder.length >= HEAD_LEN && memcmp(controller->decoder.held, HEAD, HEAD_LEN) == 0;
         if (!laser_eb90_next(&controller->decoder, &controller->frame))
-            return;
+            break;
         if (controller->frame.kind == LASER_EB90_FRAME)
             take_frame(controller, now);
         else
             take_error(controller, &controller->frame, has_head);
     }
+    if (controller->work == LASER_CONTROLLER_ANSWERING && !is_partial(controller))
+        end_stretch(controller, now);
 }
 
 /* LE-74, LE-80 */
@@ -262,7 +273,9 @@ size_t laser_controller_input(struct laser_controller *controller, uint64_t now,
 void laser_controller_timeout(struct laser_controller *controller, uint64_t now)
 {
     bool is_silent = controller->line == LASER_CONTROLLER_BYTES && now >= controller->silent_at;
-    if (!is_silent || controller->work == LASER_CONTROLLER_EXECUTING)
+    bool is_awaited = controller->work == LASER_CONTROLLER_LISTENING ||
+                      (controller->work == LASER_CONTROLLER_ANSWERING && is_partial(controller));
+    if (!is_silent || !is_awaited)
         return;
     laser_eb90_end(&controller->decoder);
     read_items(controller, now);
@@ -325,6 +338,7 @@ size_t laser_controller_transmit(struct laser_controller *controller, uint64_t n
         return 0;
     controller->work = LASER_CONTROLLER_LISTENING;
     controller->rest = controller->is_resent || controller->has_fault;
+    end_stretch(controller, now);
     return length;
 }
 

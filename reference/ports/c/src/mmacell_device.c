@@ -137,16 +137,21 @@ static void read_lines(struct mmacell_device *device)
 
 size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, size_t size)
 {
-    if (device->link == MMACELL_DEVICE_DOWN || device->link == MMACELL_DEVICE_ENDED)
-        return size;
-    if (size > MMACELL_DEVICE_KEPT - device->kept_len) {
-        restart(device, MMACELL_DEVICE_ENDED);
-        report(device, MMACELL_DEVICE_OVERRUN);
-        return size;
+    size_t part;
+    for (size_t taken = 0; taken < size; taken += part) {
+        size_t room = MMACELL_DEVICE_KEPT - device->kept_len;
+        if (device->link == MMACELL_DEVICE_DOWN || device->link == MMACELL_DEVICE_ENDED)
+            break;
+        if (room == 0) {
+            restart(device, MMACELL_DEVICE_ENDED);
+            report(device, MMACELL_DEVICE_OVERRUN);
+            break;
+        }
+        part = size - taken < room ? size - taken : room;
+        memcpy(device->kept + device->kept_len, data + taken, part);
+        device->kept_len += part;
+        read_lines(device);
     }
-    memcpy(device->kept + device->kept_len, data, size);
-    device->kept_len += size;
-    read_lines(device);
     return size;
 }
 

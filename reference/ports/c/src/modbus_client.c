@@ -28,7 +28,7 @@ bool modbus_client_init(struct modbus_client *client, const struct modbus_client
     modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
     unsigned most = is_tcp(client) ? config->places : 1;
     return config->places >= 1 && config->places <= MODBUS_CLIENT_PLACES && config->timeout > 0 && config->in_flight >= 1 &&
-           config->in_flight <= most;
+           config->in_flight <= most && (is_tcp(client) || config->silence > 0);
 }
 
 /* An outcome, for which there is always room. */

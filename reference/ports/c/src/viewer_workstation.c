@@ -3,7 +3,8 @@
 #include "session.h"
 
 #define DISPLAY_CYCLE (200 * MS)
-#define OUTCOMES 3 /* VV-28 */
+#define PLACES 8
+#define NEEDED 3 /* VV-28 */
 
 const struct viewer_workstation_config VIEWER_WORKSTATION_DEFAULT = {
     .pause = 2 * SECOND, .stale_after = 1500 * MS, .max_hold = 5 * SECOND};
@@ -148,11 +149,22 @@ bool viewer_workstation_event(struct viewer_workstation *station, struct viewer_
     return TAKE_EVENT(station, event);
 }
 
+/* Events that wait, but for notices. */
+static size_t outcomes(const struct viewer_workstation *station)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < station->event_count; i++) {
+        enum viewer_workstation_kind kind = station->events[i].kind;
+        count += kind == VIEWER_WORKSTATION_POSE || kind == VIEWER_WORKSTATION_MISSED || kind == VIEWER_WORKSTATION_STALE;
+    }
+    return count;
+}
+
 size_t viewer_workstation_transmit(struct viewer_workstation *station, uint64_t now, uint8_t *out, size_t size)
 {
     viewer_workstation_timeout(station, now);
     bool may_ask = station->request == VIEWER_WORKSTATION_DUE && !station->is_held;
-    if (!may_ask || size < 1 || station->event_count + OUTCOMES > VIEWER_WORKSTATION_EVENTS)
+    if (!may_ask || size < 1 || outcomes(station) + NEEDED > PLACES)
         return 0;
     station->request = VIEWER_WORKSTATION_WAITING;
     station->again_from = after(now, station->config.pause);

@@ -1,5 +1,7 @@
 #include "end.h"
 
+bool is_out_of_range;
+
 void read_time(const struct json *config, const char *name, uint64_t *time)
 {
     const struct json *value = json_get(config, name);
@@ -12,9 +14,12 @@ void read_time(const struct json *config, const char *name, uint64_t *time)
 
 void read_unsigned(const struct json *config, const char *name, int64_t most, unsigned *number)
 {
+    const struct json *value = json_get(config, name);
     int64_t found;
-    if (json_integer(json_get(config, name), 0, most, &found))
+    if (json_integer(value, 0, most, &found))
         *number = (unsigned)found;
+    else if (value != NULL && value->type == '0')
+        is_out_of_range = true;
 }
 
 void begin_event(bool is_first, const char *name) { print("%s{\"event\":\"%s\"", is_first ? "" : ",", name); }

@@ -6,7 +6,7 @@
 
 struct end {
     const char *link, *name;
-    /* Begins with the `config` of a request; false: it is not implemented. */
+    /* Begins with the `config` of a request; false: it is refused. */
     bool (*begin)(const struct json *config);
     void (*connected)(uint64_t now);
     void (*disconnected)(uint64_t now);
@@ -41,6 +41,9 @@ struct end {
 #define END(of_link, of_name)                                                                                          \
     .link = of_link, .name = of_name, .begin = begin, .connected = connected, .disconnected = disconnected,            \
     .input = input, .timeout = timeout, .call = call, .event = event, .transmit = transmit, .deadline = deadline
+
+/* Whether a number of the configuration did not fit its field. */
+extern bool is_out_of_range;
 
 /* A time of a configuration that is not there keeps its default; `null` is never. */
 void read_time(const struct json *config, const char *name, uint64_t *time);

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "link.h"
+#include "end.h"
 
 static const char *const TYPES[] = {"f32", "i16", "u8", "char"};
 static struct laser_eb90_decoder decoder;
@@ -47,6 +47,7 @@ void read_laser_words(const struct json *object, struct laser_words *words)
         words->commands[words->command_count].last = (uint16_t)last;
         words->commands[words->command_count++].word_class = (enum laser_words_class)class;
     }
+    is_out_of_range |= commands != NULL && commands->count > LASER_WORDS_MAX_RANGES;
     for (int error = 0; error < LASER_WORDS_NO_ERROR; error++) {
         int64_t word = words->errors[error];
         json_integer(json_get(errors, laser_words_name((enum laser_words_error)error)), 0, UINT16_MAX, &word);

@@ -215,6 +215,12 @@ static void session(const struct end *end, const struct json *request)
     print("]}\n");
 }
 
+static bool begin(const struct end *end, const struct json *request)
+{
+    is_out_of_range = false;
+    return end->begin(json_get(request, "config")) && !is_out_of_range;
+}
+
 static const struct end *find_end(const struct json *request)
 {
     for (size_t i = 0; i < sizeof ENDS / sizeof *ENDS; i++)
@@ -243,7 +249,9 @@ int main(void)
             read_program(request, json_is(task, "stream"));
         else if (is_program && json_is(task, "encode"))
             answer_written(request);
-        else if (json_is(task, "session") && end != NULL && end->begin(json_get(request, "config")))
+        else if (json_is(task, "session") && end != NULL && !begin(end, request))
+            print("{\"refused\":\"the configuration\"}\n");
+        else if (json_is(task, "session") && end != NULL)
             session(end, request);
         else if (link == NULL || !(decodes || json_is(task, "encode")) || !link->begin(request))
             print("{\"skipped\":\"not implemented\"}\n");

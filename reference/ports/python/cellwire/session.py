@@ -43,6 +43,10 @@ class Session:
         self.events: list[Json] = []
         self.now = 0
 
+    def waiting(self, names: frozenset[str]) -> int:
+        """How many of these events the owner has not taken yet."""
+        return sum(event["event"] in names for event in self.events)
+
     def report(self, event: str, **fields: object) -> None:
         """An event for the owner."""
         self.events.append({"event": event, **fields})

@@ -8,8 +8,9 @@ from ..stream import Json
 from .codec import DATA_LEN, POLL, Decoder
 
 EXCHANGE_LEN = 13  # poll and packet
-# Events that may wait for the owner, and those that a poll may need (IB-30).
-ROOM, OUTCOMES = 16, 3
+# Places for events that wait for the owner, and those that a poll needs (IB-30); only outcomes fill one.
+PLACES, NEEDED = 8, 3
+OUTCOMES = frozenset({"new", "old", "missed", "stale"})
 
 
 class Poll(Enum):
@@ -30,7 +31,7 @@ class HostConfig:
     max_age: int = 150 * MS
 
     def __post_init__(self) -> None:
-        if self.baud == 0 or self.period < -(-self.exchange // MS) * MS:
+        if self.period < -(-self.exchange // MS) * MS:
             raise ValueError("a period shorter than poll and packet")  # IB-21
         if self.max_age < NEVER and self.max_age <= 2 * max(self.period, self.window) + self.window:
             raise ValueError("a max_age with which values become stale although nothing goes wrong")  # IB-22
@@ -122,7 +123,7 @@ class Host(Session):
     def transmit(self, now: int) -> bytes | None:
         """IB-24, IB-39"""
         self.timeout(now)
-        if self.poll is not Poll.IDLE or now < self.due or len(self.events) + OUTCOMES > ROOM:
+        if self.poll is not Poll.IDLE or now < self.due or self.waiting(OUTCOMES) + NEEDED > PLACES:
             return None
         self.give_up(now)
         config = self.config

@@ -110,7 +110,8 @@ class Controller(Session):
             codec.encode({"items": reply}, "controller", self.config.profile)
         except Refused as refused:
             raise NotTaken(str(refused)) from refused
-        self.executed(reply)
+        is_query = self.words.class_of(self.word) == "query"
+        self.executed(reply if is_query else reply[:1])
 
     def refuse(self, refusal: str) -> None:
         """The instruction was not executed; the name of an error code says why. Raises NotTaken (LE-81)."""
@@ -128,8 +129,7 @@ class Controller(Session):
         self.work, self.rests = Work.LISTENING, False
         if self.is_connected:
             self.set_answer(self.now, reply)
-        if self.line is Line.BYTES:
-            self.read_all(self.now)
+        self.read_all(self.now)
 
     def set_answer(self, now: int, reply: list[Json]) -> None:
         """LE-78"""
@@ -180,6 +180,13 @@ class Controller(Session):
             else:
                 self.take_frame(now, item.message["items"])
         self.is_partial = len(self.frames.held) > 0
+        if self.work is Work.ANSWERING and not self.is_partial:
+            self.end_stretch(now)
+
+    def end_stretch(self, now: int) -> None:
+        """The line is silent, if it has been for long enough (LE-84)."""
+        if self.line is Line.BYTES and now >= self.silent_at:
+            self.line, self.fault = Line.SILENT, None
 
     def on_error(self, now: int, item: Item, has_head: bool = False) -> None:
         """LE-75, LE-76; `has_head` is of incomplete bytes."""
@@ -195,7 +202,7 @@ class Controller(Session):
             self.fault.is_answered = True
             return
         is_tail = kind in ("no_head", "flag") or kind == "tag" and fault["offset"] == 0
-        if item.length >= 3 and not is_tail and (kind != "incomplete" or has_head):
+        if not is_tail and (kind != "incomplete" or has_head):
             self.rests = False
             self.fault.is_answered |= is_first or item.length >= SHORTEST
 
@@ -216,7 +223,7 @@ class Controller(Session):
             self.report("queued", count=len(instructions))
             self.set_answer(now, [items[0]])
         elif word is not None:
-            self.work, self.word, self.is_connected, self.rests = Work.EXECUTING, word, True, False
+            self.work, self.word, self.is_connected = Work.EXECUTING, word, True
             self.report("execute", **{"class": self.words.class_of(word)}, word=word, parameters=items[1:])
 
     def judge(self, word: int | None, items: list[Json]) -> str | None:
@@ -244,7 +251,7 @@ class Controller(Session):
 
     def timeout(self, now: int) -> None:
         """LE-84"""
-        is_listened = self.work is Work.LISTENING or self.work is Work.ANSWERING and (self.is_partial or self.fault)
+        is_listened = self.work is Work.LISTENING or self.work is Work.ANSWERING and self.is_partial
         if self.line is not Line.BYTES or now < self.silent_at or not is_listened:
             return
         has_head = self.frames.held.startswith(codec.HEAD)
@@ -264,11 +271,12 @@ class Controller(Session):
         self.work = Work.LISTENING
         code = self.words.error_of(word_of(self.answer_items[0]))
         self.rests = code in ("bad_checksum", "bad_frame") or self.fault is not None
+        self.end_stretch(now)
         return codec.encode({"items": self.answer_items}, "controller", self.config.profile)
 
     def deadline(self) -> int | None:
         """LE-88"""
-        if self.line is Line.DISCONNECTED or self.work is Work.EXECUTING:
+        if self.work is Work.EXECUTING:
             return None
         if self.work is Work.ANSWERING:
             return self.silent_at if self.is_partial else self.due

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, auto
 
 from ..session import NotTaken, Session
 from ..stream import Json, Refused
@@ -16,12 +16,12 @@ FULL = 100  # the override of the beginning
 class Link(Enum):
     """MM-72."""
 
-    DOWN = "Down"
-    IDLE = "Idle"
-    ASKED = "Asked"
-    ANSWERING = "Answering"
-    LEAVING = "Leaving"
-    ENDED = "Ended"
+    DOWN = auto()
+    IDLE = auto()
+    ASKED = auto()
+    ANSWERING = auto()
+    LEAVING = auto()
+    ENDED = auto()
 
 
 class Axes(Enum):
@@ -219,6 +219,9 @@ class Device(Session):
                 self.reject({"malformed": item.error})  # MM-51
             else:
                 self.command(item.message)
+        if self.link is Link.IDLE:
+            # Of a line that is too long nothing but its end matters.
+            del self.lines.held[codec.MAX_LINE : -1]
 
     def end(self, reason: str) -> None:
         self.report("closed", reason=reason)

@@ -14,7 +14,8 @@ HANDSHAKE = re.compile(rb"([\x11\x13])")
 # Errors that are no whole line (VV-26).
 NO_LINE = ("incomplete", "noise")
 # Events that may wait for the owner, and those that a request may need (VV-28).
-ROOM, OUTCOMES = 16, 3
+PLACES, NEEDED = 8, 3
+OUTCOMES = frozenset({"pose", "missed", "stale"})
 
 
 class Link(Enum):
@@ -131,7 +132,7 @@ class Workstation(Session):
 
     def transmit(self, now: int) -> bytes | None:
         self.timeout(now)
-        if self.link is not Link.DUE or self.flow.hold is not None or len(self.events) + OUTCOMES > ROOM:
+        if self.link is not Link.DUE or self.flow.hold is not None or self.waiting(OUTCOMES) + NEEDED > PLACES:
             return None
         self.link = Link.WAITING
         self.again_from = after(now, self.config.pause)

@@ -40,7 +40,7 @@ export class BallHost implements Session<BallHostEvent> {
   /** Until when the next new values are proved not to be too old. */
   private proven = 0;
   private readonly decoder = new BallDecoder();
-  private readonly events = new Events<BallHostEvent>(EVENT_PLACES);
+  private readonly events = new Events<BallHostEvent>();
   private readonly config: BallHostConfig;
   private readonly exchange: number;
   private readonly window: number;
@@ -56,7 +56,7 @@ export class BallHost implements Session<BallHostEvent> {
     this.spread = max_delay + Math.floor(this.exchange / 5);
     this.quiet = Math.max(period, this.window) + this.spread;
     require(period >= Math.ceil(this.exchange / MILLISECOND) * MILLISECOND, "period is shorter than an exchange (IB-21)");
-    require(max_age > 2 * Math.max(period, this.window) + this.window, "max_age is too short (IB-22)");
+    require(max_age === NEVER || max_age > 2 * Math.max(period, this.window) + this.window, "max_age is too short (IB-22)");
   }
 
   connected(now: number): void {
@@ -85,9 +85,14 @@ export class BallHost implements Session<BallHostEvent> {
 
   transmitted(): void {}
 
+  /** Only outcomes fill the places of events. */
+  private hasRoom(): boolean {
+    return this.events.count(({ event }) => OUTCOMES.has(event)) + NEEDED <= EVENT_PLACES;
+  }
+
   transmit(now: number): Uint8Array | null {
     this.pass(now);
-    if (this.poll.phase !== "idle" || !isDue(this.poll.due, now) || this.events.room < 3) return null;
+    if (this.poll.phase !== "idle" || !isDue(this.poll.due, now) || !this.hasRoom()) return null;
     this.giveUp(now);
     const { exchange } = this;
     this.poll = {
@@ -173,4 +178,6 @@ export class BallHost implements Session<BallHostEvent> {
 }
 
 /** A poll is not sent while three outcomes have no room (IB-30). */
-const EVENT_PLACES = 4;
+const NEEDED = 3;
+const EVENT_PLACES = 8;
+const OUTCOMES: ReadonlySet<string> = new Set(["new", "old", "missed", "stale"]);

@@ -1,6 +1,6 @@
 /** The controller of the laser link (section 8): it queues or executes instructions, and answers at the end of its cycle. */
 
-import { Refused } from "../check.js";
+import { Refused, isInteger } from "../check.js";
 import {
   LaserDecoder,
   MAX_FRAME,
@@ -14,6 +14,7 @@ import {
   type Profile,
 } from "../laser-eb90.js";
 import {
+  MOST_BATCH,
   WordTable,
   hasInfinite,
   instructionOf,
@@ -87,7 +88,7 @@ export class LaserController implements Session<LaserControllerEvent> {
     config: Partial<LaserControllerConfig> = {},
   ) {
     this.config = { ...LASER_CONTROLLER_DEFAULTS, ...config };
-    require(this.config.batch > 0, "a batch of 0");
+    require(isInteger(this.config.batch, 1, MOST_BATCH), "batch is outside its range (LE-109)");
     this.profile = profileOf(this.config.profile);
     this.words = new WordTable(this.config.words);
     this.decoder = new LaserDecoder(this.profile);
@@ -114,8 +115,9 @@ export class LaserController implements Session<LaserControllerEvent> {
   }
 
   timeout(now: number): void {
-    const { line } = this;
-    if (this.work.phase === "executing" || line.phase !== "bytes" || !isDue(line.silentAt, now)) return;
+    const { line, work } = this;
+    if (line.phase !== "bytes" || !isDue(line.silentAt, now)) return;
+    if (work.phase === "executing" || (work.phase === "answering" && !line.partial)) return;
     const begun = this.decoder.begun;
     this.decoder.end();
     for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
@@ -135,6 +137,7 @@ export class LaserController implements Session<LaserControllerEvent> {
     if (work.phase !== "answering" || now < work.due || (line.phase === "bytes" && line.partial)) return null;
     const rest = work.error === "bad_checksum" || work.error === "bad_frame" || this.fault !== null;
     this.work = { phase: "listening", rest };
+    this.endStretch(now);
     return encodeFrame({ items: work.items }, this.profile);
   }
 
@@ -191,7 +194,14 @@ export class LaserController implements Session<LaserControllerEvent> {
       else this.frame(item.message, now);
     }
     if (this.work.phase === "executing") this.decoder.keep(MAX_FRAME);
-    if (this.line.phase === "bytes") this.line.partial = this.decoder.pending > 0;
+    if (this.line.phase !== "bytes") return;
+    this.line.partial = this.decoder.pending > 0;
+    if (this.work.phase === "answering" && !this.line.partial) this.endStretch(now);
+  }
+
+  /** The line is silent, if it has been for long enough (LE-84). */
+  private endStretch(now: number): void {
+    if (this.line.phase === "bytes" && isDue(this.line.silentAt, now)) this.line = { phase: "silent" };
   }
 
   /** An error of the decoder (LE-75, LE-76); `begun`: the bytes of an incomplete one begin with a head. */

@@ -1,6 +1,6 @@
 /** The host of the laser link (section 7): it sends frames of instructions, and knows what has become of each. */
 
-import { Refused, integer } from "../check.js";
+import { Refused, integer, isInteger } from "../check.js";
 import {
   LaserDecoder,
   MAX_FRAME,
@@ -14,6 +14,7 @@ import {
   type Profile,
 } from "../laser-eb90.js";
 import {
+  MOST_BATCH,
   WordTable,
   instructionOf,
   wordItem,
@@ -137,7 +138,7 @@ export class LaserHost implements Session<LaserHostEvent> {
       reply_time: reply_time + longer,
       ...given,
     };
-    require(this.config.batch > 0, "a batch of 0 (LE-71)");
+    require(isInteger(this.config.batch, 1, MOST_BATCH), "batch is outside its range (LE-107)");
     this.profile = profileOf(this.config.profile);
     this.words = new WordTable(this.config.words);
     this.decoder = new LaserDecoder(this.profile);

@@ -30,6 +30,8 @@ export const DEFAULT_WORDS: Words = {
 };
 
 const MOST_RANGES = 32;
+/** The most interpreted instructions in a frame. */
+export const MOST_BATCH = 255;
 
 /** Words with what is not given at its default. */
 export interface GivenWords {

@@ -94,7 +94,7 @@ export class MmaDevice implements Session<DeviceEvent> {
     if (this.link.phase === "ended") return;
     this.decoder.push(bytes);
     this.read();
-    if (this.link.phase === "down" || this.decoder.pending <= MOST_KEPT) return;
+    if (this.link.phase === "down" || this.link.phase === "idle" || this.decoder.pending <= MOST_KEPT) return;
     this.link = { phase: "ended" };
     this.decoder.discard();
     this.events.push({ event: "closed", reason: "overrun" });

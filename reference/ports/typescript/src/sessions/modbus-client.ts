@@ -91,6 +91,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     };
     const { timeout, in_flight, places } = this.config;
     require(timeout > 0, "a timeout of 0 (FM-56)");
+    require(this.config.silence > 0, "a silence of 0 (FM-77)");
     require(in_flight >= 1 && in_flight <= (framing === "tcp" ? places : 1), "in_flight is outside its range (FM-56)");
     this.places = new Array<Place | null>(places).fill(null);
     this.decoder = frameDecoder("server", framing === "tcp" ? "tcp" : "rtu");

@@ -65,6 +65,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       ...given,
     };
     require(!(this.config.unit === 0 && this.config.broadcast), "unit 0 is a broadcast (FM-67)");
+    require(this.config.silence > 0, "a silence of 0 (FM-79)");
   }
 
   connected(): void {

@@ -17,7 +17,9 @@ export const WORKSTATION_DEFAULTS: WorkstationConfig = { pause: 2e9, stale_after
 /** The time of a display cycle, in ns. */
 const DISPLAY_CYCLE = 200e6;
 /** A request is not sent while three outcomes have no room (VV-28). */
-const EVENT_PLACES = 4;
+const NEEDED = 3;
+const EVENT_PLACES = 8;
+const OUTCOMES: ReadonlySet<string> = new Set(["pose", "missed", "stale"]);
 
 export type WorkstationEvent =
   | { event: "pose"; message: Pose; live_until?: number }
@@ -38,7 +40,7 @@ export class Workstation implements Session<WorkstationEvent> {
   /** Until when the line is held, without XON; null is free. */
   private hold: number | null = null;
   private readonly decoder = new ViewerDecoder();
-  private readonly events = new Events<WorkstationEvent>(EVENT_PLACES);
+  private readonly events = new Events<WorkstationEvent>();
   private readonly config: WorkstationConfig;
 
   constructor(config: Partial<WorkstationConfig> = {}) {
@@ -92,9 +94,14 @@ export class Workstation implements Session<WorkstationEvent> {
 
   transmitted(): void {}
 
+  /** Only outcomes fill the places of events. */
+  private hasRoom(): boolean {
+    return this.events.count(({ event }) => OUTCOMES.has(event)) + NEEDED <= EVENT_PLACES;
+  }
+
   transmit(now: number): Uint8Array | null {
     this.pass(now);
-    if (this.request.phase !== "due" || this.hold !== null || this.events.room < 3) return null;
+    if (this.request.phase !== "due" || this.hold !== null || !this.hasRoom()) return null;
     this.request = { phase: "waiting", againFrom: now + this.config.pause, missedFrom: now + this.config.stale_after };
     return Uint8Array.of(REQUEST);
   }

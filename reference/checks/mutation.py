@@ -59,7 +59,7 @@ LANGUAGES = {
     ".py": Language(
         "tree_sitter_python language", "True", "False",
         {"expression_statement", "return_statement", "raise_statement", "break_statement", "continue_statement", "delete_statement"},
-        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken"},
+        "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError"},
     ),
     ".c": Language("tree_sitter_c language", "1", "0", {"expression_statement", "break_statement", "continue_statement"}, ";"),
     ".ts": Language(
@@ -198,7 +198,7 @@ def is_docstring(node: Node) -> bool:
 
 
 def is_passed_over(node: Node, language: Language) -> bool:
-    if node.type in PASSED_OVER or is_docstring(node):
+    if node.type in PASSED_OVER or is_docstring(node) or text(node).startswith("__all__ ="):
         return True
     if node.type == "string" and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
         called = node.parent.parent.child_by_field_name("function") or node.parent.parent.child_by_field_name("constructor")

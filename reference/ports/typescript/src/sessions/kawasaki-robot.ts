@@ -618,7 +618,7 @@ export class KawasakiRobot implements Session<KawasakiRobotEvent> {
         return;
       } else {
         this.queued += 1;
-        this.queue.add({ order: order.number, count: this.queued, number, job, taken: false, reported: false });
+        this.queue.add({ order: order.number, count: this.queued, number, job, taken: false, reported: false, freed: false });
       }
       order.gap = "closed";
       order.until = null;

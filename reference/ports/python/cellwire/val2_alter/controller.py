@@ -96,7 +96,7 @@ class Controller(Line):
         if self.phase not in ALTERING:
             raise NotTaken("not_running")
         if self.phase is Phase.STARTING:
-            self.phase = Phase.OFF
+            self.phase, self.window = Phase.OFF, None
             self.report("ended", error=0)
         elif self.phase is not Phase.ENDING:
             self.end(0)

@@ -127,13 +127,17 @@ static void set_start_due(struct alter_host *host, uint64_t now)
     set_due(host, now, after(now, window(host)), host->config.framing.leading_dle + 5u);
 }
 
-void alter_host_init(struct alter_host *host, const struct alter_host_config *config)
+bool alter_host_init(struct alter_host *host, const struct alter_host_config *config)
 {
     memset(host, 0, sizeof *host);
     host->config = *config;
     host->policy = config->policy;
     host->subroutine = config->subroutine;
     val2_alter_init(&host->decoder, VAL2_ALTER_CONTROLLER, config->framing);
+    /* AL-42 */
+    uint64_t marks = config->framing.leading_dle + 4u, message = span(host, marks + (config->mode & 4 ? 30 : 6));
+    uint64_t left = sooner(window(host), message < CYCLE ? CYCLE - message : 0);
+    return config->silence_cycles >= 2 && after(span(host, marks + 4), config->reserve) <= left;
 }
 
 void alter_host_connected(struct alter_host *host, uint64_t now)

@@ -1,7 +1,7 @@
 /** What the messages of kawasaki-msg mean: the table of messages, and the layout of a job (sections 4 and 5.2). */
 
 import { Refused } from "./check.js";
-import { readNumber, type Charset, type Message } from "./kawasaki-msg.js";
+import { encodeMessage, readNumber, type Charset, type Message } from "./kawasaki-msg.js";
 
 export type Role =
   | "order_start"
@@ -88,6 +88,24 @@ const DEFAULT_TABLE: [Role, TableEntry][] = [
   ["filler", { name: "Huuhaa", fields: [] }],
 ];
 
+const MAY_LACK: readonly Role[] = ["job_ack", "pause", "order_interrupt"];
+/** What a message of a table may not lack (KM-28). */
+const NEEDED: Partial<Record<Role, TableField[]>> = {
+  order_start: ["order"],
+  order_ack: ["order"],
+  job: ["number", "work"],
+  job_ack: ["number"],
+  job_request: ["number"],
+  end_ack: ["ended", "executed"],
+  status: ["order", "queued", "executed"],
+};
+/** What has to name its order where datagrams may come late (KM-83). */
+const OF_AN_ORDER: readonly Role[] = ["job", "job_ack", "job_request", "pause", "order_end", "order_interrupt"];
+const OF_A_COMMAND: readonly TableField[] = ["order", "number", "value"];
+const MAX_FIELDS = 16;
+const LONGEST_NUMBER = 11;
+const LONGEST_WORK = 960;
+
 const LIMIT = 9_999_999;
 const DEFAULT_JOB: JobField[] = [
   { name: "kind", kind: "whole", range: [1, 2] },
@@ -138,6 +156,48 @@ export class Dialect {
       else this.table.set(role, entry);
     }
     this.layout = job === undefined ? DEFAULT_JOB : job.map(jobField);
+    this.check();
+  }
+
+  /** Refuses a table that breaks KM-27 or KM-28, and a layout that breaks KM-25. */
+  private check(): void {
+    const lacking = DEFAULT_TABLE.find(([role]) => !this.table.has(role) && !MAY_LACK.includes(role));
+    if (lacking !== undefined) throw new Refused("config", `a table may not lack ${lacking[0]}`);
+    if (new Set([...this.table.values()].map(({ name }) => name)).size < this.table.size) throw new Refused("config", "a name is there twice");
+    for (const [role, { header = [], fields }] of this.table) {
+      const allowed = DEFAULT_TABLE.find(([known]) => known === role)?.[1].fields ?? OF_A_COMMAND;
+      const named = [...header, ...fields].filter((field) => field !== "unused" && !field.startsWith("="));
+      const isWrong =
+        new Set(named).size < named.length ||
+        named.some((field) => !allowed.includes(field)) ||
+        (NEEDED[role] ?? []).some((field) => !named.includes(field)) ||
+        header.includes("work") ||
+        Math.max(header.length, fields.length) > MAX_FIELDS;
+      if (isWrong) throw new Refused("config", `the fields of ${role}`);
+    }
+    if (this.longestWork > LONGEST_WORK) throw new Refused("config", `a job's own fields have up to ${LONGEST_WORK} bytes`);
+  }
+
+  /** The bytes of a job's own fields, with a mark for each, at their longest values. */
+  private get longestWork(): number {
+    const sizes = this.layout.map((field) => (field.kind === "text" ? field.length[1] : Math.max(...field.range.map((end) => String(shown(field, end)).length))));
+    return sizes.reduce((sum, size) => sum + size + 1, 0);
+  }
+
+  /** The bytes of the longest message; a name or a constant that cannot be written is refused (KM-45). */
+  get longest(): number {
+    const long = (field: TableField): string => {
+      if (field === "work") return "0".repeat(Math.max(this.longestWork - 1, 0));
+      return field === "unused" ? "" : field.startsWith("=") ? field.slice(1) : "0".repeat(LONGEST_NUMBER);
+    };
+    const messages = [...this.table.values()].map(({ name, header = [], fields }) => ({ name, header: header.map(long), fields: fields.map(long) }));
+    return Math.max(...messages.map((message) => encodeMessage(message, this.charset).length));
+  }
+
+  /** Whether each message that a datagram may bring late names its order (KM-83). */
+  get namesOrders(): boolean {
+    const entries = OF_AN_ORDER.map((role) => this.table.get(role));
+    return entries.every((entry) => entry === undefined || [...(entry.header ?? []), ...entry.fields].includes("order"));
   }
 
   has(role: Role): boolean {
@@ -333,10 +393,19 @@ export function numberOf(count: number, max: number): number | null {
   return count === 0 ? null : ((count - 1) % max) + 1;
 }
 
-/** Refuses a configuration that breaks KM-43 or KM-45. */
-export function checkLimits(packet: number, element: number, maxNumber: number): void {
-  if (packet < 1 || packet > 4096 || element < 1) throw new Refused("config", "the limits of a packet");
-  if (maxNumber < 2 || maxNumber > 9999) throw new Refused("config", "max_number is out of its range");
+/** What both ends are given. */
+interface GivenEnd {
+  limits: { element: number; packet: number };
+  max_number: number;
+  datagrams: boolean;
+}
+
+/** Refuses a configuration that breaks KM-43, KM-45 or KM-83. */
+export function checkEnd(dialect: Dialect, { limits, max_number, datagrams }: GivenEnd, isIndividual: boolean): void {
+  if (dialect.longest > limits.packet || limits.packet > 4096 || limits.element < 1) throw new Refused("config", "the limits of a packet");
+  if (max_number < 2 || max_number > 9999) throw new Refused("config", "max_number is out of its range");
+  if (isIndividual && !dialect.has("job_ack")) throw new Refused("config", "individual acknowledgement without a job_ack");
+  if (datagrams && !dialect.namesOrders) throw new Refused("config", "a message without its order");
 }
 
 const PHASES = ["idle", "starting", "active", "ending", "interrupted", "alarm"] as const;

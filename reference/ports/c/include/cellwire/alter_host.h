@@ -95,7 +95,8 @@ struct alter_host {
     size_t event_count;
 };
 
-void alter_host_init(struct alter_host *host, const struct alter_host_config *config);
+/* False: the configuration cannot work (AL-42). */
+bool alter_host_init(struct alter_host *host, const struct alter_host_config *config);
 
 /* After each of these: take the events, then what is to be transmitted. */
 void alter_host_connected(struct alter_host *host, uint64_t now);

@@ -17,10 +17,10 @@ static void read_policy(const struct json *value, enum alter_host_policy *policy
 static void read_limit(const struct json *list, int16_t *limit)
 {
     int64_t values[ALTER_AXES];
-    if (!read_list(list, ALTER_AXES, 0, INT16_MAX, values))
+    if (!read_list(list, ALTER_AXES, 0, UINT16_MAX, values))
         return;
     for (int axis = 0; axis < ALTER_AXES; axis++)
-        limit[axis] = (int16_t)values[axis];
+        limit[axis] = (int16_t)(values[axis] < INT16_MAX ? values[axis] : INT16_MAX);
 }
 
 static bool begin(const struct json *object)
@@ -45,8 +45,7 @@ static bool begin(const struct json *object)
     read_time(object, "target_timeout", &config.target_timeout);
     read_time(object, "reserve", &config.reserve);
     read_time(object, "max_delay", &config.max_delay);
-    alter_host_init(&session, &config);
-    return true;
+    return alter_host_init(&session, &config);
 }
 
 static bool call(uint64_t now, const char *name, const struct json *argument)

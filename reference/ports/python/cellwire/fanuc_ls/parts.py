@@ -1,5 +1,6 @@
 """fanuc-ls: attributes, instructions and positions. Clauses LS-… are those of reference/fanuc-ls.md."""
 
+import re
 from typing import Any
 
 from ..stream import Json
@@ -21,6 +22,7 @@ UNITS = {
     "deg/sek": "deg_per_sec",
 }
 U8, U16, U32 = 2**8 - 1, 2**16 - 1, 2**32 - 1
+NAME = re.compile(r"[^=:;,\r\n]*")
 AXES = [f"{letter}{digit}" for letter in "JE" for digit in range(1, 10)]
 AXES += ["RX", "RY", "RZ", "RW", "RP", "RR", "X", "Y", "Z", "W", "P", "R"]
 
@@ -42,43 +44,40 @@ def read_attribute(cursor: Cursor) -> Json:
     else:
         cursor.expect("=", "attribute_value")
         value = {"text": attribute_value(cursor, ";")}
-    cursor.expect(";", "attribute_end")
+    cursor.take(";")
     return {"name": name, "value": value}
 
 
 def attribute_name(cursor: Cursor, kind: str) -> str:
-    end = cursor.at
-    while end < len(cursor.text) and cursor.text[end] not in "=:;,\r\n":
-        end += 1
-    name = cursor.text[cursor.at : end].rstrip(WHITE)
-    if not name or any(c in name for c in ' \t"'):
+    match = NAME.match(cursor.text, cursor.at)
+    name = match[0] if match else ""
+    if not name.rstrip(WHITE) or any(c in name.rstrip(WHITE) for c in ' \t"'):
         raise cursor.fault(kind)
-    cursor.at = end
-    return name
+    cursor.at += len(name)
+    return name.rstrip(WHITE)
 
 
 def attribute_value(cursor: Cursor, ends: str) -> str:
     """LS-10."""
     text, begin = cursor.text, cursor.at
-    quoted, line_begin, end = False, begin, -1
+    quoted, end = False, None
     for at in range(begin, len(text)):
         c = text[at]
         if c == '"':
             quoted = not quoted
         elif quoted and c in "\r\n":
-            line = text[line_begin:at].rstrip(WHITE)
-            if line and line[-1] in ends and line[:-1].endswith('"') and line[:-1].count('"') > 1:
-                end = line_begin + len(line) - 1
+            held = text[begin:at].rstrip(WHITE)
+            if held[-1] in ends and held[:-1].endswith('"') and held.rpartition("\n")[2].count('"') > 1:
+                end = begin + len(held) - 1
             break
         elif not quoted and c in ends:
             end = at
             break
         elif c == "\n":
-            following = text[at + 1 :].split("\n", 1)[0]
+            following = text[at + 1 :].partition("\n")[0]
             if following and is_letter(following[0]) and ("=" in following or ":" in following):
                 break
-            line_begin = at + 1
-    if end < 0:
+    if end is None:
         raise cursor.fault("attribute_end")
     cursor.at = end
     lines = [line.strip(WHITE) for line in text[begin:end].split("\n")]
@@ -90,7 +89,7 @@ def comment_of(attribute: Json) -> str | None:
     if attribute["name"] not in ("COMMENT", "KOMMENTAR") or "text" not in attribute["value"]:
         return None
     text: str = attribute["value"]["text"]
-    if len(text) > 1 and text[0] == text[-1] == '"':
+    if text.startswith('"') and text.endswith('"'):
         text = text[1:-1]
     return text.rstrip(WHITE)
 
@@ -121,10 +120,10 @@ def read_motion(cursor: Cursor) -> Json:
     target, via, via_options = read_target(cursor), None, ""
     if kind == "circular":
         via = target
-        end = cursor.text.find("\n", cursor.at)
-        if end >= 0:  # LS-17
-            via_options = cursor.text[cursor.at : end].strip(WHITE)
-            cursor.at = end
+        line, line_end, _ = cursor.rest().partition("\n")
+        if line_end:  # LS-17
+            via_options = line.strip(WHITE)
+            cursor.at += len(line)
         cursor.joint()
         target = read_target(cursor)
     cursor.joint()
@@ -167,7 +166,7 @@ def read_speed(cursor: Cursor) -> Json:
     while end < len(cursor.text) and cursor.text[end].isascii() and (cursor.text[end].isalpha() or cursor.text[end] in "_."):
         end += 1
     word, behind = cursor.text[begin:end], cursor.text[end : end + 1]
-    if word and behind == "[":
+    if behind == "[":
         letters, inside = cursor.reference("speed")
         cursor.joint()
         return {"register": {"register": f"{letters}[{inside}]", "unit": read_unit(cursor)}}
@@ -184,7 +183,7 @@ def read_unit(cursor: Cursor) -> str:
         begin = cursor.at
         if cursor.take(text):
             behind = cursor.here()
-            if unit == "percent" or not behind or behind == "_" or not (is_word(behind) or behind == "/"):
+            if unit == "percent" or behind == "_" or not (is_word(behind) or behind == "/"):
                 return unit
             cursor.at = begin
     raise cursor.fault("speed_unit")
@@ -205,13 +204,13 @@ def read_termination(cursor: Cursor) -> Any:
     """LS-22."""
     begin = cursor.at
     if cursor.take("FINE"):
-        if not cursor.here() or not is_word(cursor.here()):
+        if not is_word(cursor.here()):
             return "fine"
         cursor.at = begin
     if not cursor.take("CNT"):
         return None
     cursor.joint()
-    if cursor.here().isascii() and cursor.here().isalpha():
+    if cursor.here().isalpha():
         letters, inside = cursor.reference("continuous")
         return {"continuous_register": f"{letters}[{inside}]"}
     begin = cursor.at
@@ -237,7 +236,6 @@ def read_position(text: str, base: int) -> Json:
     groups = []
     while cursor.take("GP"):
         groups.append(read_group(cursor))
-        cursor.space()
     cursor.spaced("}", "group")
     cursor.spaced(";", "group")
     cursor.space()
@@ -280,11 +278,9 @@ def read_group(cursor: Cursor) -> Json:
         frames.append(None if cursor.take("F") else cursor.whole(U16, "frames"))
         cursor.spaced(",", "frames")
     cursor.space()
-    configuration, begin, end = None, cursor.at, cursor.at
-    while end < len(cursor.text) and is_word(cursor.text[end]):
-        end += 1
-    if end - begin > 2:
-        cursor.at = end
+    configuration, begin = None, cursor.at
+    keyword = cursor.word()
+    if len(keyword) > 2:
         cursor.spaced(":", "configuration")
         cursor.space()
         quote = cursor.at
@@ -293,7 +289,9 @@ def read_group(cursor: Cursor) -> Json:
         cursor.at += 1
         cursor.spaced(",", "configuration")
         cursor.space()
-        configuration = {"keyword": cursor.text[begin:end], "text": text}
+        configuration = {"keyword": keyword, "text": text}
+    else:
+        cursor.at = begin
     axes = [read_axis(cursor)]
     while True:
         cursor.space()

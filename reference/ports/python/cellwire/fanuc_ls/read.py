@@ -6,26 +6,13 @@ from typing import Any
 
 from ..stream import Json, error
 from .parts import U32, comment_of, read_attribute, read_instruction, read_position
-from .text import (
-    BLANKS,
-    WHITE,
-    Cursor,
-    Fault,
-    Place,
-    is_word,
-    lines_of,
-    number,
-)
+from .text import BLANKS, WHITE, Cursor, Fault, Place, is_word, leading_digits, lines_of, number
 
 SECTIONS = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"]
 PROG, ATTR, APPL, MN, POS, END = range(6)
 COMMENT_LENGTH = 16
 HEAD = re.compile(r"([0-9]*)[ \t]*:")
-# The order of findings at one place (LS-54).
-ORDER = (
-    "name name_length comment_length line_count line_number speed_unit speed_range undefined_position unused_position "
-    "repeated_position untaught_position"
-).split()
+NOWHERE = (0, 0)  # a section that is not there
 
 
 def decode(data: bytes) -> str:
@@ -41,7 +28,7 @@ def section(line: str) -> int | None:
     words = line.lstrip(WHITE)
     for index, name in enumerate(SECTIONS):
         behind = words[len(name) : len(name) + 1]
-        if words.startswith(name) and (not behind or behind == "_" or not is_word(behind)):
+        if words.startswith(name) and (behind == "_" or not is_word(behind)):
             return index
     return None
 
@@ -49,8 +36,7 @@ def section(line: str) -> int | None:
 def is_nested(line: str, last: int, in_block: bool) -> bool:
     """LS-15; `last` is the number of the last line that is in no block."""
     body = line.lstrip(" ")
-    digits = re.match(r"[0-9]*", body)
-    own = number(digits[0]) if digits else None
+    own = number(leading_digits(body))
     begins = own != last + 1 and not body.startswith(":")
     return len(line) - len(body) >= 5 and last > 0 and (in_block or begins)
 
@@ -100,7 +86,8 @@ class Parts:
     """Where the parts of a file are (section 3.1, the pseudocode of section 5)."""
 
     text: str
-    name: tuple[int, int] = (0, 0)
+    name: tuple[int, int] = field(init=False)
+    head_end: int = field(init=False)
     kind: str | None = None
     sections: dict[int, tuple[int, int]] = field(default_factory=dict)
     blocks: list[tuple[int, int]] = field(default_factory=list)  # where each begins, and its line
@@ -115,7 +102,7 @@ class Parts:
                 found = None
             words = line.lstrip(WHITE)
             if found is None:
-                if last == PROG and at == start:
+                if at == start:
                     raise Fault(start, "program")
                 if last == PROG and words:
                     raise Fault(at, "main")
@@ -147,18 +134,13 @@ class Parts:
         match = re.compile(f"/PROG[{WHITE}]*([^{WHITE}]+)").match(line)
         if match is None:
             raise Fault(at + len(line.rstrip(WHITE)), "program")
-        self.name = (at + match.start(1), at + match.end(1))
-        self.kind = line[match.end(1) :].strip(WHITE) or None
-
-    @property
-    def head_end(self) -> int:
-        line_end = self.text.find("\n", self.name[1])
-        line = self.text[self.name[1] : line_end if line_end >= 0 else None]
-        return self.name[1] + len(line.rstrip(WHITE)) if self.kind else self.name[1]
+        self.name = (at + match.start(1), at + match.end())
+        self.kind = line[match.end() :].strip(WHITE) or None
+        self.head_end = at + len(line.rstrip(WHITE))
 
     def attributes(self) -> list[tuple[int, int, Json | Fault]]:
         """Where each attribute begins and ends, and what it is or what is wrong (LS-36)."""
-        at, end = self.sections.get(ATTR, (0, 0))
+        at, end = self.sections.get(ATTR, NOWHERE)
         found: list[tuple[int, int, Json | Fault]] = []
         while rest := self.text[at:end].lstrip(WHITE):
             at = end - len(rest)
@@ -175,7 +157,7 @@ class Parts:
         return found
 
     def application(self) -> list[tuple[int, str]]:
-        return lines_of(self.text, *self.sections.get(APPL, (0, 0)))
+        return lines_of(self.text, *self.sections.get(APPL, NOWHERE))
 
     def statements(self) -> list[Statement]:
         """LS-14, LS-15."""
@@ -201,7 +183,7 @@ class Parts:
         return found
 
     def positions(self) -> list[tuple[int, str]]:
-        ends = [line for _, line in self.blocks[1:]] + [self.sections.get(POS, (0, 0))[1]]
+        ends = [line for _, line in self.blocks[1:]] + [self.sections.get(POS, NOWHERE)[1]]
         return [(begin, self.text[begin:end]) for (begin, _), end in zip(self.blocks, ends)]
 
 
@@ -237,8 +219,8 @@ class Document:
         self.used: set[int] = set()
         self.any_used = False
         self.motions: dict[int, tuple[int, int]] = {}  # position: entry and character of the first motion there
-        # Of each entry: where it begins and ends, its content or its fault, its findings (place, order, object, key).
-        self.entries: list[tuple[int, int, Any, list[tuple[int, int, Json, str]]]] = []
+        # Of each entry: where it begins and ends, its content or its fault, its findings by their key, which are made in the order of LS-54.
+        self.entries: list[tuple[int, int, Any, list[Json]]] = []
         try:
             self.parts = Parts(text)
         except Fault as fault:
@@ -258,8 +240,7 @@ class Document:
         self.entries.append((begin, begin + len(text.strip(WHITE)), content, []))
 
     def find(self, at: int, kind: str, entry: int = -1, key: str = "warning", **fields: int) -> None:
-        found = error(kind, **fields, **self.place.of(at))
-        self.entries[entry][3].append((at, ORDER.index(kind), found, key))
+        self.entries[entry][3].append({key: error(kind, **fields, **self.place.of(at))})
 
     def head(self) -> None:
         begin, end = self.parts.name
@@ -329,8 +310,7 @@ class Document:
     def note(self, text: str) -> None:
         """Every P[n] in an instruction's text."""
         for match in re.finditer(r"P\[", text):
-            before = text[match.start() - 1 : match.start()] if match.start() else ""
-            if before and is_word(before):
+            if is_word(text[match.start() - 1 : match.start()]):
                 continue
             value = leading_number(text[match.end() :])
             if value is None:
@@ -339,15 +319,14 @@ class Document:
                 self.used.add(value)
 
     def positions(self) -> None:
-        defined: dict[int, int] = {}
+        defined: dict[int | None, int] = {}
         for at, block in self.parts.positions():
             try:
                 position = read_position(block, at)
             except Fault as fault:
                 self.add(at, block, fault)
                 value = leading_number(block[2:]) if block.startswith("P[") else None
-                if value is not None:
-                    defined.setdefault(value, 1)
+                defined.setdefault(value, 1)
                 continue
             self.add(at, block, {"position": position})
             value = position["number"]
@@ -369,13 +348,11 @@ class Document:
                 self.items.append(place | {"error": self.place.error(content)})
             else:
                 self.items.append(place | {"message": content})
-            for _, _, found, key in sorted(findings, key=lambda finding: finding[:2]):
-                self.items.append(place | {key: found})
+            self.items += [place | finding for finding in findings]
 
 
 def leading_number(text: str) -> int | None:
-    match = re.match("[0-9]*", text.lstrip(WHITE))
-    return number(match[0], U32) if match else None
+    return number(leading_digits(text.lstrip(WHITE)), U32)
 
 
 def fits(kind: str, unit: str) -> bool:

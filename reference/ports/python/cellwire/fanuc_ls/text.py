@@ -3,6 +3,7 @@
 Places are indices of characters; `Place` makes lines, columns and bytes of them.
 """
 
+import math
 import re
 
 from ..stream import Json, error
@@ -10,7 +11,6 @@ from ..stream import Json, error
 WHITE = "\t\n\v\f\r \x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a\u2028\u2029\u202f\u205f\u3000"  # LS-55
 BLANKS = " \t"
 DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)")  # LS-31
-DIGITS = re.compile(r"[0-9]*")
 LARGEST = 2**32 - 1  # of the numbers of statements (LS-53)
 
 
@@ -30,12 +30,17 @@ def is_letter(c: str) -> bool:
 
 def is_word(c: str) -> bool:
     """Letters, digits and `_`."""
-    return c == "_" or is_letter(c) or c.isascii() and c.isdigit()
+    return c == "_" or is_letter(c) or c.isdigit()
 
 
 def is_control(c: str) -> bool:
     """LS-55."""
     return c <= "\x1f" or "\x7f" <= c <= "\x9f"
+
+
+def leading_digits(text: str) -> str:
+    """The digits that a text begins with."""
+    return text[: len(text) - len(text.lstrip("0123456789"))]
 
 
 def number(digits: str, largest: int = LARGEST) -> int | None:
@@ -50,12 +55,12 @@ def join_lines(text: str) -> str:
 
 
 def lines_of(text: str, begin: int, end: int) -> list[tuple[int, str]]:
-    """The lines of a part of a text without their ends, and where they begin."""
+    """The lines of a part of a text without their LF, and where they begin."""
     lines = []
     while begin < end:
         stop = text.find("\n", begin, end)
         stop = end if stop < 0 else stop
-        lines.append((begin, text[begin:stop].rstrip("\r")))
+        lines.append((begin, text[begin:stop]))
         begin = stop + 1
     return lines
 
@@ -106,20 +111,28 @@ class Cursor:
 
     def whole(self, largest: int, kind: str) -> int:
         """A number without a sign."""
-        match = DIGITS.match(self.text, self.at)
-        value = number(match[0] if match else "", largest)
-        if match is None or value is None:
+        digits = leading_digits(self.rest())
+        value = number(digits, largest)
+        if value is None:
             raise self.fault(kind)
-        self.at = match.end()
+        self.at += len(digits)
         return value
 
     def decimal(self, kind: str) -> float:
         match = DECIMAL.match(self.text, self.at)
-        value = float(match[0]) if match else float("inf")
-        if match is None or value in (float("inf"), float("-inf")):
+        text = match[0] if match else "inf"
+        value = float(text)
+        if math.isinf(value):
             raise self.fault(kind)
-        self.at = match.end()
+        self.at += len(text)
         return value
+
+    def word(self) -> str:
+        """Letters, digits and `_`."""
+        begin = self.at
+        while is_word(self.here()):
+            self.at += 1
+        return self.text[begin : self.at]
 
     def reference(self, kind: str) -> tuple[str, str]:
         """Letters and what is in their brackets (LS-18)."""

@@ -110,7 +110,7 @@ class Dialect:
 
     def write_long(self, entry: Entry) -> bytes:
         def longest(name: str) -> str:
-            return "0" * (LONGEST_NUMBER if is_named(name) else len(name[1:]) if name.startswith("=") else 0)
+            return "0" * LONGEST_NUMBER if is_named(name) else write_field(name, {})
 
         fields = ["0" * max(self.layout.longest() - 1, 0) if name == OWN else longest(name) for name in entry.fields]
         message = {"name": entry.name, "header": [longest(name) for name in entry.header], "fields": fields}

@@ -13,6 +13,7 @@ class Job:
     order: int
     number: int
     job: Json
+    is_free: bool = False  # before its turn (KM-68)
 
 
 class Queue:
@@ -20,28 +21,27 @@ class Queue:
 
     def __init__(self, slots: int) -> None:
         self.slots = slots
-        self.waiting: list[Job] = []
+        self.jobs: list[Job] = []
         self.taken: Job | None = None
         self.is_abandoned = False  # there is no motion program any more
 
     def __len__(self) -> int:
-        return len(self.waiting) + (self.taken is not None)
+        return len(self.jobs)
 
     def is_full(self) -> bool:
         return len(self) >= self.slots
 
     def add(self, order: int, number: int, job: Json) -> None:
         """Into the next slot."""
-        self.waiting.append(Job(order, number, job))
+        self.jobs.append(Job(order, number, job))
 
     def take(self, number: int | None) -> Job:
         """The oldest job, or the one of this number; raises NotTaken."""
         if self.taken is not None:
             raise NotTaken("busy")
-        found = next((job for job in self.waiting if number in (None, job.number)), None)
+        found = next((job for job in self.jobs if not job.is_free and number in (None, job.number)), None)
         if found is None:
             raise NotTaken("no_job")
-        self.waiting.remove(found)
         self.taken = found
         return found
 
@@ -49,12 +49,14 @@ class Queue:
         """The slot of the job that was taken is free; raises NotTaken."""
         if self.taken is None:
             raise NotTaken("no_job")
-        self.taken = None
+        self.taken.is_free, self.taken = True, None
+        while self.jobs and self.jobs[0].is_free:
+            self.jobs.pop(0)
 
     def clear(self) -> None:
         """Every job but the one that is being executed is removed."""
-        self.waiting.clear()
+        self.jobs = [job for job in self.jobs if job is self.taken]
 
     def has_settled(self) -> bool:
         """Nothing of what was cleared is left, and nothing is being executed (KM-72)."""
-        return self.is_abandoned or len(self) == 0
+        return self.is_abandoned or not self.jobs

@@ -80,14 +80,10 @@ class Decoder:
         """The next message or error."""
         while True:
             at_mark = self.seek()
-            if at_mark and self.read_before > 0 and self.error is not None:
-                # A second reading is judged by the corrupt frame's own bytes alone.
-                if self.is_wrong(bytes(self.held[: self.read_before])):
-                    self.skip(1)
-                    continue
-            if not at_mark and self.ended:
-                self.skipped += self.spare
-                self.spare = 0
+            # A second reading is judged by the corrupt frame's own bytes alone.
+            if self.is_wrong(bytes(self.held[: self.read_before])):
+                self.skip(1)
+                continue
             if (at_mark or self.ended) and self.skipped > 0:
                 fault = self.error or error("start_mark", offset=self.position, length=self.skipped)
                 self.error = None
@@ -177,12 +173,7 @@ class Decoder:
                 return frame[at]
             raise Wrong(error("incomplete", offset=0, length=len(frame)), len(frame)) if ended else More
 
-        at = 0
-        while at < len(frame) and frame[at] == DLE:
-            at += 1
-        if at >= len(frame):
-            raise More
-        at += 1
+        at = len(frame) - len(frame.lstrip(bytes([DLE]))) + 1  # behind STX
         unstuffed = bytearray()
         while True:
             if byte(at) == DLE:

@@ -46,7 +46,7 @@ class ControllerConfig:
 
     def __post_init__(self) -> None:
         framing = codec.Framing(**self.framing)
-        if self.attempts == 0 or shortest_window(self.mode, framing, max(self.baud, 1)) < 0:
+        if self.attempts == 0 or shortest_window(self.mode, framing, self.baud) < 0:
             raise ValueError("0 attempts, or a window that does not hold a reply")  # AL-69
 
     @property
@@ -96,7 +96,7 @@ class Controller(Line):
         if self.phase not in ALTERING:
             raise NotTaken("not_running")
         if self.phase is Phase.STARTING:
-            self.phase = Phase.OFF
+            self.phase, self.window = Phase.OFF, None
             self.report("ended", error=0)
         elif self.phase is not Phase.ENDING:
             self.end(0)
@@ -244,7 +244,7 @@ class Controller(Line):
             self.phase = Phase.OFF
             self.report("ended", error=self.error)
             return frame
-        length = span(len(frame), max(self.config.baud, 1))
+        length = span(len(frame), self.config.baud)
         opens = after(now, length)  # AL-72
         self.window = Window(opens, after(opens, min(window(self.config.mode), max(CYCLE - length, 0))))
         self.slot = max(self.following, self.window.closes)  # AL-73
@@ -257,7 +257,7 @@ class Controller(Line):
             return {"kind": "start", "mode": self.config.mode, "data": self.config.data, "error": self.error}
         if self.phase is Phase.ENDING:
             return {"kind": "end", "error": self.error}
-        if self.phase is Phase.INTERRUPTED and self.was_reported and self.has_returned:
+        if self.was_reported and self.has_returned:
             self.phase = Phase.RUNNING
         self.was_reported = self.phase is Phase.INTERRUPTED
         status, number, percent = self.segment

@@ -7,7 +7,7 @@ from ..session import MS, NotTaken, after, earliest, span
 from ..stream import Item, Json
 from . import codec
 from .codec import AXES
-from .limiter import Limiter
+from .limiter import HIGHEST, Limiter
 from .line import CYCLE, Line, shortest_window, window
 
 VELOCITY = [90, 90, 90, 150, 150, 150]
@@ -59,7 +59,7 @@ class HostConfig:
     max_delay: int = 10 * MS
 
     def __post_init__(self) -> None:
-        shortest = shortest_window(self.mode, codec.Framing(**self.framing), max(self.baud, 1))
+        shortest = shortest_window(self.mode, codec.Framing(**self.framing), self.baud)
         if self.silence_cycles < 2 or shortest < self.reserve:
             raise ValueError("silence_cycles below 2, or a window that does not hold a reply")  # AL-42
 
@@ -77,7 +77,7 @@ class HostConfig:
         return self.max_delay < CYCLE - self.window
 
     def span(self, length: int) -> int:
-        return span(length, max(self.baud, 1))
+        return span(length, self.baud)
 
 
 @dataclass
@@ -107,7 +107,7 @@ class Host(Line):
 
     def restart(self) -> None:
         """ALTER begins at rest (AL-51)."""
-        self.limiter = Limiter(self.config.limits["velocity"], self.config.limits["acceleration"])
+        self.limiter = Limiter(*([min(limit, HIGHEST) for limit in self.config.limits[name]] for name in ("velocity", "acceleration")))
         self.target = [0] * AXES
         self.fresh_until: int | None = None
         self.kept: set[int] = set()

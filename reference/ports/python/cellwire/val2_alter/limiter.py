@@ -55,7 +55,7 @@ class Limiter:
             return 0
         n = (isqrt(8 * (way // a) + 1) - 1) // 2
         rest = (way - a * n * (n + 1) // 2) // (n + 1)
-        return min(n * a + rest, HIGHEST)
+        return n * a + rest
 
     def rejected(self) -> None:
         """The controller did not read the reply."""

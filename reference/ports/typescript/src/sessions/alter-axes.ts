@@ -1,7 +1,7 @@
 /** The values of the host's replies, and for which axes the controller may hold a word that is not zero (AL-63 to AL-65, AL-95). */
 
 import { CYCLE, isCumulative } from "./alter-timing.js";
-import { AT_REST, brake, positions, speeds, takenBack, type AxisState, type Limits } from "./alter-limiter.js";
+import { AT_REST, MAX_WORD, brake, positions, speeds, takenBack, type AxisState, type Limits } from "./alter-limiter.js";
 
 /** What moves an arm: `hold` is an interruption, `none` a target that is missing or stale. */
 export type Aim = { target: number[] } | "none" | "hold" | "zero";
@@ -77,7 +77,7 @@ export class AlterAxes {
   next(aim: Aim): AxisState[] {
     const cumulative = isCumulative(this.mode);
     return this.axes.map((axis, index) => {
-      const [v = 0, a = 0] = [this.limits.velocity[index], this.limits.acceleration[index]];
+      const [v = 0, a = 0] = [this.limits.velocity[index], this.limits.acceleration[index]].map((limit = 0) => Math.min(limit, MAX_WORD));
       if (aim === "hold") return { ...axis, speed: 0 };
       if (aim === "none") return cumulative ? speeds(axis, 0, v, a) : brake(axis, v, a);
       const target = aim === "zero" ? 0 : (aim.target[index] ?? 0);

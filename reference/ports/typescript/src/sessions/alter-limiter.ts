@@ -14,7 +14,7 @@ export interface AxisState {
 }
 
 export const AT_REST: AxisState = { speed: 0, position: 0 };
-const MAX_WORD = 0x7fff;
+export const MAX_WORD = 0x7fff;
 const MIN_WORD = -0x8000;
 
 function clamp(value: number, min: number, max: number): number {
@@ -56,5 +56,5 @@ function braking(way: number, a: number): number {
   if (a === 0) return 0;
   const n = Math.floor((Math.floor(Math.sqrt(8 * Math.floor(way / a) + 1)) - 1) / 2);
   const r = Math.floor((way - (a * n * (n + 1)) / 2) / (n + 1));
-  return Math.min(n * a + r, MAX_WORD);
+  return n * a + r;
 }

@@ -15,7 +15,7 @@ export function windowOf(mode: number): number {
 
 /** How long after a message of so many bytes the reply has to end (AL-61, AL-72). */
 export function replyWindow(mode: number, baud: number, bytes: number): number {
-  return Math.min(windowOf(mode), CYCLE - lineTime(bytes, baud));
+  return Math.min(windowOf(mode), Math.max(CYCLE - lineTime(bytes, baud), 0));
 }
 
 export function isCumulative(mode: number): boolean {

@@ -1,7 +1,7 @@
 /** The PC of kawasaki-msg (section 9): it answers a robot, and sends it the jobs of an order. */
 
 import { Refused } from "../check.js";
-import { Dialect, ahead, checkLimits, numberOf, phaseName, type FieldFault, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
+import { Dialect, ahead, checkEnd, numberOf, phaseName, type FieldFault, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message, type MessageError } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
@@ -126,9 +126,9 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
 
   constructor(given: Partial<KawasakiPcConfig> = {}) {
     this.config = { ...KAWASAKI_PC_DEFAULTS, ...given };
-    const { limits, max_number, takeover, silence } = this.config;
-    checkLimits(limits.packet, limits.element, max_number);
+    const { cumulative_acks, takeover, silence } = this.config;
     this.dialect = new Dialect(this.config);
+    checkEnd(this.dialect, this.config, !cumulative_acks);
     require(takeover !== "interrupt" || this.dialect.has("order_interrupt"), "no order_interrupt to take over with (KM-122)");
     require(silence > 0, "a silence of 0");
     this.decoder = new MessageDecoder(this.dialect.charset);

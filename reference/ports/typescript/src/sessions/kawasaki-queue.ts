@@ -11,6 +11,8 @@ export interface QueuedJob {
   /** It is being executed: it keeps its slot until the motion program frees it. */
   taken: boolean;
   reported: boolean;
+  /** Its slot is free, before its turn: it counts until all before it are (KM-68). */
+  freed: boolean;
 }
 
 export class JobQueue {
@@ -29,7 +31,7 @@ export class JobQueue {
   }
 
   get taken(): QueuedJob | undefined {
-    return this.jobs.find(({ taken }) => taken);
+    return this.jobs.find(({ taken, freed }) => taken && !freed);
   }
 
   add(job: QueuedJob): void {
@@ -49,12 +51,15 @@ export class JobQueue {
 
   free(job: QueuedJob): void {
     this.freed = job;
-    this.jobs = this.jobs.filter((other) => other !== job);
+    job.freed = true;
+    while (this.jobs[0]?.freed) {
+      this.jobs.shift();
+    }
   }
 
   /** Removes every job but the one that is being executed. */
   clear(): void {
-    this.jobs = this.jobs.filter(({ taken }) => taken);
+    this.jobs = this.jobs.filter(({ taken, freed }) => taken && !freed);
   }
 
   empty(): void {

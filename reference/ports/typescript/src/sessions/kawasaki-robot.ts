@@ -1,7 +1,7 @@
 /** The robot of kawasaki-msg (section 8): it asks for jobs, queues them for its motion program, and acknowledges them. */
 
 import { Refused } from "../check.js";
-import { Dialect, ahead, checkLimits, numberOf, phaseName, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
+import { Dialect, ahead, checkEnd, numberOf, phaseName, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message, type MessageError } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import { JobQueue, type QueuedJob } from "./kawasaki-queue.js";
@@ -129,9 +129,11 @@ export class KawasakiRobot implements Session<KawasakiRobotEvent> {
   constructor(given: Partial<KawasakiRobotConfig> = {}) {
     const { max_number = KAWASAKI_ROBOT_DEFAULTS.max_number } = given;
     this.config = { ...KAWASAKI_ROBOT_DEFAULTS, queue: Math.min(256, max_number - 1), ...given };
-    checkLimits(this.config.limits.packet, this.config.limits.element, max_number);
-    this.queue = new JobQueue(this.config.queue);
+    const { acks, queue } = this.config;
     this.dialect = new Dialect(this.config);
+    checkEnd(this.dialect, this.config, acks === "individual");
+    if (acks === 0 || queue < 1 || queue >= max_number) throw new Refused("config", "acks of 0, no slot, or as many as there are numbers");
+    this.queue = new JobQueue(queue);
     this.decoder = new MessageDecoder(this.dialect.charset);
   }
 
@@ -618,7 +620,7 @@ export class KawasakiRobot implements Session<KawasakiRobotEvent> {
         return;
       } else {
         this.queued += 1;
-        this.queue.add({ order: order.number, count: this.queued, number, job, taken: false, reported: false });
+        this.queue.add({ order: order.number, count: this.queued, number, job, taken: false, reported: false, freed: false });
       }
       order.gap = "closed";
       order.until = null;

@@ -51,7 +51,7 @@ def main() -> None:
             checked += 1
             if not to.is_file() or FOLDER not in to.parents:
                 wrong.append(f"{file.relative_to(FOLDER)}: there is no {link}")
-            elif to in pages and is_anchor(parts.fragment) and unquote(parts.fragment) not in pages[to].anchors:
+            elif to in pages and is_anchor(parts.fragment) and pages[to].anchors.isdisjoint({parts.fragment, unquote(parts.fragment)}):
                 wrong.append(f"{file.relative_to(FOLDER)}: no such place, {link}")
     print("\n".join(sorted(set(wrong))[:100]), file=sys.stderr)
     print(f"{len(pages)} pages, {checked} internal links, {outside} external ones not followed, {len(wrong)} wrong")

@@ -5,6 +5,7 @@
 
 pub mod codec;
 pub mod end;
+pub mod explain;
 pub mod fanuc_hmi_modbus;
 mod given;
 pub mod identify;

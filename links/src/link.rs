@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
+use crate::explain::{Part, Read};
 use crate::settings::{Refused, Setting};
 use crate::shadow::MakeShadow;
 
@@ -36,6 +37,8 @@ pub struct Link {
     pub tolerates: fn(&Accepted<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
+    /// Which bytes of a message are which of its values, and the clause that describes each.
+    pub parts: fn(&Read<'_>) -> Vec<Part>,
     /// What its source leaves open of the bytes.
     pub open: Open,
     /// Who looks at a conversation of both ends.

@@ -2,6 +2,7 @@
 
 mod codec;
 mod ends;
+mod parts;
 mod shadow;
 
 use ::toy_link::{DeviceConfig, HostConfig};
@@ -32,6 +33,7 @@ pub const LINK: Link = Link {
         ("too_long", "XX-4"),
         ("incomplete", "XX-4"),
     ],
+    parts: parts::parts,
     open: Open::NOTHING,
     shadow: shadow::shadow,
     ends: ends::ENDS,

@@ -4,6 +4,7 @@ mod codec;
 mod ends;
 mod open;
 mod options;
+mod parts;
 mod shadow;
 
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
@@ -47,6 +48,7 @@ pub const LINK: Link = Link {
         ("cut", "FM-27"),
         ("noise", "FM-27"),
     ],
+    parts: parts::parts,
     open: open::OPEN,
     shadow: shadow::shadow,
     ends: ends::ENDS,

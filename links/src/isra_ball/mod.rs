@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 
+mod parts;
 mod shadow;
 
 use ::isra_ball::{BallConfig, HostConfig};
@@ -32,6 +33,7 @@ pub const LINK: Link = Link {
         None => it.message.get("data").is_some(),
     },
     clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
+    parts: parts::parts,
     open: Open::NOTHING,
     shadow: shadow::shadow,
     ends: ends::ENDS,

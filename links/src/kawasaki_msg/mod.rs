@@ -5,6 +5,7 @@ mod ends;
 pub mod layout;
 mod open;
 mod options;
+mod parts;
 pub mod plant;
 mod roles;
 mod shadow;
@@ -46,6 +47,7 @@ pub const LINK: Link = Link {
         ("garbage", "KM-31"),
         ("too_long", "KM-14"),
     ],
+    parts: parts::parts,
     open: open::OPEN,
     shadow: shadow::shadow,
     ends: ends::ENDS,

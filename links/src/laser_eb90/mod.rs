@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod parts;
 mod shadow;
 
 use ::laser_eb90::{ControllerConfig, ErrorCodes, HostConfig, Profile};
@@ -48,6 +49,7 @@ pub const LINK: Link = Link {
         ("incomplete", "LE-33"),
         ("too_long", "LE-14"),
     ],
+    parts: parts::parts,
     open: open::OPEN,
     shadow: shadow::shadow,
     ends: ends::ENDS,

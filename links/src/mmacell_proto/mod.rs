@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod parts;
 mod shadow;
 
 use ::mmacell_proto::{CentralConfig, DeviceConfig, Dialect};
@@ -52,6 +53,7 @@ pub const LINK: Link = Link {
         ("error_zero", "MM-20"),
         ("unknown_reply", "MM-3"),
     ],
+    parts: parts::parts,
     open: open::OPEN,
     shadow: shadow::shadow,
     ends: ends::ENDS,

@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 mod open;
+mod parts;
 mod shadow;
 
 use ::val2_alter::{ControllerConfig, Framing, HostConfig, Limits};
@@ -41,6 +42,7 @@ pub const LINK: Link = Link {
         ("start_reply", "AL-22"),
         ("select", "AL-23"),
     ],
+    parts: parts::parts,
     open: open::OPEN,
     shadow: shadow::shadow,
     ends: ends::ENDS,

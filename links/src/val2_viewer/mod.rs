@@ -3,6 +3,7 @@
 mod codec;
 mod ends;
 
+mod parts;
 mod shadow;
 
 use ::val2_viewer::{HostConfig, WorkstationConfig};
@@ -35,6 +36,7 @@ pub const LINK: Link = Link {
         ("incomplete", "VV-15"),
         ("noise", "VV-14"),
     ],
+    parts: parts::parts,
     open: Open::NOTHING,
     shadow: shadow::shadow,
     ends: ends::ENDS,

@@ -1,0 +1,90 @@
+use serde_json::Value;
+
+use crate::explain::{Part, Parts, Read, count};
+
+/// The telemetry block by field: how many values a list has, 0 for one that is none, and the bytes of each.
+const TELEMETRY: &[(&str, usize, usize)] = &[
+    ("life_counter", 0, 4),
+    ("override", 0, 2),
+    ("position", 3, 4),
+    ("wpr", 3, 4),
+    ("quaternion", 4, 4),
+    ("velocity", 3, 4),
+    ("quaternion_rate", 4, 4),
+];
+
+pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+    let (mut parts, message) = (Parts::new(read.bytes), read.message);
+    let crc = if message.get("transaction").is_some() {
+        parts.take(2, "/transaction", "FM-69");
+        parts.take(2, "protocol", "FM-69");
+        parts.take(2, "length", "FM-69");
+        0
+    } else {
+        2
+    };
+    parts.take(1, "/unit", "FM-69");
+    parts.take(1, "/function", "4.1");
+    if message.get("exception").is_some() {
+        parts.take(1, "/exception", "FM-70");
+    } else if message.get("data").is_some() {
+        parts.list(parts.left().saturating_sub(crc), 1, "/data", "4.1");
+    } else {
+        let is_request = read.side == "client";
+        data(&mut parts, message, is_request);
+    }
+    parts.take(parts.left().saturating_sub(crc), "rest", "FM-11");
+    parts.end("crc", "FM-9")
+}
+
+/// What is behind the code of a function, in the order of the bytes.
+fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
+    if !is_request && (message.get("bits").is_some() || message.get("address").is_none()) {
+        parts.take(1, "byte count", "FM-13");
+        bits(parts, "/bits", count(message, "bits"));
+        parts.list(count(message, "registers"), 2, "/registers", "FM-7");
+        if message.get("telemetry").is_some() {
+            telemetry(parts);
+        }
+        return;
+    }
+    parts.take(2, "/address", "FM-11");
+    match message["function"].as_u64() {
+        Some(5 | 6) => parts.take(2, "/value", "4.1"),
+        Some(22) => {
+            parts.take(2, "/and", "FM-14");
+            parts.take(2, "/or", "FM-14");
+        }
+        _ => {
+            let name = if message.get("quantity").is_some() { "/quantity" } else { "quantity" };
+            parts.take(2, name, "4.1");
+        }
+    }
+    if message.get("write_address").is_some() {
+        parts.take(2, "/write_address", "FM-15");
+        parts.take(2, "write quantity", "4.1");
+    }
+    if message.get("values").is_some() {
+        parts.take(1, "byte count", "FM-12");
+        if message["function"] == 15 {
+            bits(parts, "/values", count(message, "values"));
+        } else {
+            parts.list(count(message, "values"), 2, "/values", "FM-7");
+        }
+    }
+}
+
+/// Bits, eight to a byte.
+fn bits(parts: &mut Parts<'_>, name: &str, bits: usize) {
+    for bit in 0..bits {
+        let name = format!("{name}/{bit}");
+        if bit.is_multiple_of(8) { parts.take(1, name, "FM-8") } else { parts.also(name, "FM-8") }
+    }
+}
+
+fn telemetry(parts: &mut Parts<'_>) {
+    for &(name, count, size) in TELEMETRY {
+        let name = format!("/telemetry/{name}");
+        if count == 0 { parts.take(size, name, "FM-71") } else { parts.list(count, size, &name, "FM-71") }
+    }
+}

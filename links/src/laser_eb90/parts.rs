@@ -1,0 +1,65 @@
+use serde_json::Value;
+
+use crate::explain::{Part, Parts, Read};
+
+/// DLE: doubled in the payload.
+const STUFFED: u8 = 0x90;
+
+pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+    let mut parts = Parts::stuffed(read.bytes, 3, STUFFED);
+    parts.take(3, "head", "LE-7");
+    let items = read.message["items"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let items: Vec<(&String, usize)> = items
+        .iter()
+        .filter_map(Value::as_object)
+        .flatten()
+        .map(|(kind, values)| (kind, length(values)))
+        .collect();
+    let payload: usize = items.iter().map(|(kind, length)| 2 + length * size(kind)).sum();
+    // Of a frame without a flag, as much less is before the tail.
+    if read.bytes.get(3) == Some(&0xF0) && before_tail(read.bytes) > payload {
+        parts.take(1, "flag", "LE-8");
+    }
+    for (at, (kind, length)) in items.into_iter().enumerate() {
+        parts.take(1, "tag", "LE-16");
+        parts.take(1, "count", "LE-15");
+        let name = format!("/items/{at}/{kind}");
+        if kind == "char" {
+            parts.take(length, name, "4.1");
+        } else {
+            parts.list(length, size(kind), &name, "4.1");
+        }
+    }
+    parts.take(2, "tail", "LE-10");
+    parts.end("checksum", "LE-13")
+}
+
+fn length(values: &Value) -> usize {
+    match values {
+        Value::String(text) => text.chars().count(),
+        values => values.as_array().map_or(0, Vec::len),
+    }
+}
+
+/// The bytes of a value.
+fn size(kind: &str) -> usize {
+    match kind {
+        "f32" => 4,
+        "i16" => 2,
+        _ => 1,
+    }
+}
+
+/// How many bytes are between head and tail, without stuffing.
+fn before_tail(bytes: &[u8]) -> usize {
+    let (mut at, mut count) = (3, 0);
+    while let Some(byte) = bytes.get(at) {
+        let is_pair = *byte == STUFFED;
+        if is_pair && bytes.get(at + 1) != Some(&STUFFED) {
+            break;
+        }
+        at += if is_pair { 2 } else { 1 };
+        count += 1;
+    }
+    count
+}

@@ -1,0 +1,14 @@
+use crate::explain::{Part, Parts, Read};
+
+pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+    let mut parts = Parts::new(read.bytes);
+    parts.take(1, "letter", "XX-1");
+    if read.message.get("get").is_some() {
+        parts.until(b"\n", "/get/register", "XX-3");
+    } else {
+        parts.until(b"=", "/value/register", "XX-3");
+        parts.take(1, "separator", "XX-2");
+        parts.until(b"\n", "/value/value", "XX-3");
+    }
+    parts.end("end", "XX-1")
+}

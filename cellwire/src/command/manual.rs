@@ -57,6 +57,7 @@ fn pages(folder: &Path, command: &Command) -> io::Result<()> {
     page.render(&mut text)?;
     let text = String::from_utf8_lossy(&text)
         .replacen("\n.SH NAME", "\n.ad l\n.nh\n.SH NAME", 1)
-        .replace("\n.SH EXTRA", "\n.SH NOTES");
+        .replace("\n.SH EXTRA", "\n.SH NOTES\n.nf")
+        .replace("\n.SH VERSION", "\n.fi\n.SH VERSION");
     std::fs::write(folder.join(page.get_filename()), text)
 }

@@ -126,35 +126,49 @@ fn parse() -> Cli {
     }
 }
 
-/// The command line; the help of a command lists the settings of the link or device that is named beside it.
+/// The command line; the help of a command lists the settings of the link or device that is named beside it. What no argument names is
+/// left as it is derived: a start would take twice as long.
 fn command_line() -> clap::Command {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let mut command = Cli::command();
+    // The manual has a page for each.
+    let named = |name| arguments.iter().any(|argument| argument == name || argument == "man");
     for name in ["decode", "encode", "tap", "replay", "simulate", "demo", "alter"] {
-        command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
+        if named(name) {
+            command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
+        }
     }
     // What has both ends is a capture.
-    command = command.mut_subcommand("replay", |it| it.mut_arg("format", |it| it.default_value("pcap")));
+    if named("replay") {
+        command = command.mut_subcommand("replay", |it| it.mut_arg("format", |it| it.default_value("pcap")));
+    }
     for inner in ["to-vectors", "to-story"] {
-        command = command.mut_subcommand("capture", |it| {
-            it.mut_subcommand(inner, |it| it.mut_arg("format", |it| it.default_value("pcap")))
-        });
+        if named(inner) {
+            command = command.mut_subcommand("capture", |it| {
+                it.mut_subcommand(inner, |it| it.mut_arg("format", |it| it.default_value("pcap")))
+            });
+        }
     }
-    for (name, inner, settings) in [
-        ("kawasaki", "draw", kawasaki::settings()),
-        ("kawasaki", "run", kawasaki::settings()),
-        ("laser", "run", laser::settings()),
-        ("mma", "run", mma::settings()),
-        ("modbus", "scan", client_settings()),
-        ("modbus", "poll", client_settings()),
-        ("fanuc", "log", fanuc::settings()),
-        ("fanuc", "read", fanuc::settings()),
-        ("fanuc", "write", fanuc::settings()),
-    ] {
+    let settings: [(&str, &str, fn() -> Vec<Setting>); 9] = [
+        ("kawasaki", "draw", kawasaki::settings),
+        ("kawasaki", "run", kawasaki::settings),
+        ("laser", "run", laser::settings),
+        ("mma", "run", mma::settings),
+        ("modbus", "scan", client_settings),
+        ("modbus", "poll", client_settings),
+        ("fanuc", "log", fanuc::settings),
+        ("fanuc", "read", fanuc::settings),
+        ("fanuc", "write", fanuc::settings),
+    ];
+    for (name, inner, settings) in settings.into_iter().filter(|(name, inner, _)| named(name) && named(inner))
+    {
         command =
-            command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings)));
+            command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings())));
     }
-    command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()))
+    if named("modbus") {
+        command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
+    }
+    command
 }
 
 /// The command, whose long help ends with these settings.

@@ -49,6 +49,22 @@ fn every_command_has_a_help_that_ends_with_success() {
 }
 
 #[test]
+fn the_manual_has_the_settings_of_every_command_and_keeps_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, _, said) = run(cellwire(&format!("man {}", folder.path().display())));
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+    for (page, has) in [
+        ("cellwire.1", "Exit status:"),
+        ("cellwire-kawasaki-run.1", "messages.status.name = Tila"),
+        ("cellwire-modbus-scan.1", "any_unit = false"),
+    ] {
+        let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
+        assert!(text.contains(has), "{page}: {text}");
+        assert!(text.contains("\n.SH NOTES\n.nf\n") && !text.contains("EXTRA"), "{page}: {text}");
+    }
+}
+
+#[test]
 fn standard_input_can_be_named() {
     let bytes = "08 F8 5D 00 01";
     let named = with_input("decode isra-ball -", bytes);

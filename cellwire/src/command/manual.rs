@@ -1,6 +1,6 @@
 //! `cellwire completions` and `cellwire man`: commands as a shell and `man` want them.
 
-use std::io::{Write as _, stdout};
+use std::io::{self, Write as _, stdout};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -40,7 +40,24 @@ pub fn completions(shell: Shell, mut program: Command) -> Result<()> {
 /// # Errors
 /// When a page cannot be written.
 pub fn man(folder: &Path, program: Command) -> Result<()> {
+    let mut program = program.disable_help_subcommand(true);
+    program.build();
     std::fs::create_dir_all(folder)
-        .and_then(|()| clap_mangen::generate_to(program, folder))
+        .and_then(|()| pages(folder, &program))
         .with_context(|| folder.display().to_string())
+}
+
+/// The pages of a command and of those in it. Examples and settings are in columns: no line is spread, no word is divided.
+fn pages(folder: &Path, command: &Command) -> io::Result<()> {
+    for inner in command.get_subcommands().filter(|it| !it.is_hide_set()) {
+        pages(folder, inner)?;
+    }
+    let page = clap_mangen::Man::new(command.clone());
+    let mut text = Vec::new();
+    page.render(&mut text)?;
+    let text = String::from_utf8_lossy(&text)
+        .replacen("\n.SH NAME", "\n.ad l\n.nh\n.SH NAME", 1)
+        .replace("\n.SH EXTRA", "\n.SH NOTES\n.nf")
+        .replace("\n.SH VERSION", "\n.fi\n.SH VERSION");
+    std::fs::write(folder.join(page.get_filename()), text)
 }

@@ -126,6 +126,9 @@ fn parse() -> Cli {
     }
 }
 
+/// Makes the settings of a command.
+type Settings = fn() -> Vec<Setting>;
+
 /// The command line; the help of a command lists the settings of the link or device that is named beside it. What no argument names is
 /// left as it is derived: a start would take twice as long.
 fn command_line() -> clap::Command {
@@ -149,7 +152,7 @@ fn command_line() -> clap::Command {
             });
         }
     }
-    let settings: [(&str, &str, fn() -> Vec<Setting>); 9] = [
+    let settings: [(&str, &str, Settings); 9] = [
         ("kawasaki", "draw", kawasaki::settings),
         ("kawasaki", "run", kawasaki::settings),
         ("laser", "run", laser::settings),

@@ -197,10 +197,10 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         run.say("what?");
         assert!(run.event("hint")["hint"].as_str().unwrap().contains("the number of the last job"));
         run.say(&executed.to_string());
-        let answer = match executed as u64 + 1 - first {
-            0 => json!("repeat"),
-            done if done == count => json!("done"),
-            _ => json!(executed),
+        let answer: serde_json::Value = match executed as u64 + 1 - first {
+            0 => "repeat".into(),
+            done if done == count => "done".into(),
+            _ => executed.into(),
         };
         assert_eq!(run.event("answered")["answer"], answer);
         finish(run, 300);

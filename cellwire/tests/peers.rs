@@ -110,7 +110,7 @@ fn a_robot_that_stops_its_arm_disarms_by_each_status_that_says_so() {
                 assert!(during[14..].iter().all(|x| *x == 0), "status {status}: {during:?}");
                 assert!(after.iter().all(|x| *x == 0), "status {status}: {after:?}");
                 rig.terminal.wait_for(&format!("segment status {status},"));
-                rig.terminal.wait_for("the robot has stopped the arm: let go");
+                rig.terminal.wait_for("the robot has stopped the arm: release");
             } else {
                 assert!(during.iter().chain(&after).all(|x| *x >= FAST), "status {status}: {during:?}");
                 assert!(text.contains(" MOVING "), "status {status}: {text}");

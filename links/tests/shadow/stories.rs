@@ -1,16 +1,24 @@
 //! Every story, as it is.
 
 use core::fmt::Write as _;
+use std::collections::BTreeSet;
 
 use cellwire_links::LINKS;
 use cellwire_links::shadow::Kind;
 
 use super::told::stories;
 
+/// What a tap cannot know. Each of these is complained about, or its line goes.
+const UNSEEN: [(&str, u64, &str); 3] = [
+    ("kawasaki-msg", 206, "the PC sends more jobs than the numbers tell apart: none of them counts as sent"),
+    ("laser-eb90", 224, "the controller drops a byte that has passed the tap"),
+    ("mmacell-proto", 158, "what is written has another dialect than what is accepted: a tap has one"),
+];
+
 /// Our sessions keep the rules, whatever the other end does: no story is complained about for the end that is ours.
 #[test]
 fn our_ends_are_never_complained_about() {
-    let mut wrong = String::new();
+    let (mut wrong, mut unseen) = (String::new(), BTreeSet::new());
     for link in LINKS {
         for story in stories(link) {
             for said in story.say(link, &story.told) {
@@ -21,13 +29,19 @@ fn our_ends_are_never_complained_about() {
                     Kind::Budget => !story.is_late && said.place < story.told.len(),
                     Kind::Assumption => false,
                 };
-                if it.end == story.end && is_broken {
+                if it.end != story.end || !is_broken {
+                    continue;
+                }
+                if UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link.name, story.id)) {
+                    unseen.insert((link.name, story.id));
+                } else {
                     let _ = writeln!(wrong, "{} {}: {} ({it:?})", link.name, story.id, story.comment);
                 }
             }
         }
     }
     assert!(wrong.is_empty(), "{wrong}");
+    assert_eq!(unseen, UNSEEN.map(|(name, id, _)| (name, id)).into());
 }
 
 /// The others are listed, with what is said of them.

@@ -138,7 +138,12 @@ fn what_is_wrong_has_its_line() {
             "\"kawasaki-msg\"\naddress = \"10.0.0.1:502\"\nsettings = { udp = true }",
             "line 9: cell robot: over UDP the robot sends first: give listen instead of address",
         ),
-        ("\"fanuc-hmi-modbus\"", "\"fanuc\"", "line 9: cell robot: no link is called fanuc"),
+        (
+            "\"fanuc-hmi-modbus\"",
+            "\"fanuc\"",
+            "line 9: cell robot: no link is called fanuc; the links are kawasaki-msg, val2-alter, val2-viewer, isra-ball, \
+             fanuc-hmi-modbus, laser-eb90, mmacell-proto",
+        ),
         (
             "poll = \"100ms\"",
             "poll = 100",
@@ -230,16 +235,20 @@ fn a_check_says_what_a_start_would_do_with_the_store() {
 }
 
 #[test]
-fn the_site_of_the_page_is_right() {
+fn the_sites_of_the_page_are_right() {
     let folder = tempfile::tempdir().unwrap();
     let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
     std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
     secret(&folder.path().join("bridge.password"), 0o600);
     let page = include_str!("../../../docs/bridge.md");
-    let site = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
-    let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
-    let line = format!("{{\"site\":\"site.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
-    assert_eq!(check(folder.path(), site), (Some(0), line));
+    let mut sites = page.split("```toml\n").skip(1).map(|block| block.split("```").next().unwrap());
+    for (broker, cells) in [
+        ("127.0.0.1:1883", r#"["cutter","robot"]"#),
+        ("broker.example:8883", r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#),
+    ] {
+        let line = format!("{{\"site\":\"site.toml\",\"broker\":\"{broker}\",\"cells\":{cells}}}\n");
+        assert_eq!(check(folder.path(), sites.next().unwrap()), (Some(0), line));
+    }
 }
 
 #[test]

@@ -32,7 +32,7 @@ struct Device {
 
 impl Device {
     fn start(format: Format, messages: Vec<Vec<u8>>) -> Self {
-        let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&device).unwrap();
         unlockpt(&device).unwrap();
         let name = ptsname(&device, vec![]).unwrap().into_string().unwrap();

@@ -345,22 +345,13 @@ fn line() -> (Box<dyn SerialPort>, String) {
     (end, name)
 }
 
-/// The tap without the test's own ends of pseudo-terminals, which a child inherits: a port whose other end it holds is never gone.
-fn without_ends(arguments: &str) -> Command {
-    let close = "for n in $(ls /proc/$$/fd); do [ $n -gt 2 ] && eval \"exec $n>&-\"; done";
-    let mut command = Command::new("bash");
-    command.args(["-c", &format!("{close}; exec \"$0\" {arguments}"), env!("CARGO_BIN_EXE_cellwire")]);
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
-}
-
 #[test]
 fn flow_control_is_no_part_of_the_message_that_it_comes_within() {
     let folder = tempfile::tempdir().unwrap();
     let capture = folder.path().join("it.pcapng");
     let ((mut host, a), (_workstation, b)) = (line(), line());
     let arguments = format!("tap val2-viewer --a {a} --b {b} --listen-only --capture {}", capture.display());
-    let mut tap = Running::start(without_ends(&arguments));
+    let mut tap = Running::start(cellwire(&arguments));
     let packet = "\u{11}$POSE,7,16384\u{13},0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
     host.write_all(packet.as_bytes()).unwrap();
     let wanted = "\"from\":\"host\",\"offset\":2,\"length\":59,\"message\":{\"count\":7,";
@@ -382,7 +373,7 @@ fn two_ports_are_joined_or_only_listened_to() {
         let capture = folder.path().join(format!("{is_joined}.pcapng"));
         let only = if is_joined { "" } else { "--listen-only" };
         let capture = capture.display();
-        let mut tap = Running::start(without_ends(&format!(
+        let mut tap = Running::start(cellwire(&format!(
             "tap isra-ball --a {a} --b {b} --baud 9600 {only} --capture {capture}"
         )));
         host.write_all(&[0x05]).unwrap();

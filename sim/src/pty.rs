@@ -5,7 +5,7 @@ use std::os::fd::OwnedFd;
 
 use robot_session::{Received, Sent, Transport, Wait};
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
-use rustix::io::{Errno, read, write};
+use rustix::io::{Errno, FdFlags, fcntl_setfd, read, write};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
@@ -21,10 +21,12 @@ impl Pty {
     /// A new one, and the path of the program's end.
     pub(crate) fn open() -> io::Result<(Self, String)> {
         let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        // A child process would keep the line open.
+        fcntl_setfd(&device, FdFlags::CLOEXEC)?;
         grantpt(&device)?;
         unlockpt(&device)?;
         let path = ptsname(&device, Vec::new())?.to_string_lossy().into_owned();
-        let program = open(path.as_str(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty())?;
+        let program = open(path.as_str(), OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
         // No echo, and bytes as they are.
         let mut mode = tcgetattr(&program)?;
         mode.make_raw();

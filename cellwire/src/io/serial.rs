@@ -228,8 +228,10 @@ impl Drop for PtyLink {
 /// When the system cannot create another one.
 #[cfg(unix)]
 pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
-    let (mut device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;
+    let (device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;
     let name = client.name().context("the pseudo-terminal has no name")?;
+    // A child process inherits the pair, and would keep the line open; it does not inherit a copy.
+    let mut device = device.try_clone_native().context("cannot copy the pseudo-terminal")?;
     device.set_timeout(READ_TIMEOUT)?;
     Ok((Box::new(device), name))
 }

@@ -108,6 +108,16 @@ fn a_robot_follows_its_program_around_corners_and_stops_where_it_says_fine() {
 }
 
 #[test]
+fn what_only_a_program_uses_is_refused_without_one() {
+    let folder = Folder::new("without");
+    for (setting, name) in [("--assignments A.txt", "assignments"), ("--set repeat=true", "repeat")] {
+        let output = folder.run(&format!("simulate fanuc --listen 127.0.0.1:0 {setting}"));
+        let expected = format!("error: {name} has no effect without a program: give --program FILE.LS\n");
+        assert_eq!((err(&output), output.status.code()), (expected.as_str(), Some(2)));
+    }
+}
+
+#[test]
 fn registers_conditions_loops_and_calls_decide_what_is_done() {
     let folder = Folder::new("logic");
     folder.write(

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
 use super::program::Macros;
@@ -83,6 +84,25 @@ impl Configure for ProgramSettings {
         fields.flag("repeat", "begin the program again when it has ended", repeat);
         let about = "the first register of the background task's telemetry; 0: none";
         fields.whole("telemetry", 0..=16_000, "", about, telemetry);
+    }
+}
+
+impl ProgramSettings {
+    /// Without a program these have no effect.
+    ///
+    /// # Errors
+    /// When one of them is given without a program.
+    pub fn check(&self) -> Result<()> {
+        let given = [
+            ("assignments", self.assignments.is_some()),
+            ("robot", self.robot.is_some()),
+            ("inputs", self.inputs.is_some()),
+            ("repeat", self.repeat),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given && self.program.is_none()) {
+            Some((name, _)) => bail!("{name} has no effect without a program: give --program FILE.LS"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -33,6 +33,7 @@ use cellwire_motion::{Arm, Limits, Planner, Pose};
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
+    settings.program.check()?;
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let reports = Reports::default();
     let controller = match &settings.program.program {

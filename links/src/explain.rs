@@ -94,13 +94,15 @@ pub struct Parts<'a> {
     places: Vec<usize>,
     /// The next of these.
     at: usize,
+    /// Where stuffing ends.
+    single: usize,
     parts: Vec<Part>,
 }
 
 impl<'a> Parts<'a> {
     /// Of a frame without stuffing.
     pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, places: (0..bytes.len()).collect(), at: 0, parts: Vec::new() }
+        Self { bytes, places: (0..bytes.len()).collect(), at: 0, single: bytes.len(), parts: Vec::new() }
     }
 
     /// Of a frame in which this byte is written twice, from `begin` up to where it is single.
@@ -114,13 +116,19 @@ impl<'a> Parts<'a> {
             places.push(at);
             at += if *byte == twice { 2 } else { 1 };
         }
+        let single = places.len();
         places.extend(at..bytes.len());
-        Self { bytes, places, at: 0, parts: Vec::new() }
+        Self { bytes, places, at: 0, single, parts: Vec::new() }
     }
 
     /// How many bytes are left, stuffing not counted.
     pub fn left(&self) -> usize {
         self.places.len() - self.at
+    }
+
+    /// How many of them come before the end of stuffing.
+    pub fn left_stuffed(&self) -> usize {
+        self.single.saturating_sub(self.at)
     }
 
     /// The next byte.

@@ -17,7 +17,7 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
         .collect();
     let payload: usize = items.iter().map(|(kind, length)| 2 + length * size(kind)).sum();
     // Of a frame without a flag, as much less is before the tail.
-    if read.bytes.get(3) == Some(&0xF0) && before_tail(read.bytes) > payload {
+    if read.bytes.get(3) == Some(&0xF0) && parts.left_stuffed() > payload {
         parts.take(1, "flag", "LE-8");
     }
     for (at, (kind, length)) in items.into_iter().enumerate() {
@@ -48,18 +48,4 @@ fn size(kind: &str) -> usize {
         "i16" => 2,
         _ => 1,
     }
-}
-
-/// How many bytes are between head and tail, without stuffing.
-fn before_tail(bytes: &[u8]) -> usize {
-    let (mut at, mut count) = (3, 0);
-    while let Some(byte) = bytes.get(at) {
-        let is_pair = *byte == STUFFED;
-        if is_pair && bytes.get(at + 1) != Some(&STUFFED) {
-            break;
-        }
-        at += if is_pair { 2 } else { 1 };
-        count += 1;
-    }
-    count
 }

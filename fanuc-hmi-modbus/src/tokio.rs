@@ -25,6 +25,7 @@ use crate::block::TelemetryBlock;
 use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
 use crate::error::{ConfigError, EncodeError, Mismatch, SessionError};
 use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
+use crate::position::PositionRegister;
 use crate::typed::WordOrder;
 
 /// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
@@ -171,6 +172,29 @@ impl Client {
         let words = self.words(&TelemetryBlock::request()).await?;
         TelemetryBlock::from_words(&Words::from(words.as_slice()), order)
             .ok_or(misfit(&TelemetryBlock::request(), &words))
+    }
+
+    /// The position register whose first holding register has this address: 50 registers.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_position(&self, address: u16, order: WordOrder) -> Result<PositionRegister, Error> {
+        let request = PositionRegister::request(address);
+        let words = self.words(&request).await?;
+        PositionRegister::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
+    }
+
+    /// Writes a position register in one request.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn write_position(
+        &self,
+        address: u16,
+        position: &PositionRegister,
+        order: WordOrder,
+    ) -> Result<(), Error> {
+        self.write_registers(address, &position.to_registers(order)).await
     }
 
     /// Function 5: one coil.

@@ -4,6 +4,7 @@ use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, EncodeError};
 use crate::job::{Job, Work};
 use crate::message::Message;
+use crate::number;
 use crate::role::{Field, Role};
 use crate::value::Charset;
 
@@ -36,20 +37,27 @@ impl Limits {
             if entry.name.chars().any(|c| charset.byte(c).is_err()) {
                 return Err(ConfigError::Name { role });
             }
-            let mut length = entry.name.chars().count() + "<$####>".len();
-            for field in entry.header.iter().chain(entry.fields) {
-                length += match field {
-                    Field::Work => work,
-                    Field::Constant(text) => {
-                        if let Some(found) = text.chars().find(|c| charset.byte(*c).is_err()) {
-                            return Err(ConfigError::Constant { role, found });
+            // The most bytes of fields, a separator for each.
+            let part = |fields: &[Field<'_>]| {
+                let mut length = 0;
+                for field in fields {
+                    length += match field {
+                        Field::Work => work,
+                        Field::Constant(text) => {
+                            if let Some(found) = text.chars().find(|c| charset.byte(*c).is_err()) {
+                                return Err(ConfigError::Constant { role, found });
+                            }
+                            text.chars().count() + 1
                         }
-                        text.chars().count() + 1
-                    }
-                    _ => "-2147483648$".len(),
-                };
-            }
-            longest = longest.max(length);
+                        _ => "-2147483648$".len(),
+                    };
+                }
+                Ok(length)
+            };
+            let header = part(entry.header)?;
+            let data = part(entry.fields)?.saturating_sub(1);
+            let digits = number::len(i32::try_from(data).unwrap_or(i32::MAX), 0);
+            longest = longest.max("<$##>".len() + entry.name.chars().count() + header + digits + data);
         }
         if self.element == 0 || self.packet > Message::MAX_LEN || longest > self.packet {
             return Err(ConfigError::Limits { element: self.element, packet: self.packet });
@@ -91,7 +99,7 @@ pub enum Room {
 /// let mut buffer = [0; 4096];
 /// let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
 /// while packet.push(&Message::new("Huuhaa", &[]))? == Room::Added {}
-/// assert_eq!(packet.as_bytes().len(), 372 * 11);
+/// assert_eq!(packet.as_bytes().len(), 341 * "<Huuhaa$0##>".len());
 /// assert_eq!(packet.elements().map(<[u8]>::len).max(), Some(255));
 /// # Ok::<(), kawasaki_msg::EncodeError>(())
 /// ```

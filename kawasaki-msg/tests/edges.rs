@@ -85,7 +85,7 @@ fn a_configuration_that_cannot_work_is_refused() {
     let pc = |config| Pc::<Nothing>::new(config).err();
     assert_eq!(pc(PcConfig::TCP), None);
     // A job has two numbers of up to 12 characters with their `$`, and its own fields.
-    let longest = "Tyo<$####>-2147483648$-2147483648$2$".len() + 4 * "-9999999$".len();
+    let longest = "<Tyo$61#-2147483648$-2147483648$2$#>".len() + 4 * "-9999999$".len() - 1;
     assert_eq!(pc(limits(1, longest)), None);
     assert_eq!(pc(limits(1, longest - 1)), Some(ConfigError::Limits { element: 1, packet: longest - 1 }));
     assert_eq!(pc(limits(0, 4096)), Some(ConfigError::Limits { element: 0, packet: 4096 }));

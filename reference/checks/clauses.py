@@ -3,8 +3,8 @@
 Usage: python3 reference/checks/clauses.py [LINK…]
 
 Every clause has a number of its own with the prefix of its file and names its source, and every clause that the text
-refers to exists. Every clause is tested by a vector, a stream or a session that names it in its `clauses`, or stands in
-untested.txt with a reason; every clause that is named there or in the data exists.
+refers to exists. Every clause has a case, a vector, a stream or a session that names it in its `clauses`, or stands in
+no-case.txt with a reason; every clause that is named there or in the data exists.
 
 Prints `link: passed of all`; exit status 1 on a failure.
 """
@@ -43,15 +43,15 @@ def named(value):
     return set(value.get("clauses", [])) | {name for inner in value.values() for name in named(inner)}
 
 
-def tested(link):
+def with_cases(link):
     files = [REFERENCE / folder / f"{link}.json" for folder in DATA]
     return {name for file in files if file.is_file() for name in named(json.loads(file.read_text()))}
 
 
-def untested():
-    """Clause to the reason why nothing tests it: lines `KM-1, KM-4..KM-6: reason`."""
+def without_case():
+    """Clause to the reason why it has no case: lines `KM-1, KM-4..KM-6: reason`."""
     reasons = {}
-    for line in (CHECKS / "untested.txt").read_text().splitlines():
+    for line in (CHECKS / "no-case.txt").read_text().splitlines():
         if not line.strip() or line.startswith("#"):
             continue
         names, _, reason = line.partition(": ")
@@ -65,23 +65,23 @@ def untested():
 
 def main():
     links = sys.argv[1:] or sorted(path.stem for path in (REFERENCE / "vectors").glob("*.json"))
-    reasons, failed = untested(), False
+    reasons, failed = without_case(), False
     for link in links:
         names, wrong = check((REFERENCE / f"{link}.md").read_text())
-        data = tested(link)
+        data = with_cases(link)
         if names:
             listed = {name for name in reasons if name[:2] == names[0][:2]}
-            wrong |= {name: "is in the data or in untested.txt, and not there" for name in (data | listed) - set(names)}
+            wrong |= {name: "is in the data or in no-case.txt, and not there" for name in (data | listed) - set(names)}
         for name, text in sorted(wrong.items()):
             print(f"{link}: {name} {text}")
         bare = [name for name in names if name not in data and not reasons.get(name)]
         both = [name for name in names if name in data and name in reasons]
         if both:
-            print(f"{link}: tested now, to be struck out of untested.txt: {', '.join(both)}")
+            print(f"{link}: has a case now, to be struck out of no-case.txt: {', '.join(both)}")
         if bare:
-            print(f"{link}: tested by nothing, and without a reason: {', '.join(bare)}")
-        wrong |= dict.fromkeys(bare, "is tested by nothing")
-        print(f"{link}: {len(names) - len(set(wrong) & set(names))} of {len(names)} ({len(data & set(names))} tested)")
+            print(f"{link}: no case, and no reason: {', '.join(bare)}")
+        wrong |= dict.fromkeys(bare, "has no case")
+        print(f"{link}: {len(names) - len(set(wrong) & set(names))} of {len(names)} ({len(data & set(names))} with a case)")
         failed |= bool(wrong) or not names
     sys.exit(failed)
 

@@ -3,7 +3,7 @@
 Usage: python3 reference/checks/table.py FOLDER CHECKER…
 
 A checker's file in the folder has lines `link: passed of all`, several for a link if it counts more than one thing. The
-second table has for each link the clauses that are tested of all, and for each end the cells reached of those that can be,
+second table has for each link the clauses that have a case of all, and for each end the cells reached of those that can be,
 and the rules needed of all. Exit status 1 if the stories do not reach or need what they can.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 REFERENCE = Path(__file__).resolve().parent.parent
 LINE = re.compile(r"^([\w/-]+): (\d+) of (\d+)")
-TESTED = re.compile(r"^([\w/-]+): \d+ of (\d+) \((\d+) tested\)", re.MULTILINE)
+WITH_CASES = re.compile(r"^([\w/-]+): \d+ of (\d+) \((\d+) with a case\)", re.MULTILINE)
 RUST = re.compile(r"^([\w/-]+): (\d+) vectors, (\d+) disagree")
 
 
@@ -33,9 +33,9 @@ def read(path):
     return counts
 
 
-def tested(path):
-    """The clauses of each link that something tests, of all, as checks/clauses.py prints them."""
-    return {match[1]: f"{match[3]}/{match[2]}" for match in TESTED.finditer(path.read_text())} if path.is_file() else {}
+def with_cases(path):
+    """The clauses of each link that have a case, of all, as checks/clauses.py prints them."""
+    return {match[1]: f"{match[3]}/{match[2]}" for match in WITH_CASES.finditer(path.read_text())} if path.is_file() else {}
 
 
 def ends():
@@ -63,8 +63,8 @@ def main():
         rows.append([link, *(f"{cell[0]}/{cell[1]}" if cell and cell[1] else "–" for cell in cells)])
     show(rows)
 
-    clauses, complete = tested(folder / "clauses"), True
-    rows = [["", "end", "cells reached", "rules needed", "clauses tested"]]
+    clauses, complete = with_cases(folder / "clauses"), True
+    rows = [["", "end", "cells reached", "rules needed", "clauses with a case"]]
     of_link = {}
     for link, end, counts in ends():
         of_link.setdefault(link, []).append((end, counts))

@@ -9,7 +9,9 @@ use cellwire_sim::fanuc::Write;
 use cellwire_sim::{Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
-use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Exception, Failure, Reply, Request};
+use fanuc_hmi_modbus::{
+    Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Reply, Request, WordOrder,
+};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -44,6 +46,23 @@ async fn two_clients_see_the_same_registers() {
     one.write_coils(3, &[true, false, true]).await.unwrap();
     assert_eq!(other.read_coils(3..6).await.unwrap(), [true, false, true]);
     assert_eq!(sim.executed()[0].work, Write::Coils(3, vec![true, false, true]));
+}
+
+#[tokio::test]
+async fn a_position_register_is_written_and_read_whole() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.run());
+    let position = PositionRegister {
+        joints: Some([0.0, 10.0, -20.0, 0.0, -90.0, 45.0, 0.0, 0.0, 0.0]),
+        user_tool: 2,
+        ..Default::default()
+    };
+    robot.write_position(400, &position, WordOrder::LowFirst).await.unwrap();
+    assert_eq!(robot.read_position(400, WordOrder::LowFirst).await.unwrap(), position);
+    assert_eq!(sim.executed().len(), 1, "one request");
+    let beyond = robot.read_position(16_400, WordOrder::LowFirst).await;
+    assert!(matches!(beyond, Err(Error::Exception(Exception::IllegalDataAddress))), "{beyond:?}");
 }
 
 #[tokio::test]

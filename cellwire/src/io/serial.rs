@@ -98,7 +98,7 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
     let port = builder.data_bits(data_bits).parity(parity).stop_bits(stop_bits).open();
     port.map_err(|error| {
         let advice = match error.kind() {
-            serialport::ErrorKind::NoDevice => absent(path),
+            serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound) => absent(path),
             serialport::ErrorKind::InvalidInput => {
                 ": it is not a serial port, or does not support this baud rate".to_owned()
             }
@@ -249,6 +249,12 @@ pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
 #[cfg(unix)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_error_of_an_absent_port_says_so() {
+        let error = open("/dev/no-such-port", 9600).err().unwrap().to_string();
+        assert!(error.contains("no such port"), "{error}");
+    }
 
     #[test]
     fn the_latency_timer_of_a_port_is_found_through_its_link() {

@@ -8,7 +8,8 @@ pub struct Tables {
     discrete_inputs: Vec<bool>,
     coils: Vec<bool>,
     input_registers: Vec<u16>,
-    /// The holding registers, from PDU address 0 on.
+    /// The holding registers, from PDU address 0 on. A test puts a position register there by
+    /// [`PositionRegister::to_registers`](fanuc_hmi_modbus::PositionRegister::to_registers).
     pub holding_registers: Vec<u16>,
 }
 

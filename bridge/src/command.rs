@@ -111,7 +111,11 @@ fn check_store(site: &Site) -> Result<()> {
     }
     let mut store = match Store::open(file, *most) {
         Ok(store) => store,
-        Err(error) if error.is::<Busy>() => return log(&json!({"store": file, "why": error.to_string()})),
+        Err(error) if error.is::<Busy>() => {
+            return log(
+                &json!({"store": file, "why": "in use by a running bridge: its records were not looked at"}),
+            );
+        }
         Err(error) => return Err(error),
     };
     let words = Words::open(&store)?;

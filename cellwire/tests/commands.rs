@@ -85,6 +85,7 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
         ("vectors", "check"),
         ("simulate nonsense --listen 0", "[possible values: kawasaki-robot, kawasaki-pc"),
         ("simulate ball", "--listen"),
+        ("simulate isra-ball", "--listen"),
         ("simulate ball --listen 0 --pty x", "cannot be used with"),
         ("simulate ball --connect 127.0.0.1:9", "use --pty or --listen"),
         ("simulate fanuc --connect 127.0.0.1:9", "use --listen, or --pty"),

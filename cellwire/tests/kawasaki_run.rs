@@ -147,7 +147,7 @@ fn a_run_that_is_killed_goes_on_and_nothing_is_lost_or_repeated() {
             run.kill(); // as kill -9
             let before = cell.executed().len();
             run = cell.run(&[]);
-            let on = run.event("goes_on");
+            let on = run.event("resumed");
             assert!(on["done"].as_u64().unwrap() <= before as u64 + 1, "{on} {before}");
             assert!(run.event("order_resumed")["sent"].as_u64() > Some(0));
         }

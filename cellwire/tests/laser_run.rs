@@ -118,6 +118,27 @@ fn a_program_is_run_once() {
     assert!(said.contains("it belongs to another program"), "{said}");
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupt_stops_after_the_frame_in_flight_and_nothing_is_unknown() {
+    let cell = Cell::new(&[]);
+    let program = cell.program(400);
+    let run = cell.run(&program, &[]);
+    run.event("done");
+    run.interrupt();
+    let ended = run.event("ended");
+    assert_eq!((&ended["why"], &ended["unknown"]), (&"stopped".into(), &0.into()));
+    let done = ended["done"].as_u64().unwrap();
+    assert!((7..400).contains(&done), "{done}");
+    assert_eq!(run.end().0, Some(1));
+    assert_eq!(cell.queued(done), done);
+
+    let run = cell.run(&program, &[]);
+    assert_eq!(run.event("resumed")["done"], done);
+    assert_eq!(run.event("ended")["done"], 400);
+    assert_eq!(done + cell.queued(400 - done), 400, "each once");
+}
+
 #[test]
 fn a_run_that_is_killed_goes_on_and_asks_about_the_frame_in_flight() {
     let cell = Cell::new(&[]);
@@ -131,7 +152,7 @@ fn a_run_that_is_killed_goes_on_and_asks_about_the_frame_in_flight() {
 
     let mut run = cell.run(&program, &[]);
     let mut line = run.line();
-    assert_eq!(line["event"], "goes_on");
+    assert_eq!(line["event"], "resumed");
     let done = line["done"].as_u64().unwrap();
     line = run.line();
     // It may have been killed between two frames: then there is no question.

@@ -130,7 +130,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     assert_eq!(run.end().0, Some(1));
     // The operator has put it into its place: it is not picked again.
     let mut run = cell.run(3, &[]);
-    assert_eq!(run.event("goes_on")["done"], 1);
+    assert_eq!(run.event("resumed")["done"], 1);
     assert_eq!(run.event("question")["part"], 2);
     run.say("nonsense");
     run.event("hint");

@@ -89,7 +89,7 @@ pub struct Abandoned {
     pub outcome: Result<PduBuf, Error>,
 }
 
-/// Why a request has no reply of use.
+/// Why a request has no usable reply.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

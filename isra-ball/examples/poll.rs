@@ -1,10 +1,10 @@
-//! Polls a ball on a serial port: `cargo run -p isra-ball --features std --example poll -- /dev/ttyUSB0`
+//! Polls a ball on a serial port: `cargo run -p isra-ball --features serialport --example poll -- /dev/ttyUSB0`
 
 use core::ops::ControlFlow;
 
+use isra_ball::robot_session::serialport::{self, FlowControl};
 use isra_ball::robot_session::{Serial, drive};
 use isra_ball::{Host, HostConfig, HostEvent};
-use serialport::FlowControl;
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: poll PORT")?;

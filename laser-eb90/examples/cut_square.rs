@@ -1,8 +1,8 @@
-//! Cuts a square over a serial line: `cargo run --features std --example cut_square /dev/ttyUSB0`. A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
+//! Cuts a square over a serial line: `cargo run --features serialport --example cut_square /dev/ttyUSB0`. A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
 
 use core::ops::ControlFlow;
 
-use laser_eb90::robot_session::{Ended, Serial, drive};
+use laser_eb90::robot_session::{Ended, Serial, drive, serialport};
 use laser_eb90::{Host, HostConfig, HostEvent, SessionError, timing};
 
 /// A straight cut to X, Y: interpreted, so it is queued.

@@ -1,7 +1,7 @@
-//! Cuts a square, then asks for the robot's state: `cargo run -p laser-eb90 --features tokio --example cut_square_tokio -- /dev/ttyUSB0`
+//! Cuts a square, then asks for the robot's state: `cargo run -p laser-eb90 --features tokio-serial --example cut_square_tokio -- /dev/ttyUSB0`
 
 use laser_eb90::HostConfig;
-use laser_eb90::robot_session::tokio::Serial;
+use laser_eb90::robot_session::tokio::{Serial, tokio_serial};
 use laser_eb90::tokio::{Command, host};
 
 /// A straight cut to X, Y: interpreted, so it is queued.

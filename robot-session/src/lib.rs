@@ -58,6 +58,8 @@ pub use machine::{Expiry, Input, Machine, is_due};
 pub use rules::{Rule, Rules};
 #[cfg(feature = "serialport")]
 pub use serial::Serial;
+#[cfg(feature = "serialport")]
+pub use serialport;
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]

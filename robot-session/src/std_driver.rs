@@ -80,8 +80,8 @@ pub fn now() -> Duration {
 }
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,
-/// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one returned. A
-/// session that works with something else than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
+/// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one returned. An
+/// error of the transport is returned in its place; the events have said what became of what was in flight. A session that works with something else than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
 ///
 /// # Errors
 /// The transport's.

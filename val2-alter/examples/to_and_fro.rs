@@ -1,8 +1,8 @@
-//! A host on a serial port: `cargo run -p val2-alter --features std --example to_and_fro -- /dev/ttyS0`. Moves the tool slowly to and fro.
+//! A host on a serial port: `cargo run -p val2-alter --features serialport --example to_and_fro -- /dev/ttyS0`. Moves the tool slowly to and fro.
 
 use core::ops::ControlFlow;
 
-use val2_alter::robot_session::{Serial, Session as _, drive, now};
+use val2_alter::robot_session::{Serial, Session as _, drive, now, serialport};
 use val2_alter::{Host, HostConfig, HostEvent, timing};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {

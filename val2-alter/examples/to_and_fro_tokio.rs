@@ -1,9 +1,9 @@
-//! Moves the tool slowly to and fro, within 50 mm: `cargo run -p val2-alter --features tokio --example to_and_fro_tokio -- /dev/ttyS0`
+//! Moves the tool slowly to and fro, within 50 mm: `cargo run -p val2-alter --features tokio-serial --example to_and_fro_tokio -- /dev/ttyS0`
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program sets the pace")]
 
 use core::time::Duration;
 
-use val2_alter::robot_session::tokio::Serial;
+use val2_alter::robot_session::tokio::{Serial, tokio_serial};
 use val2_alter::tokio::host;
 use val2_alter::{HostConfig, HostEvent, Reach};
 

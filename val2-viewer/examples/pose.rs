@@ -1,9 +1,9 @@
-//! Answers a workstation on a serial port: `cargo run -p val2-viewer --features std --example pose -- /dev/ttyUSB0`
+//! Answers a workstation on a serial port: `cargo run -p val2-viewer --features serialport --example pose -- /dev/ttyUSB0`
 
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use serialport::FlowControl;
+use val2_viewer::robot_session::serialport::{self, FlowControl};
 use val2_viewer::robot_session::{Driver, Serial, Session as _, now};
 use val2_viewer::{Host, HostConfig, timing};
 

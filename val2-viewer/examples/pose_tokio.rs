@@ -1,9 +1,9 @@
-//! Answers a workstation under tokio: `cargo run -p val2-viewer --features tokio --example pose_tokio -- /dev/ttyUSB0`
+//! Answers a workstation under tokio: `cargo run -p val2-viewer --features tokio-serial --example pose_tokio -- /dev/ttyUSB0`
 
 use core::ops::ControlFlow;
 
-use tokio_serial::SerialPortBuilderExt as _;
 use val2_viewer::robot_session::tokio::Driver;
+use val2_viewer::robot_session::tokio::tokio_serial::{self, SerialPortBuilderExt as _};
 use val2_viewer::robot_session::{Session as _, now};
 use val2_viewer::{Host, HostConfig, timing};
 

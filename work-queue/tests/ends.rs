@@ -141,6 +141,9 @@ fn a_job_of_a_power_of_two_lies_in_one_cache_line() {
     }
     assert_sizes::<[u8; 16]>();
     assert_sizes::<[u64; 4]>();
-    assert_sizes::<[u64; 8]>();
-    assert_sizes::<[u64; 16]>();
+    // What is longer than a line is in several.
+    if cfg!(target_pointer_width = "64") {
+        assert_sizes::<[u64; 8]>();
+        assert_sizes::<[u64; 16]>();
+    }
 }

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::settings::SetArgs;
-use super::work::{Work, WorkArgs, say_goes_on};
+use super::work::{Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::io::bell::Bell;
@@ -196,7 +196,7 @@ fn serve(
     let timeout = args.work.connect.timeout();
     let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, timeout)?;
     ready("kawasaki", kind, &place)?;
-    say_goes_on(journal)?;
+    say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
     let operator = Operator {
         words: input::lines(Bell::default()),

@@ -7,7 +7,7 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{Work, WorkArgs, say_goes_on};
+use super::work::{Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
 use crate::io::bell::Bell;
@@ -38,10 +38,14 @@ enum Command {
 
 /// Runs a program, each instruction once: G-code, DXF (lines and arcs), or CSV with a command word and its floats per line.
 ///
+/// G-code: G0 to G3, G17, G20, G21, G90, G91, G94, M2, M3, M4, M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut after M3 or M4, until
+/// M5 or while S is 0; otherwise they move with the laser off, as G0 does. A cut needs a feed.
+///
 /// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
 /// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether
 /// instructions were queued, it stops and asks: check the machine and type `done`, `repeat` or `stop`. `pause`, `continue` and
-/// `stop` can be typed at any time, and take effect after the frame in flight.
+/// `stop` can be typed at any time, and take effect after the frame in flight. Ctrl-C is `stop`; a second one ends the command at once,
+/// and leaves that frame unknown: up to seven instructions.
 ///
 /// "Done" means queued: a controller that loses its queue (a power cut) has not executed all of it.
 ///
@@ -79,10 +83,12 @@ pub fn run(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     if !program.not_carried.is_empty() {
-        log(&json!({
-            "event": "not_carried", "values": program.not_carried,
-            "hint": "the program has values that no instruction carries: add them to the setting program.values",
-        }))?;
+        let all: Vec<_> = mapping.values.iter().chain(&program.not_carried).collect();
+        let hint = format!(
+            "the robot does not get these values; to send them: --set 'program.values={}'",
+            json!(all)
+        );
+        log(&json!({"event": "not_carried", "values": program.not_carried, "hint": hint}))?;
     }
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
     let work = Work { file: &args.file, what: "program", fingerprint, parts };
@@ -109,18 +115,20 @@ fn execute(
     progress: &ProgressBar,
     host: laser_eb90::HostConfig,
 ) -> Result<Ended> {
-    say_goes_on(journal)?;
+    say_resumed(journal)?;
     let operator = Operator {
-        words: input::lines(Bell::default()),
+        words: input::lines_or_stop(Bell::default())?,
         notify: &mut |event| log(&event),
         progress: &mut |done| progress.set_position(done as u64),
     };
+    // A question is asked when its answer can be used.
+    let port = args.port.as_deref().unwrap_or_default();
+    let port = AnyPort::open(port, host.baud, args.work.connect.timeout())?;
     let mut runner = Runner::new(program, journal, host, operator);
     if !runner.settle_unknown("an earlier run ended before the answer")? {
         return Ok(Ended::Stopped);
     }
-    let port = args.port.as_deref().unwrap_or_default();
-    runner.run(AnyPort::open(port, host.baud, args.work.connect.timeout())?)
+    runner.run(port)
 }
 
 /// `number,line,word,outcome` of every instruction.

@@ -7,7 +7,7 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{Work, WorkArgs, say_goes_on};
+use super::work::{Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
 use crate::io::bell::Bell;
@@ -50,7 +50,8 @@ enum Command {
 /// outcome of every part; after any interruption the same command resumes. If the outcome of a part
 /// is unknown, or a device fails, it asks: check the cell and type `done` (the part is in its
 /// place), `repeat` or `stop`. `pause`, `continue` and `stop` can be typed at any time and take
-/// effect after the current part; `abort` stops everything immediately.
+/// effect after the current part; `abort` stops everything immediately. Ctrl-C is `stop`; a second
+/// one ends the command at once.
 ///
 /// Cameras, valves and vacuum switch are simulated, or connected over TCP with lines of text. The
 /// controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`.
@@ -108,10 +109,10 @@ fn execute(
     journal: &mut Journal,
     progress: &ProgressBar,
 ) -> Result<Ended> {
-    say_goes_on(journal)?;
+    say_resumed(journal)?;
     let bell = Bell::default();
     let operator = Operator {
-        words: input::lines(bell.clone()),
+        words: input::lines_or_stop(bell.clone())?,
         notify: &mut |event| log(&event),
         progress: &mut |placed| progress.set_position(placed as u64),
     };

@@ -78,7 +78,10 @@ pub fn help(command: &str, arguments: &[String]) -> String {
     let link = LINKS.iter().find(|link| named(link.name));
     let found = match command {
         "alter" => Some(("alter", settings::list(operator::Settings::default()))),
-        "simulate" => DEVICES.iter().find(|device| named(device.name)).map(|it| (it.name, (it.settings)())),
+        "simulate" => DEVICES
+            .iter()
+            .find(|device| named(device.name) || device.link.is_some_and(named))
+            .map(|it| (it.name, (it.settings)())),
         "demo" => link.map(|link| (link.name, demo::settings(link.name))),
         _ => link.map(|link| (link.name, (link.settings)())),
     };

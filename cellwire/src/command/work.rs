@@ -94,9 +94,9 @@ impl WorkArgs {
 }
 
 /// Says that the work was begun before.
-pub(super) fn say_goes_on<R: Record>(journal: &Journal<R>) -> Result<()> {
+pub(super) fn say_resumed<R: Record>(journal: &Journal<R>) -> Result<()> {
     match (journal.count(Outcome::Done), journal.outcomes().len()) {
         (0, _) => Ok(()),
-        (done, of) => log(&json!({"event": "goes_on", "done": done, "of": of})),
+        (done, of) => log(&json!({"event": "resumed", "done": done, "of": of})),
     }
 }

@@ -4,13 +4,15 @@ use core::ops::RangeInclusive;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
-use std::sync::mpsc::{self, Receiver};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 
 use crate::io::bell::Bell;
+use crate::io::interrupt;
 
 /// The parser of a time in seconds, within a range.
 pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
@@ -71,17 +73,59 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 
 /// What is typed on standard input, line by line, until it ends. The bell is rung for each line, and at the end.
 pub fn lines(bell: Bell) -> Receiver<String> {
-    let (sender, lines) = mpsc::channel();
-    thread::spawn(move || {
+    let (typed, lines) = Typed::new(bell);
+    thread::spawn(move || typed.read());
+    lines
+}
+
+/// As [`lines`]; the first interrupt is the line `stop`. Another one ends the program, as does the first after the end of the input.
+///
+/// # Errors
+/// When interrupts have another handler already.
+pub fn lines_or_stop(bell: Bell) -> Result<Receiver<String>> {
+    let (typed, lines) = Typed::new(bell);
+    let stop = typed.clone();
+    interrupt::watch(move |count| {
+        if count > 1 || !stop.take("stop".into()) {
+            std::process::exit(interrupt::INTERRUPTED);
+        }
+    })?;
+    thread::spawn(move || typed.read());
+    Ok(lines)
+}
+
+/// Where lines go until standard input ends.
+#[derive(Clone)]
+struct Typed {
+    lines: Arc<Mutex<Option<Sender<String>>>>,
+    bell: Bell,
+}
+
+impl Typed {
+    fn new(bell: Bell) -> (Self, Receiver<String>) {
+        let (sender, lines) = mpsc::channel();
+        (Self { lines: Arc::new(Mutex::new(Some(sender))), bell }, lines)
+    }
+
+    /// False when nobody takes it any more.
+    fn take(&self, line: String) -> bool {
+        let is_taken = self.lines().as_ref().is_some_and(|lines| lines.send(line).is_ok());
+        self.bell.ring();
+        is_taken
+    }
+
+    fn read(&self) {
         for line in io::stdin().lines() {
             let Ok(line) = line else { break };
-            if sender.send(line).is_err() {
+            if !self.take(line) {
                 break;
             }
-            bell.ring();
         }
-        drop(sender);
-        bell.ring();
-    });
-    lines
+        *self.lines() = None;
+        self.bell.ring();
+    }
+
+    fn lines(&self) -> MutexGuard<'_, Option<Sender<String>>> {
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }

@@ -23,6 +23,8 @@ use cellwire_links::settings::Setting;
 pub struct Device {
     /// Its name on the command line.
     pub name: &'static str,
+    /// Its link, where that has no other device: another name.
+    pub link: Option<&'static str>,
     /// What it is, in one line.
     pub about: &'static str,
     /// What can be set of it, and the defaults.

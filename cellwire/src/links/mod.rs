@@ -41,11 +41,14 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
 /// # Errors
 /// When there is none.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
-    DEVICES.iter().find(|device| device.name == name).with_context(|| format!("there is no device {name}"))
+    let is_named = |device: &&Device| device.name == name || device.link == Some(name);
+    DEVICES.iter().find(is_named).with_context(|| format!("there is no device {name}"))
 }
 
 /// The parser of DEVICE on the command line.
 pub fn device_parser() -> impl TypedValueParser<Value = &'static Device> {
-    let names = DEVICES.each_ref().map(|device| PossibleValue::new(device.name).help(device.about));
+    let names = DEVICES
+        .each_ref()
+        .map(|device| PossibleValue::new(device.name).aliases(device.link).help(device.about));
     PossibleValuesParser::new(names).try_map(|name| device_by_name(&name))
 }

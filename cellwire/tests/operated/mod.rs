@@ -77,6 +77,14 @@ impl Tool {
         (status, said)
     }
 
+    /// As Ctrl-C.
+    #[cfg(unix)]
+    #[allow(dead_code, reason = "not of every test program")]
+    pub(crate) fn interrupt(&self) {
+        let kill = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+    }
+
     pub(crate) fn kill(mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();

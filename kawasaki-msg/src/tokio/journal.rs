@@ -18,7 +18,7 @@ pub struct Kept {
     pub order: u16,
     /// How many of its jobs are known to be executed, all of them from the first on.
     pub executed: u32,
-    /// From this one on none was sent.
+    /// The first job that was not sent.
     pub sent: u32,
     /// Those that are known to be executed ahead of others, counted from 0.
     pub ahead: Vec<u32>,

@@ -54,7 +54,7 @@ pub struct Pc<W: Job, K: Keep> {
     handle: Handle<Orders<W, K>>,
 }
 
-/// A PC, and the task that it works through. What `keep` has kept is on its way to the robot only then.
+/// A PC, and the task that it works through. Nothing is sent before `keep` has stored it.
 ///
 /// # Errors
 /// As [`LargePc::sized`].
@@ -94,13 +94,13 @@ pub struct Order {
 pub struct Over {
     /// How many of its jobs were executed, from the first on.
     pub executed: u32,
-    /// They are all.
+    /// All jobs were executed.
     pub complete: bool,
     /// The job that could not be sent, counted from 0, and why.
     pub unfit: Option<(u32, FieldError)>,
 }
 
-/// Why an order has no such end.
+/// Why an order has failed.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -121,7 +121,7 @@ pub enum Error {
     OutcomeUnknown {
         /// How many are executed, from the first on.
         executed: u32,
-        /// From this one on none was sent.
+        /// The first job that was not sent.
         sent: u32,
     },
     /// The PC was shut down: the order may be resumed.
@@ -130,7 +130,7 @@ pub enum Error {
 }
 
 impl<W: Job, K: Keep> Pc<W, K> {
-    /// Begins an order. What speaks against it is its outcome.
+    /// Begins an order. Where it cannot begin, that is its outcome.
     ///
     /// # Errors
     /// The task has ended.

@@ -20,7 +20,7 @@ pub trait Connector: Send {
     /// What carries the bytes.
     type Transport: AsyncRead + AsyncWrite + Unpin + Send;
 
-    /// A lost connection is followed by a pause. Who is connected to does not keep a peer waiting that is back already.
+    /// Whether it dials: then a lost connection is followed by a pause. One that listens takes the next peer at once.
     const DIALS: bool = true;
 
     /// Makes a connection, or waits for one. A dropped future has made none.
@@ -165,8 +165,8 @@ impl Connector for Udp {
     }
 }
 
-/// A connected UDP socket as a transport: what is written at once is a datagram, and what is read is one. One that is lost is no error,
-/// nor that nobody is there; an empty one is passed over.
+/// A connected UDP socket as a transport: what is written at once is a datagram, and what is read is one. A lost one is no error,
+/// nor is an absent peer; an empty one is skipped.
 #[derive(Debug)]
 pub struct Datagrams(pub UdpSocket);
 

@@ -20,3 +20,5 @@ pub use handle::{Closed, Handle, Link, Outcome, Reply, Reports, Service};
 pub use latest::{Latest, Source, latest};
 pub use listener::serve;
 pub use task::{Reconnect, Task, spawn, spawn_woken_by};
+#[cfg(feature = "tokio-serial")]
+pub use tokio_serial;

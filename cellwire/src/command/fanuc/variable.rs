@@ -5,7 +5,7 @@ use core::str::FromStr;
 use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
-use fanuc_hmi_modbus::{PositionRegister, Reply, Request, WordOrder, Words, text};
+use fanuc_hmi_modbus::{Failure, PositionRegister, Reply, Request, WordOrder, Words, text};
 use serde_json::{Value, json};
 
 use super::OrderArg;
@@ -88,6 +88,11 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
         let address = u16::try_from(address).ok().context("the registers end at 65535")?;
         let Some(registers) = place.read(&mut client, address)? else { return Ok(false) };
         log(&json!({"address": address, "value": place.value(&registers)}))?;
+        if place.is_denormal(&registers) {
+            remark(
+                "warning: denormal numbers: another variable is mapped here, or the word order is the other one",
+            );
+        }
     }
     Ok(true)
 }
@@ -161,6 +166,10 @@ impl PlaceArgs {
         match answer {
             Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
             Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
+            Answer::Failed(failure @ Failure::TimedOut) => remark(&format!(
+                "error: {failure}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
+                self.server, self.unit
+            )),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
             Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),
         }
@@ -188,6 +197,22 @@ impl PlaceArgs {
                 // JSON has neither NaN nor infinities.
                 if value.is_finite() { json!(value) } else { json!(value.to_string()) }
             }
+        }
+    }
+
+    /// Whether a value is one that no robot computes: below 2^-126, and not 0.
+    fn is_denormal(&self, registers: &[u16]) -> bool {
+        match (self.kind, registers.first_chunk()) {
+            (KindArg::Position, Some(registers)) => {
+                let position = PositionRegister::from_registers(registers, self.order());
+                let cartesian = position.cartesian.iter().flat_map(|it| it.xyzwpr);
+                cartesian.chain(position.joints.into_iter().flatten()).any(f32::is_subnormal)
+            }
+            (KindArg::Real, _) => match *registers {
+                [first, second] => self.order().f32([first, second]).is_subnormal(),
+                _ => false,
+            },
+            _ => false,
         }
     }
 

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use kurbo::{Affine, PathEl, Point as CurvePoint};
 use usvg::roxmltree::{Document, Node, ParsingOptions};
 
@@ -92,7 +92,8 @@ impl Picture {
             .with_context(|| format!("cannot read the drawing {}", path.display()))?;
         ensure!(data.len() as u64 <= MAX_BYTES, "the drawing {} is larger than 32 MiB", path.display());
         let read = Self::from_svg(&data, sheet, allow);
-        let (picture, left_out) = read.with_context(|| format!("the drawing {}", path.display()))?;
+        let (picture, left_out) =
+            read.map_err(|error| anyhow!("the drawing {} {error:#}", path.display()))?;
         if !left_out.is_empty() {
             remark(&format!("warning: the drawing {} without {left_out}", path.display()));
         }

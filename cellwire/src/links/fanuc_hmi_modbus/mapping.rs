@@ -72,6 +72,9 @@ impl Mapping {
             assignment.check().with_context(|| format!("slot {slot}"))?;
             areas.push(Area::of(assignment).with_context(|| format!("slot {slot}"))?);
         }
+        if areas.is_empty() {
+            bail!("there is no assignment; expected lines such as `SETVAR $SNPX_ASG[1].$ADDRESS 1`");
+        }
         areas.reverse(); // the first slot is shown last, and hides the others
         Ok(Self { areas, order })
     }
@@ -277,6 +280,8 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
             Mapping::parse("\nSETVAR $SNPX_ASG[99].$SIZE 1", WordOrder::LowFirst).unwrap_err()
         );
         assert_eq!(error, "line 2: a slot is 1 to 80");
+        let other_file = Mapping::parse("/PROG MOVE\n/END\n", WordOrder::LowFirst).unwrap_err().to_string();
+        assert!(other_file.starts_with("there is no assignment; expected lines such as"), "{other_file}");
         let telemetry = Mapping::telemetry(1, WordOrder::LowFirst).unwrap();
         let mut memory = Memory::default();
         memory.numbers.extend([(1, 100_000.0), (2, 100.0), (3, 1.0), (40, 7.0)]);

@@ -14,6 +14,7 @@ use cellwire_links::settings;
 /// `cellwire simulate kawasaki-robot`.
 pub const ROBOT: Device = Device {
     name: "kawasaki-robot",
+    link: None,
     about: "A Kawasaki robot that draws what a PC sends",
     settings: || settings::list(options::RobotSettings::default()),
     simulate: simulate::robot,
@@ -22,6 +23,7 @@ pub const ROBOT: Device = Device {
 /// `cellwire simulate kawasaki-pc`.
 pub const PC: Device = Device {
     name: "kawasaki-pc",
+    link: None,
     about: "A PC with a picture for a Kawasaki robot",
     settings: || settings::list(options::PcSettings::default()),
     simulate: simulate::pc,

@@ -10,6 +10,7 @@ use cellwire_sim::{MmaPlatform, MmaRobot};
 /// `cellwire simulate mma-robot`.
 pub const ROBOT: Device = Device {
     name: "mma-robot",
+    link: None,
     about: "The robot of the MM&A cell",
     settings: || settings::list(MmaRobot::default()),
     simulate: simulate::robot,
@@ -18,6 +19,7 @@ pub const ROBOT: Device = Device {
 /// `cellwire simulate mma-platform`.
 pub const PLATFORM: Device = Device {
     name: "mma-platform",
+    link: None,
     about: "The orientation platform of the MM&A cell",
     settings: || settings::list(MmaPlatform::default()),
     simulate: simulate::platform,

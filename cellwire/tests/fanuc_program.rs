@@ -345,7 +345,11 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
             "error: cannot read NONE",
         ),
         (
-            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --assignments LINE.LS --set inputs=XX[1]:0-",
+            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --assignments LINE.LS",
+            "error: LINE.LS: there is no assignment",
+        ),
+        (
+            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --set inputs=XX[1]:0-",
             "error: inputs=XX[1]:0- is not INPUT:FROM-TO",
         ),
         (

@@ -84,7 +84,7 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
     let pc = KawasakiPc { jobs: jobs(300).into(), order: 65_535, repeat: true, ..KawasakiPc::default() };
     let sim = pc.listen("127.0.0.1:0").unwrap();
     sim.faults()
-        .follow(Script::new().answer(3, Fault::Cut).answer(9, Fault::Drop).request(20, Fault::Corrupt));
+        .follow(Script::new().answer(3, Fault::Cut).answer(9, Fault::Drop).request(12, Fault::Corrupt));
     let to = Tcp::new(sim.address().to_string());
     let ranges = <Line as Work>::Ranges::default();
     let (_robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, ranges, 64, to).unwrap();

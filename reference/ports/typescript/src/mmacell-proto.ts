@@ -209,7 +209,7 @@ abstract class LineDecoder<M> extends Decoder<M, CellError> {
       }
     }
     if (this.ended) return length > 0 ? { length, error: { kind: "incomplete" } } : null;
-    if (length > MAX_LINE) {
+    if (length > MAX_LINE && held.length > 0) {
       this.afterCr = held[held.length - 1] === CR;
       this.drop(held.length);
     }

@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define MMACELL_DEVICE_EVENTS 8
+#define MMACELL_DEVICE_EVENTS 16
 #define MMACELL_DEVICE_KEPT 512 /* MM-50 */
 
 /* MM-75 */
@@ -44,6 +44,7 @@ enum mmacell_device_kind {
     MMACELL_DEVICE_MALFORMED,    /* rejected: item */
     MMACELL_DEVICE_AGREED,       /* closed, after CLO */
     MMACELL_DEVICE_OVERRUN,      /* closed */
+    MMACELL_DEVICE_UNEXPECTED,   /* a line without a connection */
 };
 
 struct mmacell_device_event {

@@ -106,8 +106,8 @@ static void print_order(const struct mmacell_proto_message *order)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"asked",    "rejected", "rejected", "rejected",
-                                        "rejected", "rejected", "closed",   "closed"};
+    static const char *const NAMES[] = {"asked",    "rejected", "rejected", "rejected",  "rejected",
+                                        "rejected", "closed",   "closed",   "unexpected"};
     static const char *const STATES[] = {"Off", "Still", "Moving", "Stopping", "Fault"};
     struct mmacell_device_event event;
     if (!mmacell_device_event(&session, &event))
@@ -139,6 +139,8 @@ static bool event(bool is_first)
         break;
     case MMACELL_DEVICE_OVERRUN:
         print(",\"reason\":\"overrun\"");
+        break;
+    case MMACELL_DEVICE_UNEXPECTED:
         break;
     }
     print("}");

@@ -280,5 +280,5 @@ def encode_coordinate(value: Any, decimals: int) -> str:
     count = math.floor(scaled) + (scaled - math.floor(scaled) >= 0.5)
     if count > MAX_COORDINATE:
         raise Refused(f"a coordinate of {value} does not fit")
-    digits = f"{count:06}"
-    return ("-" if value < 0 and count else "+") + digits[:-decimals] + "." + digits[-decimals:]
+    digits = f"{int(math.copysign(count, value)):+07}"
+    return digits[:-decimals] + "." + digits[-decimals:]

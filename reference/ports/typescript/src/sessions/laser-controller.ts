@@ -192,7 +192,7 @@ export class LaserController implements Session<LaserControllerEvent> {
       if ("error" in item) this.corrupt(item.error, item.length, true);
       else this.frame(item.message, now);
     }
-    if (this.work.phase === "executing") this.decoder.keep(MAX_FRAME);
+    this.decoder.keep(MAX_FRAME);
     if (this.line.phase !== "bytes") return;
     this.line.partial = this.decoder.pending > 0;
     if (this.work.phase === "answering" && !this.line.partial) this.endStretch(now);

@@ -10,7 +10,7 @@
 #define ROBOT_CHARACTERS 32 /* MM-27 */
 #define CONTENT_SIZE 128
 
-/* A line that is read from left to right (MM-25); the first failure is in `item`. */
+/* A line that is read from left to right (MM-25); the first failure is in `item`. Behind its content stands its end. */
 struct line {
     const uint8_t *content;
     size_t length, at;
@@ -71,7 +71,7 @@ static bool integer(struct line *line, int32_t *value)
     *value = 0;
     if (!character(line, "+-", "sign", &sign))
         return false;
-    if (line->dialect.blank && line->at < line->length && line->content[line->at] == ' ')
+    if (line->dialect.blank && line->content[line->at] == ' ')
         line->at++;
     if (!digits(line, 5, value))
         return false;
@@ -163,7 +163,7 @@ static bool command(struct line *line)
         message->flag = index == 0;
         return true;
     case MMACELL_PROTO_OVR:
-        if (line->dialect.ovrd && line->at < line->length && line->content[line->at] == 'D')
+        if (line->dialect.ovrd && line->content[line->at] == 'D')
             line->at++;
         return percent(line, &message->number);
     case MMACELL_PROTO_MOV:

@@ -133,7 +133,7 @@ static const char *status_motion(struct mmacell_central *central, const struct m
     }
     bool arrived = is_there(central, status);
     bool is_still = central->motion == MMACELL_CENTRAL_STOPPING || central->target == MMACELL_CENTRAL_NO_TARGET;
-    if (!is_still && central->motion == MMACELL_CENTRAL_STARTING && !(arrived && status->servo))
+    if (central->motion == MMACELL_CENTRAL_STARTING && !(arrived && status->servo))
         return "starting";
     central->motion = MMACELL_CENTRAL_REST;
     central->has_pose = true;

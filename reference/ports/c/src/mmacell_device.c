@@ -49,6 +49,7 @@ static void restart(struct mmacell_device *device, enum mmacell_device_link link
     device->link = link;
     device->kept_len = 0;
     mmacell_proto_init(&device->decoder, MMACELL_PROTO_CENTRAL, device->config.accepts);
+    device->decoder.axes_len = device->config.axes_len;
 }
 
 void mmacell_device_connected(struct mmacell_device *device)
@@ -118,16 +119,13 @@ static bool make_absolute(struct mmacell_device *device, struct mmacell_proto_me
 static void take_line(struct mmacell_device *device, const struct mmacell_proto_item *item)
 {
     struct mmacell_proto_message order = item->message;
-    bool is_move = order.kind == MMACELL_PROTO_MOV;
     if (device->link == MMACELL_DEVICE_DOWN) {
         report(device, MMACELL_DEVICE_UNEXPECTED);
     } else if (order.kind >= MMACELL_PROTO_TOO_LONG) {
         reject(device, MMACELL_DEVICE_MALFORMED)->item = *item;
-    } else if (is_move && order.axes_len != device->config.axes_len) {
-        reject(device, MMACELL_DEVICE_OTHER_AXES);
     } else if (order.kind == MMACELL_PROTO_STA) {
         answer_status(device);
-    } else if (is_move && order.flag && !make_absolute(device, &order)) {
+    } else if (order.kind == MMACELL_PROTO_MOV && order.flag && !make_absolute(device, &order)) {
         return;
     } else if (!is_possible(device, &order)) {
         reject(device, MMACELL_DEVICE_NOT_NOW);

@@ -15,6 +15,7 @@ struct line {
     const uint8_t *content;
     size_t length, at;
     struct mmacell_proto_dialect dialect;
+    size_t axes_len;
     struct mmacell_proto_item *item;
 };
 
@@ -170,7 +171,9 @@ static bool command(struct line *line)
         if (!character(line, "AR", "absolute_or_relative", &mode))
             return false;
         message->flag = mode == 'R';
-        return coordinates(line, line->length - line->at >= ROBOT_CHARACTERS ? ROBOT_AXES : PLATFORM_AXES);
+        return coordinates(line, line->axes_len > 0 ? line->axes_len
+                                 : line->length - line->at >= ROBOT_CHARACTERS ? ROBOT_AXES
+                                                                               : PLATFORM_AXES);
     case MMACELL_PROTO_ACQ:
         return integer(line, &message->number);
     case MMACELL_PROTO_HND:
@@ -256,7 +259,7 @@ static bool take(struct mmacell_proto_decoder *decoder, struct mmacell_proto_ite
         return true;
     }
     bool has_cr = size >= 2 && decoder->held[size - 2] == '\r';
-    struct line line = {decoder->held, size - 1 - has_cr, 0, decoder->dialect, item};
+    struct line line = {decoder->held, size - 1 - has_cr, 0, decoder->dialect, decoder->axes_len, item};
     bool is_read = decoder->side == MMACELL_PROTO_CENTRAL ? command(&line) : reply(&line, decoder->side);
     if (is_read && line.at < line.length)
         fail(&line, MMACELL_PROTO_TRAILING, line.at, 0, NULL);

@@ -106,7 +106,7 @@ static void print_order(const struct mmacell_proto_message *order)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"asked",    "rejected", "rejected", "rejected",  "rejected",
+    static const char *const NAMES[] = {"asked",    "rejected", "rejected", "rejected",
                                         "rejected", "closed",   "closed",   "unexpected"};
     static const char *const STATES[] = {"Off", "Still", "Moving", "Stopping", "Fault"};
     struct mmacell_device_event event;
@@ -125,9 +125,6 @@ static bool event(bool is_first)
         break;
     case MMACELL_DEVICE_OUT_OF_RANGE:
         print(",\"reason\":\"out_of_range\"");
-        break;
-    case MMACELL_DEVICE_OTHER_AXES:
-        print(",\"reason\":\"other_axes\"");
         break;
     case MMACELL_DEVICE_MALFORMED:
         print(",\"reason\":{\"malformed\":");

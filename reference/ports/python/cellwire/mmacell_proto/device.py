@@ -78,7 +78,7 @@ class Device(Session):
         self.lines = self.new_decoder()
 
     def new_decoder(self) -> codec.Decoder:
-        return codec.Decoder("central", self.config.accepts)
+        return codec.Decoder("central", self.config.accepts, self.device)
 
     # What the owner says
 

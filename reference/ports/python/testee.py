@@ -180,14 +180,17 @@ def play(end: Session, step: Json) -> Json:
             call(end, now, name, argument)
     except NotTaken as not_taken:
         answer["refused"] = not_taken.refused
-    while True:
-        if not step.get("keep"):
+    is_over = False
+    while not is_over:
+        is_over = True
+        if end.events and not step.get("keep"):
             answer["events"] += end.events
             end.events.clear()
-        sent = None if step.get("hold") else end.transmit(now)
-        if sent is None:
-            return answer | {"deadline": end.deadline()}
-        answer["transmit"].append(sent.hex().upper())
+            is_over = False
+        while not step.get("hold") and (sent := end.transmit(now)) is not None:
+            answer["transmit"].append(sent.hex().upper())
+            is_over = False
+    return answer | {"deadline": end.deadline()}
 
 
 def call(end: Session, now: int, name: str, argument: Any) -> None:

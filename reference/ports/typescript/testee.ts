@@ -336,14 +336,18 @@ function play({ session, calls }: End, steps: Step[]): object[] {
       refused = { refused: { kind: refusal.kind } };
     }
     const transmit: string[] = [];
-    const take = (): void => {
-      if (step.keep === true) return;
-      for (let event = session.event(); event !== null; event = session.event()) events.push(event);
-    };
-    take();
-    for (let piece = step.hold === true ? null : session.transmit(now); piece !== null; piece = session.transmit(now)) {
-      transmit.push(hexOf(piece));
-      take();
+    const nextEvent = (): object | null => (step.keep === true ? null : session.event());
+    const nextPiece = (): Uint8Array | null => (step.hold === true ? null : session.transmit(now));
+    for (let isOver = false; !isOver; ) {
+      isOver = true;
+      for (let event = nextEvent(); event !== null; event = nextEvent()) {
+        events.push(event);
+        isOver = false;
+      }
+      for (let piece = nextPiece(); piece !== null; piece = nextPiece()) {
+        transmit.push(hexOf(piece));
+        isOver = false;
+      }
     }
     const deadline = session.deadline();
     return { ...refused, events, transmit, deadline: deadline < NEVER ? deadline : null };

@@ -56,7 +56,7 @@ bool ball_event(struct ball *ball, struct ball_event *event) { return TAKE_EVENT
 /* IB-33 */
 size_t ball_transmit(struct ball *ball, uint8_t *out, size_t size)
 {
-    if (!ball->is_replying || ball->event_count == BALL_EVENTS)
+    if (!ball->is_replying)
         return 0;
     size_t length = isra_ball_encode(&ball->values, out, size);
     if (length == 0)

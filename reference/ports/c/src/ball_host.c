@@ -25,7 +25,7 @@ bool ball_host_init(struct ball_host *host, const struct ball_host_config *confi
     host->spread = after(config->max_delay, host->exchange / 5);
     uint64_t cycle = later(config->period, host->window);
     host->quiet = after(cycle, host->spread);
-    uint64_t whole = host->exchange > NEVER - MS ? NEVER : (host->exchange + MS - 1) / MS * MS;
+    uint64_t whole = (host->exchange + MS - 1) / MS * MS;
     bool outlasts = config->max_age == NEVER || config->max_age > after(after(cycle, cycle), host->window);
     return config->baud > 0 && config->period >= whole && outlasts;
 }
@@ -128,7 +128,7 @@ void ball_host_timeout(struct ball_host *host, uint64_t now)
         give_up(host, now);
         report(host, BALL_HOST_MISSED);
     }
-    if (host->is_live && now >= host->live_until)
+    if (now >= host->live_until)
         lose_values(host);
 }
 

@@ -34,7 +34,7 @@ static size_t extent(const struct isra_ball_decoder *decoder)
     return covered < ISRA_BALL_MAX_LEN ? covered : ISRA_BALL_MAX_LEN;
 }
 
-static int8_t to_i8(uint8_t byte) { return (int8_t)(byte < 0x80 ? byte : byte - 0x100); }
+static int8_t to_i8(uint8_t byte) { return (int8_t)((byte ^ 0x80) - 0x80); }
 
 /* Section 4.2 */
 static void decode_data(const uint8_t *data, uint8_t n, struct isra_ball_item *item)

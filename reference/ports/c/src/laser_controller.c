@@ -92,7 +92,7 @@ static void refuse(struct laser_controller *controller, uint64_t now, enum laser
 /* LE-75, LE-76 */
 static void take_error(struct laser_controller *controller, const struct laser_eb90_result *result, bool has_head)
 {
-    bool is_first = !controller->has_fault, is_listening = controller->work == LASER_CONTROLLER_LISTENING;
+    bool is_listening = controller->work == LASER_CONTROLLER_LISTENING;
     bool is_headless = result->kind == LASER_EB90_NO_HEAD || result->kind == LASER_EB90_FLAG ||
                        (result->kind == LASER_EB90_TAG && result->error_offset == 0) ||
                        (result->kind == LASER_EB90_INCOMPLETE && !has_head);
@@ -101,7 +101,7 @@ static void take_error(struct laser_controller *controller, const struct laser_e
     event->error_offset = result->error_offset;
     event->expected = result->expected;
     event->found = result->found;
-    if (is_first) {
+    if (!controller->has_fault) {
         controller->has_fault = true;
         controller->fault = result->kind == LASER_EB90_BAD_CHECK ? LASER_WORDS_BAD_CHECKSUM : LASER_WORDS_BAD_FRAME;
     }
@@ -110,9 +110,9 @@ static void take_error(struct laser_controller *controller, const struct laser_e
         controller->fault_len = SHORTEST_FRAME;
     if (is_listening && !controller->rest) {
         controller->is_fault_answered = true;
-    } else if (is_listening && result->length >= HEAD_LEN && !is_headless) {
+    } else if (is_listening && !is_headless) {
         controller->rest = false;
-        controller->is_fault_answered = is_first || result->length >= SHORTEST_FRAME;
+        controller->is_fault_answered = result->length >= SHORTEST_FRAME;
     }
 }
 
@@ -206,7 +206,6 @@ static void take_frame(struct laser_controller *controller, uint64_t now)
         return;
     }
     forget_fault(controller);
-    controller->rest = false;
     if (!first_word(&controller->config.profile, frame->payload, frame->payload_len, &at, &word)) {
         refuse(controller, now, LASER_WORDS_BAD_FRAME);
         return;
@@ -231,7 +230,7 @@ static void take_frame(struct laser_controller *controller, uint64_t now)
 /* LE-84: the line is silent, if it has been for long enough. */
 static void end_stretch(struct laser_controller *controller, uint64_t now)
 {
-    if (controller->line == LASER_CONTROLLER_BYTES && now >= controller->silent_at) {
+    if (now >= controller->silent_at) {
         controller->line = LASER_CONTROLLER_SILENT;
         forget_fault(controller);
     }
@@ -279,8 +278,7 @@ void laser_controller_timeout(struct laser_controller *controller, uint64_t now)
         return;
     laser_eb90_end(&controller->decoder);
     read_items(controller, now);
-    bool answers = controller->work == LASER_CONTROLLER_LISTENING && controller->is_fault_answered &&
-                   controller->fault_len >= SHORTEST_FRAME;
+    bool answers = controller->is_fault_answered && controller->fault_len >= SHORTEST_FRAME;
     controller->line = LASER_CONTROLLER_SILENT;
     if (answers)
         refuse(controller, now, controller->fault);

@@ -301,13 +301,22 @@ bool laser_host_event(struct laser_host *host, struct laser_host_event *event)
     return TAKE_EVENT(host, event);
 }
 
+/* Whether an outcome waits to be taken: a notice holds nothing up. */
+static bool has_outcome(const struct laser_host *host)
+{
+    for (size_t i = 0; i < host->event_count; i++)
+        if (host->events[i].kind <= LASER_HOST_UNKNOWN)
+            return true;
+    return false;
+}
+
 /* LE-44 to LE-48, LE-111 */
 size_t laser_host_transmit(struct laser_host *host, uint64_t now, uint8_t *out, size_t size)
 {
     laser_host_timeout(host, now);
     bool is_next = host->state == LASER_HOST_IDLE && host->next.count > 0 && now >= host->quiet_until;
     bool is_again = host->state == LASER_HOST_RESENDING && now >= host->until;
-    if (host->event_count > 0 || size < LASER_EB90_MAX_LEN || !(is_next || is_again))
+    if (has_outcome(host) || size < LASER_EB90_MAX_LEN || !(is_next || is_again))
         return 0;
     if (is_next) {
         host->batch = host->next;

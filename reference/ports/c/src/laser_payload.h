@@ -24,7 +24,7 @@ static inline bool first_word(const struct laser_eb90_profile *profile, const ui
 static inline void put_word(struct laser_eb90_payload *payload, uint16_t word)
 {
     laser_eb90_put_item(payload, LASER_EB90_I16, 1);
-    laser_eb90_put_i16(payload, (int16_t)(word < 0x8000 ? word : word - 0x10000));
+    laser_eb90_put_i16(payload, (int16_t)((word ^ 0x8000) - 0x8000));
 }
 
 #endif

@@ -40,6 +40,7 @@ bool mmacell_central_init(struct mmacell_central *central, const struct mmacell_
 {
     memset(central, 0, sizeof *central);
     central->config = *config;
+    mmacell_proto_init(&central->decoder, config->device, config->accepts);
     return config->timeout > 0;
 }
 
@@ -62,6 +63,7 @@ void mmacell_central_disconnected(struct mmacell_central *central, uint64_t now)
     if (is_open(central))
         close_link(central, "disconnected", MMACELL_CENTRAL_DOWN);
     central->link = MMACELL_CENTRAL_DOWN;
+    mmacell_proto_init(&central->decoder, central->config.device, central->config.accepts);
 }
 
 /* Where a move ends (MM-42, MM-43). */
@@ -131,7 +133,7 @@ static const char *status_motion(struct mmacell_central *central, const struct m
     }
     bool arrived = is_there(central, status);
     bool is_still = central->motion == MMACELL_CENTRAL_STOPPING || central->target == MMACELL_CENTRAL_NO_TARGET;
-    if (!is_still && central->motion == MMACELL_CENTRAL_STARTING && !(arrived && status->servo))
+    if (central->motion == MMACELL_CENTRAL_STARTING && !(arrived && status->servo))
         return "starting";
     central->motion = MMACELL_CENTRAL_REST;
     central->has_pose = true;
@@ -173,13 +175,13 @@ static void take_reply(struct mmacell_central *central, uint64_t now, const stru
 size_t mmacell_central_input(struct mmacell_central *central, uint64_t now, const uint8_t *data, size_t size)
 {
     struct mmacell_proto_item item;
-    if (central->link == MMACELL_CENTRAL_DOWN)
-        report(central, MMACELL_CENTRAL_UNEXPECTED);
     /* What comes after the end of a connection is ignored (MM-38). */
-    for (size_t taken = 0; taken < size && is_open(central);) {
+    for (size_t taken = 0; taken < size && central->link != MMACELL_CENTRAL_ENDED;) {
         taken += mmacell_proto_push(&central->decoder, data + taken, size - taken);
-        while (is_open(central) && mmacell_proto_next(&central->decoder, &item)) {
-            if (item.message.kind >= MMACELL_PROTO_TOO_LONG)
+        while (central->link != MMACELL_CENTRAL_ENDED && mmacell_proto_next(&central->decoder, &item)) {
+            if (central->link == MMACELL_CENTRAL_DOWN)
+                report(central, MMACELL_CENTRAL_UNEXPECTED);
+            else if (item.message.kind >= MMACELL_PROTO_TOO_LONG)
                 close_link(central, "malformed", MMACELL_CENTRAL_ENDED)->item = item;
             else
                 take_reply(central, now, &item.message);
@@ -194,10 +196,20 @@ void mmacell_central_timeout(struct mmacell_central *central, uint64_t now)
         close_link(central, "timeout", MMACELL_CENTRAL_ENDED);
 }
 
+/* Whether an outcome waits to be taken: a notice holds nothing up. */
+static bool has_outcome(const struct mmacell_central *central)
+{
+    for (size_t i = 0; i < central->event_count; i++)
+        if (central->events[i].kind != MMACELL_CENTRAL_CONNECTED && central->events[i].kind != MMACELL_CENTRAL_UNEXPECTED)
+            return true;
+    return false;
+}
+
+/* MM-30 */
 bool mmacell_central_request(struct mmacell_central *central, const struct mmacell_proto_message *command)
 {
     uint8_t line[MMACELL_PROTO_MAX_LINE];
-    if (central->link != MMACELL_CENTRAL_IDLE || central->event_count > 0 || command->kind > MMACELL_PROTO_HND ||
+    if (central->link != MMACELL_CENTRAL_IDLE || has_outcome(central) || command->kind > MMACELL_PROTO_HND ||
         mmacell_proto_encode(command, central->config.writes, line, sizeof line) == 0)
         return false;
     central->command = *command;

@@ -4,12 +4,26 @@
 
 #define MAX_COORDINATE 999999
 #define GENERIC_ERROR 1
+/* Places for outcomes, and those that a line, or a connection, needs (MM-50). */
+#define PLACES 8
+#define NEEDED 2
 
 static struct mmacell_device_event *report(struct mmacell_device *device, enum mmacell_device_kind kind)
 {
     struct mmacell_device_event *event = ADD_EVENT(device);
     event->kind = kind;
     return event;
+}
+
+/* Whether there is room for two outcomes (MM-50): an order, and the end of the connection. */
+static bool has_room(const struct mmacell_device *device)
+{
+    size_t outcomes = 0;
+    for (size_t i = 0; i < device->event_count; i++) {
+        enum mmacell_device_kind kind = device->events[i].kind;
+        outcomes += kind == MMACELL_DEVICE_ASKED || kind == MMACELL_DEVICE_AGREED || kind == MMACELL_DEVICE_OVERRUN;
+    }
+    return outcomes + NEEDED <= PLACES && device->event_count + NEEDED <= MMACELL_DEVICE_EVENTS;
 }
 
 /* Whether an error number can be sent. */
@@ -25,6 +39,7 @@ bool mmacell_device_init(struct mmacell_device *device, const struct mmacell_dev
     memset(device, 0, sizeof *device);
     device->config = *config;
     device->override = 100;
+    mmacell_proto_init(&device->decoder, MMACELL_PROTO_CENTRAL, config->accepts);
     return (config->axes_len == 4 || config->axes_len == 2) && has_form(device, config->refusal);
 }
 
@@ -34,9 +49,13 @@ static void restart(struct mmacell_device *device, enum mmacell_device_link link
     device->link = link;
     device->kept_len = 0;
     mmacell_proto_init(&device->decoder, MMACELL_PROTO_CENTRAL, device->config.accepts);
+    device->decoder.axes_len = device->config.axes_len;
 }
 
-void mmacell_device_connected(struct mmacell_device *device) { restart(device, MMACELL_DEVICE_IDLE); }
+void mmacell_device_connected(struct mmacell_device *device)
+{
+    restart(device, has_room(device) ? MMACELL_DEVICE_IDLE : MMACELL_DEVICE_DOWN);
+}
 
 void mmacell_device_disconnected(struct mmacell_device *device) { restart(device, MMACELL_DEVICE_DOWN); }
 
@@ -100,14 +119,13 @@ static bool make_absolute(struct mmacell_device *device, struct mmacell_proto_me
 static void take_line(struct mmacell_device *device, const struct mmacell_proto_item *item)
 {
     struct mmacell_proto_message order = item->message;
-    bool is_move = order.kind == MMACELL_PROTO_MOV;
-    if (order.kind >= MMACELL_PROTO_TOO_LONG) {
+    if (device->link == MMACELL_DEVICE_DOWN) {
+        report(device, MMACELL_DEVICE_UNEXPECTED);
+    } else if (order.kind >= MMACELL_PROTO_TOO_LONG) {
         reject(device, MMACELL_DEVICE_MALFORMED)->item = *item;
-    } else if (is_move && order.axes_len != device->config.axes_len) {
-        reject(device, MMACELL_DEVICE_OTHER_AXES);
     } else if (order.kind == MMACELL_PROTO_STA) {
         answer_status(device);
-    } else if (is_move && order.flag && !make_absolute(device, &order)) {
+    } else if (order.kind == MMACELL_PROTO_MOV && order.flag && !make_absolute(device, &order)) {
         return;
     } else if (!is_possible(device, &order)) {
         reject(device, MMACELL_DEVICE_NOT_NOW);
@@ -123,7 +141,7 @@ static void read_lines(struct mmacell_device *device)
 {
     struct mmacell_proto_item item;
     size_t read = 0;
-    while (device->link == MMACELL_DEVICE_IDLE) {
+    while (device->link == MMACELL_DEVICE_DOWN || (device->link == MMACELL_DEVICE_IDLE && has_room(device))) {
         if (mmacell_proto_next(&device->decoder, &item))
             take_line(device, &item);
         else if (read < device->kept_len)
@@ -140,7 +158,7 @@ size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, 
     size_t part;
     for (size_t taken = 0; taken < size; taken += part) {
         size_t room = MMACELL_DEVICE_KEPT - device->kept_len;
-        if (device->link == MMACELL_DEVICE_DOWN || device->link == MMACELL_DEVICE_ENDED)
+        if (device->link == MMACELL_DEVICE_ENDED)
             break;
         if (room == 0) {
             restart(device, MMACELL_DEVICE_ENDED);
@@ -221,9 +239,10 @@ bool mmacell_device_event(struct mmacell_device *device, struct mmacell_device_e
 
 size_t mmacell_device_transmit(struct mmacell_device *device, uint8_t *out, size_t size)
 {
+    read_lines(device); /* what has waited for room */
     bool is_leaving = device->link == MMACELL_DEVICE_LEAVING;
     bool is_answering = is_leaving || device->link == MMACELL_DEVICE_ANSWERING;
-    if (!is_answering || device->event_count > MMACELL_DEVICE_EVENTS - 2)
+    if (!is_answering)
         return 0;
     size_t length = mmacell_proto_encode(&device->reply, device->config.writes, out, size);
     if (length == 0)

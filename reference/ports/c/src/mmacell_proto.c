@@ -10,11 +10,12 @@
 #define ROBOT_CHARACTERS 32 /* MM-27 */
 #define CONTENT_SIZE 128
 
-/* A line that is read from left to right (MM-25); the first failure is in `item`. */
+/* A line that is read from left to right (MM-25); the first failure is in `item`. Behind its content stands its end. */
 struct line {
     const uint8_t *content;
     size_t length, at;
     struct mmacell_proto_dialect dialect;
+    size_t axes_len;
     struct mmacell_proto_item *item;
 };
 
@@ -71,7 +72,7 @@ static bool integer(struct line *line, int32_t *value)
     *value = 0;
     if (!character(line, "+-", "sign", &sign))
         return false;
-    if (line->dialect.blank && line->at < line->length && line->content[line->at] == ' ')
+    if (line->dialect.blank && line->content[line->at] == ' ')
         line->at++;
     if (!digits(line, 5, value))
         return false;
@@ -163,14 +164,16 @@ static bool command(struct line *line)
         message->flag = index == 0;
         return true;
     case MMACELL_PROTO_OVR:
-        if (line->dialect.ovrd && line->at < line->length && line->content[line->at] == 'D')
+        if (line->dialect.ovrd && line->content[line->at] == 'D')
             line->at++;
         return percent(line, &message->number);
     case MMACELL_PROTO_MOV:
         if (!character(line, "AR", "absolute_or_relative", &mode))
             return false;
         message->flag = mode == 'R';
-        return coordinates(line, line->length - line->at >= ROBOT_CHARACTERS ? ROBOT_AXES : PLATFORM_AXES);
+        return coordinates(line, line->axes_len > 0 ? line->axes_len
+                                 : line->length - line->at >= ROBOT_CHARACTERS ? ROBOT_AXES
+                                                                               : PLATFORM_AXES);
     case MMACELL_PROTO_ACQ:
         return integer(line, &message->number);
     case MMACELL_PROTO_HND:
@@ -256,7 +259,7 @@ static bool take(struct mmacell_proto_decoder *decoder, struct mmacell_proto_ite
         return true;
     }
     bool has_cr = size >= 2 && decoder->held[size - 2] == '\r';
-    struct line line = {decoder->held, size - 1 - has_cr, 0, decoder->dialect, item};
+    struct line line = {decoder->held, size - 1 - has_cr, 0, decoder->dialect, decoder->axes_len, item};
     bool is_read = decoder->side == MMACELL_PROTO_CENTRAL ? command(&line) : reply(&line, decoder->side);
     if (is_read && line.at < line.length)
         fail(&line, MMACELL_PROTO_TRAILING, line.at, 0, NULL);

@@ -136,25 +136,30 @@ static void encode(const struct link *link, const struct json *request)
     print("\"}\n");
 }
 
-static void print_events(const struct end *end, bool *is_first_event)
+/* Whether there was one. */
+static bool print_events(const struct end *end, bool *is_first_event)
 {
-    while (end->event(*is_first_event))
+    bool is_any = false;
+    for (; end->event(*is_first_event); is_any = true)
         *is_first_event = false;
+    return is_any;
 }
 
-/* Gives bytes in pieces, until a session whose events stay takes no more. */
-static void give_input(const struct end *end, uint64_t now, const struct json *hex, bool takes, bool *is_first_event)
+/* Gives bytes in pieces, until a session whose events stay takes no more; whether an event was taken. */
+static bool give_input(const struct end *end, uint64_t now, const struct json *hex, bool takes, bool *is_first_event)
 {
     static uint8_t data[MAX_LINE / 2];
+    bool is_any = false;
     size_t length = 0, taken = 1;
     const char *at = hex->text, *stop = hex->text + hex->length;
     for (int byte = next_byte(&at, stop); byte >= 0; byte = next_byte(&at, stop))
         data[length++] = (uint8_t)byte;
     for (size_t given = 0; given < length && taken > 0; given += taken) {
         taken = end->input(now, data + given, length - given);
-        if (takes)
-            print_events(end, is_first_event);
+        if (takes && print_events(end, is_first_event))
+            is_any = true;
     }
+    return is_any;
 }
 
 /* One step of a story, as reference/README.md describes it. */
@@ -166,7 +171,8 @@ static void play(const struct end *end, const struct json *step)
     char name[32] = "";
     int64_t now = 0;
     uint64_t deadline;
-    bool is_taken = true, is_first_event = true, takes = !json_true(json_get(step, "keep"));
+    bool is_taken = true, is_first_event = true, was_event = false, goes_on = true;
+    bool takes = !json_true(json_get(step, "keep")), sends = !json_true(json_get(step, "hold"));
     size_t sent_len = 0;
     json_integer(json_get(step, "at"), 0, INT64_MAX, &now);
     memcpy(name, input->key, input->key_length < sizeof name ? input->key_length : 0);
@@ -176,25 +182,27 @@ static void play(const struct end *end, const struct json *step)
     else if (strcmp(name, "disconnected") == 0)
         end->disconnected((uint64_t)now);
     else if (strcmp(name, "input") == 0)
-        give_input(end, (uint64_t)now, input, takes, &is_first_event);
+        was_event = give_input(end, (uint64_t)now, input, takes, &is_first_event);
     else if (strcmp(name, "timeout") == 0)
         end->timeout((uint64_t)now);
     else if (strcmp(name, "transmitted") == 0 && end->transmitted != NULL)
         end->transmitted((uint64_t)now);
     else if (strcmp(name, "transmitted") != 0 && strcmp(name, "nothing") != 0)
         is_taken = end->call((uint64_t)now, name, input);
-    if (takes)
-        print_events(end, &is_first_event);
-    while (!json_true(json_get(step, "hold"))) {
-        size_t length = end->transmit((uint64_t)now, out, sizeof out);
-        if (length == 0 || sent_len + 2 * length + 4 > sizeof sent)
-            break;
-        sent_len += (size_t)sprintf(sent + sent_len, "%s\"", sent_len > 0 ? "," : "");
-        for (size_t i = 0; i < length; i++)
-            sent_len += (size_t)sprintf(sent + sent_len, "%02X", out[i]);
-        sent_len += (size_t)sprintf(sent + sent_len, "\"");
-        if (takes)
-            print_events(end, &is_first_event);
+    /* All events, then all that is to be sent, until neither was there. */
+    while (goes_on) {
+        goes_on = (takes && print_events(end, &is_first_event)) || was_event;
+        was_event = false;
+        while (sends) {
+            size_t length = end->transmit((uint64_t)now, out, sizeof out);
+            if (length == 0 || sent_len + 2 * length + 4 > sizeof sent)
+                break;
+            sent_len += (size_t)sprintf(sent + sent_len, "%s\"", sent_len > 0 ? "," : "");
+            for (size_t i = 0; i < length; i++)
+                sent_len += (size_t)sprintf(sent + sent_len, "%02X", out[i]);
+            sent_len += (size_t)sprintf(sent + sent_len, "\"");
+            goes_on = true;
+        }
     }
     print("],%s", is_taken ? "" : "\"refused\":{\"kind\":\"refused\"},");
     print("\"transmit\":[%.*s],\"deadline\":", (int)sent_len, sent);

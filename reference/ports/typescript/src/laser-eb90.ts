@@ -179,7 +179,7 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
   protected read(): Found<LaserFrame, LaserError> | null {
     const { held } = this;
     const head = findHead(held) ?? held.length;
-    if (head > 0 || held.length < HEAD.length) return this.noHead(head);
+    if (head > 0) return this.noHead(head);
     let place = HEAD.length;
     if (this.profile.flag === "separate") {
       const found = held[place];
@@ -197,7 +197,7 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
   private noHead(head: number): Found<LaserFrame, LaserError> | null {
     const whole = head + HEAD.length <= this.held.length;
     if (head >= MAX_PAYLOAD) return { length: MAX_PAYLOAD, error: { kind: "no_head", skipped: MAX_PAYLOAD } };
-    if (head > 0 && whole) return { length: head, error: { kind: "no_head", skipped: head } };
+    if (whole) return { length: head, error: { kind: "no_head", skipped: head } };
     return this.more();
   }
 
@@ -240,7 +240,7 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
       const type = this.types.get(tag);
       if (type === undefined) return this.fail({ kind: "tag", offset: at, found: tag }, end);
       const left = payload.length - at;
-      const needed = left === 1 ? 2 : 2 + byteAt(payload, at + 1) * SIZES[type];
+      const needed = 2 + (payload[at + 1] ?? 0) * SIZES[type];
       if (left < needed) return this.fail({ kind: "item", offset: at, needed, found: left }, end);
       items.push(this.readItem(type, payload.subarray(at + 2, at + needed)));
       at += needed;

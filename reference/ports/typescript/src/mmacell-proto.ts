@@ -1,6 +1,6 @@
 /** mmacell-proto: the text protocol between the central controller of the MM&A cell and its devices. */
 
-import { Refused, boolean, fields, integer, isInteger, oneOf } from "./check.js";
+import { Refused, boolean, integer, isInteger, oneOf } from "./check.js";
 import { Decoder, bytesOf, latin1, type Found } from "./stream.js";
 import { LineFault, LineReader, type LineError } from "./mmacell-line.js";
 
@@ -63,18 +63,17 @@ const TENTH_OF_MILLI = 10000;
 /** The most that a coordinate can be, in its last digit. */
 export const MAX_COUNT = 999999;
 
-/** How many of its last digit each axis of a device has in its unit. */
-export function scales(axes: number): number[] {
-  return axes === 4 ? [MILLI, MILLI, MILLI, TENTH_OF_MILLI] : axes === 2 ? [TENTH_OF_MILLI, TENTH_OF_MILLI] : [];
+/** How many of its last digit an axis of a device has in its unit: a robot has four axes, a platform two. */
+function scaleOf(axes: number, axis: number): number {
+  return axes === 4 && axis < 3 ? MILLI : TENTH_OF_MILLI;
 }
 
 /** Coordinates as counts of their last digit, rounded, halves away from zero; refuses what does not fit (MM-11). */
 export function countsOf(axes: unknown): number[] {
   if (!Array.isArray(axes) || (axes.length !== 2 && axes.length !== 4)) throw new Refused("message", "neither two nor four axes");
-  return scales(axes.length).map((scale, axis) => {
-    const value: unknown = axes[axis];
+  return axes.map((value: unknown, axis) => {
     if (typeof value !== "number") throw new Refused("message", `axis ${axis} is no number`);
-    const count = Math.sign(value) * Math.round(Math.abs(value) * scale);
+    const count = Math.sign(value) * Math.round(Math.abs(value) * scaleOf(axes.length, axis));
     if (!isInteger(count, -MAX_COUNT, MAX_COUNT)) throw new Refused("axis_range", `axis ${axis} is ${value}`);
     return count;
   });
@@ -82,7 +81,7 @@ export function countsOf(axes: unknown): number[] {
 
 /** Coordinates in millimetres and radians. */
 export function axesOf(counts: number[]): number[] {
-  return scales(counts.length).map((scale, axis) => (counts[axis] ?? 0) / scale + 0); // no -0
+  return counts.map((count, axis) => count / scaleOf(counts.length, axis) + 0); // no -0
 }
 
 // Encoding
@@ -96,22 +95,16 @@ function commandText(command: Command, dialect: Dialect): string {
   const kind = oneOf((command as Partial<Command> | null)?.command, ["STA", "STP", "RST", "CLO", "SRV", "OVR", "MOV", "ACQ", "HND"]);
   switch (command.command) {
     case "SRV":
-      fields(command, "command", "on");
       return `SRV${boolean(command.on) ? "ON" : dialect.off ? "OFF" : "OF"}`;
     case "OVR":
-      fields(command, "command", "percent");
       return `OVR${dialect.ovrd ? "D" : ""}${writeInteger(integer(command.percent, 0, 100, "percent"), dialect)}`;
     case "MOV":
-      fields(command, "command", "mode", "axes");
       return `MOV${oneOf(command.mode, ["absolute", "relative"]) === "absolute" ? "A" : "R"}${writeAxes(command.axes)}`;
     case "ACQ":
-      fields(command, "command", "camera");
       return `ACQ${writeInteger(command.camera, dialect)}`;
     case "HND":
-      fields(command, "command", "gripper", "open");
       return `HND${writeInteger(command.gripper, dialect)}${boolean(command.open) ? "OPEN" : dialect.clos ? "CLOS" : "CLOSE"}`;
     default:
-      fields(command, "command");
       return kind === "STP" && dialect.itr ? "ITR" : kind;
   }
 }
@@ -124,16 +117,13 @@ export function encodeReply(reply: Reply, device: Device, dialect: Dialect = STR
 function replyText(reply: Reply, device: Device, dialect: Dialect): string {
   switch (oneOf((reply as Partial<Reply> | null)?.reply, ["ok", "error", "status"])) {
     case "ok":
-      fields(reply, "reply");
       return "OK";
     case "error": {
-      fields(reply, "reply", "error");
       const { error } = reply as { error: number };
       if (error === 0) throw new Refused("error_zero");
       return `ER${writeInteger(error, dialect)}`;
     }
     case "status": {
-      fields(reply, "reply", "moving", "axes", "servo", "override", "error");
       const { moving, axes, servo, override, error } = reply as StatusReply;
       if (!Array.isArray(axes) || axes.length !== axisCount(device)) throw new Refused("message", "axes of another device");
       const percent = writeInteger(integer(override, 0, 100, "percent"), dialect);
@@ -161,7 +151,7 @@ function sign(value: number): string {
 function writeAxes(axes: number[]): string {
   return countsOf(axes)
     .map((count, axis) => {
-      const decimals = scales(axes.length)[axis] === MILLI ? 3 : 4;
+      const decimals = scaleOf(axes.length, axis) === MILLI ? 3 : 4;
       const digits = String(Math.abs(count)).padStart(6, "0");
       return `${sign(count)}${digits.slice(0, -decimals)}.${digits.slice(-decimals)}`;
     })
@@ -200,7 +190,7 @@ abstract class LineDecoder<M> extends Decoder<M, CellError> {
       return { length, error: { kind: "too_long", limit: MAX_LINE } };
     }
     if (end > 0) {
-      const content = latin1(held.subarray(0, end)).replace(this.dialect.lone_lf ? /\r?\n$/ : /\r\n$/, "");
+      const content = latin1(held.subarray(0, end)).replace(/\r?\n$/, "");
       try {
         return { length, message: this.readLine(content) };
       } catch (fault) {
@@ -209,7 +199,7 @@ abstract class LineDecoder<M> extends Decoder<M, CellError> {
       }
     }
     if (this.ended) return length > 0 ? { length, error: { kind: "incomplete" } } : null;
-    if (length > MAX_LINE) {
+    if (length > MAX_LINE && held.length > 0) {
       this.afterCr = held[held.length - 1] === CR;
       this.drop(held.length);
     }
@@ -307,7 +297,7 @@ export class ReplyDecoder extends LineDecoder<Reply> {
 function readAxes(reader: LineReader, device: Device | "unknown"): number[] {
   if (device === "none") reader.noAxes();
   const count = device === "robot" || (device === "unknown" && reader.left >= 32) ? 4 : 2;
-  return axesOf(scales(count).map((scale) => reader.coordinate(scale === MILLI ? 3 : 4)));
+  return axesOf(Array.from({ length: count }, (_, axis) => reader.coordinate(scaleOf(count, axis) === MILLI ? 3 : 4)));
 }
 
 function readPercent(reader: LineReader, dialect: Dialect): number {

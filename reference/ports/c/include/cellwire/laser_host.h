@@ -41,6 +41,7 @@ enum laser_host_kind {
     LASER_HOST_ANSWER,     /* first; the values are in `laser_host.answer` until the next query is answered */
     LASER_HOST_REFUSED,    /* first, count, text: the error code */
     LASER_HOST_UNKNOWN,    /* first, count, text: the reason; expected and word for `other_word` */
+    /* notices */
     LASER_HOST_UNASKED,    /* word */
     LASER_HOST_CORRUPT,    /* error; `no_word` if its kind is LASER_EB90_FRAME */
     LASER_HOST_UNEXPECTED, /* a call, or bytes, that the state does not allow */

@@ -35,7 +35,7 @@ enum mmacell_central_kind {
     MMACELL_CENTRAL_STATUS,  /* message: the status; motion */
     MMACELL_CENTRAL_ABORTED, /* message: the command */
     MMACELL_CENTRAL_CLOSED,  /* reason; unfinished, message: the command; item for `malformed` */
-    MMACELL_CENTRAL_UNEXPECTED, /* bytes without a connection */
+    MMACELL_CENTRAL_UNEXPECTED, /* a line without a connection */
 };
 
 /* What is known of a command that was not finished (MM-36). */

@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define MMACELL_DEVICE_EVENTS 8
+#define MMACELL_DEVICE_EVENTS 16
 #define MMACELL_DEVICE_KEPT 512 /* MM-50 */
 
 /* MM-75 */
@@ -40,10 +40,10 @@ enum mmacell_device_kind {
     MMACELL_DEVICE_NOT_NOW,      /* rejected: axes do not allow it */
     MMACELL_DEVICE_NO_POSE,      /* rejected */
     MMACELL_DEVICE_OUT_OF_RANGE, /* rejected: the sum of a MOVR */
-    MMACELL_DEVICE_OTHER_AXES,   /* rejected: a MOV with the axes of another device */
     MMACELL_DEVICE_MALFORMED,    /* rejected: item */
     MMACELL_DEVICE_AGREED,       /* closed, after CLO */
     MMACELL_DEVICE_OVERRUN,      /* closed */
+    MMACELL_DEVICE_UNEXPECTED,   /* a line without a connection */
 };
 
 struct mmacell_device_event {

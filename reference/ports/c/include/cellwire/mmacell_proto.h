@@ -69,6 +69,7 @@ struct mmacell_proto_item {
 struct mmacell_proto_decoder {
     enum mmacell_proto_side side;
     struct mmacell_proto_dialect dialect;
+    size_t axes_len; /* of the device that the central controller commands; 0: it is not known (MM-27) */
     uint8_t held[MMACELL_PROTO_MAX_LINE];
     size_t length;
     size_t dropped; /* bytes of a line that is too long */

@@ -107,7 +107,7 @@ static void print_order(const struct mmacell_proto_message *order)
 static bool event(bool is_first)
 {
     static const char *const NAMES[] = {"asked",    "rejected", "rejected", "rejected",
-                                        "rejected", "rejected", "closed",   "closed"};
+                                        "rejected", "closed",   "closed",   "unexpected"};
     static const char *const STATES[] = {"Off", "Still", "Moving", "Stopping", "Fault"};
     struct mmacell_device_event event;
     if (!mmacell_device_event(&session, &event))
@@ -126,9 +126,6 @@ static bool event(bool is_first)
     case MMACELL_DEVICE_OUT_OF_RANGE:
         print(",\"reason\":\"out_of_range\"");
         break;
-    case MMACELL_DEVICE_OTHER_AXES:
-        print(",\"reason\":\"other_axes\"");
-        break;
     case MMACELL_DEVICE_MALFORMED:
         print(",\"reason\":{\"malformed\":");
         print_mmacell_error(&event.item);
@@ -139,6 +136,8 @@ static bool event(bool is_first)
         break;
     case MMACELL_DEVICE_OVERRUN:
         print(",\"reason\":\"overrun\"");
+        break;
+    case MMACELL_DEVICE_UNEXPECTED:
         break;
     }
     print("}");

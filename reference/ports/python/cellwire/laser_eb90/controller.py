@@ -185,14 +185,13 @@ class Controller(Session):
 
     def end_stretch(self, now: int) -> None:
         """The line is silent, if it has been for long enough (LE-84)."""
-        if self.line is Line.BYTES and now >= self.silent_at:
+        if now >= self.silent_at:
             self.line, self.fault = Line.SILENT, None
 
     def on_error(self, now: int, item: Item, has_head: bool = False) -> None:
         """LE-75, LE-76; `has_head` is of incomplete bytes."""
         super().on_error(now, item)
         fault, kind = item.error or {}, (item.error or {})["kind"]
-        is_first = self.fault is None
         if self.fault is None:
             self.fault = Fault("bad_checksum" if kind == "checksum" else "bad_frame")
         self.fault.count += item.length
@@ -204,7 +203,7 @@ class Controller(Session):
         is_tail = kind in ("no_head", "flag") or kind == "tag" and fault["offset"] == 0
         if not is_tail and (kind != "incomplete" or has_head):
             self.rests = False
-            self.fault.is_answered |= is_first or item.length >= SHORTEST
+            self.fault.is_answered |= item.length >= SHORTEST
 
     def take_frame(self, now: int, items: list[Json]) -> None:
         """LE-77, LE-79, LE-112"""
@@ -260,7 +259,7 @@ class Controller(Session):
             self.on_error(now, item, has_head)
         self.line, self.is_partial = Line.SILENT, False
         fault, self.fault = self.fault, None
-        if self.work is Work.LISTENING and fault is not None and fault.is_long and fault.is_answered:
+        if fault is not None and fault.is_long and fault.is_answered:
             self.set_refusal(now, fault.refusal)
 
     def transmit(self, now: int) -> bytes | None:

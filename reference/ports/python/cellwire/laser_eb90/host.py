@@ -13,6 +13,7 @@ from .words import Words, item_of, word_of
 ANSWER_LEN = 13  # LE-70
 REFERENCE_BAUD = 9600
 MAX_BATCH = 255
+OUTCOMES = frozenset({"done", "answer", "refused", "unknown"})  # LE-44
 
 
 class State(Enum):
@@ -288,7 +289,7 @@ class Host(Session):
     def transmit(self, now: int) -> bytes | None:
         """LE-44 to LE-48"""
         self.timeout(now)
-        if self.events:
+        if self.waiting(OUTCOMES):
             return None
         if self.state is State.IDLE and self.filling is not None and now >= self.quiet_until:
             self.batch, self.filling = self.filling, None

@@ -9,6 +9,9 @@ from . import codec
 from .pose import Pose, added, counts
 
 
+OUTCOMES = frozenset({"done", "refused", "status", "aborted", "closed"})
+
+
 class Link(Enum):
     """Section 7.1."""
 
@@ -87,16 +90,16 @@ class Central(Session):
         if self.link not in (Link.DOWN, Link.ENDED):
             self.close("disconnected", Link.DOWN)
         self.link = Link.DOWN
+        self.decoder = self.new_decoder()
 
     def input(self, now: int, data: bytes) -> None:
-        if self.link is Link.DOWN:
-            self.unexpected("Down", "Reply")
-            return
         self.decoder.push(data)
         while (item := self.decoder.next()) is not None:
             if self.link is Link.ENDED:  # MM-38
                 continue
-            if item.error is not None:
+            if self.link is Link.DOWN:
+                self.unexpected("Down", "Reply")
+            elif item.error is not None:
                 self.close({"malformed": item.error}, Link.ENDED)
             elif item.message is not None:
                 self.reply(now, item.message)
@@ -184,7 +187,7 @@ class Central(Session):
         """The next command (MM-30); raises NotTaken."""
         if self.link in (Link.DOWN, Link.ENDED):
             raise NotTaken("not_connected")
-        if self.link is not Link.IDLE or self.events:
+        if self.link is not Link.IDLE or self.waiting(OUTCOMES):
             raise NotTaken("busy")
         try:
             frame = codec.encode(command, "central", self.config.writes)

@@ -19,6 +19,7 @@ MAX_LINE = 64  # MM-7
 LENGTH_DECIMALS, ANGLE_DECIMALS = 3, 4
 ROBOT = (LENGTH_DECIMALS, LENGTH_DECIMALS, LENGTH_DECIMALS, ANGLE_DECIMALS)
 PLATFORM = (ANGLE_DECIMALS, ANGLE_DECIMALS)
+AXES = {"robot": ROBOT, "platform": PLATFORM}
 ROBOT_CHARACTERS = 32  # MM-27
 MAX_COORDINATE = 999_999
 BARE_COMMANDS = ("STA", "STP", "RST", "CLO")
@@ -52,11 +53,12 @@ class Wrong(Exception):
 
 
 class Decoder(StreamDecoder):
-    """Section 5. `sender` is `central`, `robot` or `platform`."""
+    """Section 5. `sender` is `central`, `robot` or `platform`; `device` is the one that `central` commands, if it is known (MM-27)."""
 
-    def __init__(self, sender: str = "central", options: Json | None = None) -> None:
+    def __init__(self, sender: str = "central", options: Json | None = None, device: str = "") -> None:
         super().__init__()
         self.sender = sender
+        self.device = device
         self.dialect = Dialect(**(options or {}))
 
     def take(self) -> tuple[int, Json | None, Json | None]:
@@ -75,7 +77,7 @@ class Decoder(StreamDecoder):
         content = held[: size - 2] if held[:size].endswith(b"\r\n") else held[: size - 1]
         try:
             line = Line(content, self.dialect)
-            message = line.command() if self.sender == "central" else line.reply(self.sender)
+            message = line.command(self.device) if self.sender == "central" else line.reply(self.sender)
             if line.at < len(content):
                 raise Wrong("trailing", offset=line.at)
             return size, message, None
@@ -91,7 +93,7 @@ class Line:
         self.dialect = dialect
         self.at = 0
 
-    def command(self) -> Json:
+    def command(self, device: str) -> Json:
         """A line from the central controller."""
         name = self.take(3, "command").decode("latin-1")
         if name in BARE_COMMANDS:
@@ -107,7 +109,7 @@ class Line:
             return {"command": name, "percent": self.percent()}
         if name == "MOV":
             mode = MODES[self.character("AR", "absolute_or_relative")]
-            return {"command": name, "mode": mode, "axes": self.coordinates(self.guess_axes())}
+            return {"command": name, "mode": mode, "axes": self.coordinates(AXES.get(device) or self.guess_axes())}
         if name == "ACQ":
             return {"command": name, "camera": self.integer()}
         if name == "HND":
@@ -123,7 +125,7 @@ class Line:
             if self.at == len(self.content):
                 return {"reply": "ok"}
             moving = self.flag()
-            axes = self.coordinates(ROBOT if sender == "robot" else PLATFORM)
+            axes = self.coordinates(AXES[sender])
             servo, override, number = self.flag(), self.percent(), self.integer()
             return {
                 "reply": "status",
@@ -280,5 +282,5 @@ def encode_coordinate(value: Any, decimals: int) -> str:
     count = math.floor(scaled) + (scaled - math.floor(scaled) >= 0.5)
     if count > MAX_COORDINATE:
         raise Refused(f"a coordinate of {value} does not fit")
-    digits = f"{count:06}"
-    return ("-" if value < 0 and count else "+") + digits[:-decimals] + "." + digits[-decimals:]
+    digits = f"{int(math.copysign(count, value)):+07}"
+    return digits[:-decimals] + "." + digits[-decimals:]

@@ -11,6 +11,9 @@ from .pose import Pose, added, axes, counts
 
 HELD = 512  # MM-50
 FULL = 100  # the override of the beginning
+# Places for events that wait for the owner, and those that a line, or a connection, needs (MM-50); only outcomes fill one.
+PLACES, NEEDED = 8, 2
+OUTCOMES = frozenset({"asked", "closed"})
 
 
 class Link(Enum):
@@ -75,7 +78,7 @@ class Device(Session):
         self.lines = self.new_decoder()
 
     def new_decoder(self) -> codec.Decoder:
-        return codec.Decoder("central", self.config.accepts)
+        return codec.Decoder("central", self.config.accepts, self.device)
 
     # What the owner says
 
@@ -96,7 +99,7 @@ class Device(Session):
         try:
             codec.encode(answer, self.device, self.config.writes)
         except Refused as refused:
-            raise NotTaken("error_zero" if error == 0 else str(refused)) from refused
+            raise NotTaken(str(refused)) from refused
         self.answer, self.link = answer, Link.ANSWERING
 
     def check(self, order: Json) -> None:
@@ -191,16 +194,17 @@ class Device(Session):
     # Inputs
 
     def connected(self, now: int) -> None:
-        """MM-56."""
-        self.link = Link.IDLE
+        """MM-50, MM-56."""
+        self.link = Link.IDLE if self.has_room() else Link.DOWN
         self.lines = self.new_decoder()
 
     def disconnected(self, now: int) -> None:
         self.link = Link.DOWN
+        self.lines = self.new_decoder()
 
     def input(self, now: int, data: bytes) -> None:
         """MM-50."""
-        while data and self.link not in (Link.DOWN, Link.ENDED):
+        while data and self.link is not Link.ENDED:
             room = HELD - len(self.lines.held)
             if room == 0:
                 self.end("overrun")
@@ -210,16 +214,26 @@ class Device(Session):
 
     def wants_input(self) -> bool:
         """MM-50."""
-        return self.link in (Link.DOWN, Link.IDLE, Link.ENDED)
+        return self.link is Link.ENDED or self.reads()
+
+    def has_room(self) -> bool:
+        """MM-50."""
+        return self.waiting(OUTCOMES) + NEEDED <= PLACES
+
+    def reads(self) -> bool:
+        """MM-50."""
+        return self.link is Link.DOWN or self.link is Link.IDLE and self.has_room()
 
     def read(self, now: int) -> None:
         """The next line, if the one before was answered."""
-        while self.link is Link.IDLE and (item := self.lines.next()) is not None:
-            if item.message is None:
+        while self.reads() and (item := self.lines.next()) is not None:
+            if self.link is Link.DOWN:
+                self.unexpected("Down", "Line")
+            elif item.message is None:
                 self.reject({"malformed": item.error})  # MM-51
             else:
                 self.command(item.message)
-        if self.link is Link.IDLE:
+        if self.reads():
             # Of a line that is too long nothing but its end matters.
             del self.lines.held[codec.MAX_LINE : -1]
 
@@ -231,6 +245,7 @@ class Device(Session):
         """A device has no deadlines."""
 
     def transmit(self, now: int) -> bytes | None:
+        self.read(now)  # what has waited for room
         if self.link not in (Link.ANSWERING, Link.LEAVING):
             return None
         line = codec.encode(self.answer, self.device, self.config.writes)

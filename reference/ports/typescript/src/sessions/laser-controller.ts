@@ -72,7 +72,6 @@ type Line = { phase: "disconnected" | "silent" } | { phase: "bytes"; silentAt: n
 
 /** The most bytes of the values of an answer (LE-83). */
 const MAX_VALUES = 508;
-const HEAD_BYTES = 3;
 
 export class LaserController implements Session<LaserControllerEvent> {
   private work: Work = { phase: "listening", rest: false };
@@ -125,7 +124,7 @@ export class LaserController implements Session<LaserControllerEvent> {
     }
     const fault = this.fault;
     this.line = { phase: "silent" };
-    if (this.work.phase !== "listening" || fault === null || !fault.answered || fault.count < MIN_FRAME) return;
+    if (fault === null || !fault.answered || fault.count < MIN_FRAME) return;
     this.refuseFrame(fault.refusal, now);
   }
 
@@ -147,7 +146,7 @@ export class LaserController implements Session<LaserControllerEvent> {
 
   deadline(): number {
     const { work, line } = this;
-    if (work.phase === "executing" || line.phase === "disconnected") return NEVER;
+    if (work.phase === "executing") return NEVER;
     if (work.phase === "answering") return line.phase === "bytes" && line.partial ? line.silentAt : work.due;
     return line.phase === "bytes" ? line.silentAt : NEVER;
   }
@@ -193,7 +192,7 @@ export class LaserController implements Session<LaserControllerEvent> {
       if ("error" in item) this.corrupt(item.error, item.length, true);
       else this.frame(item.message, now);
     }
-    if (this.work.phase === "executing") this.decoder.keep(MAX_FRAME);
+    this.decoder.keep(MAX_FRAME);
     if (this.line.phase !== "bytes") return;
     this.line.partial = this.decoder.pending > 0;
     if (this.work.phase === "answering" && !this.line.partial) this.endStretch(now);
@@ -209,15 +208,14 @@ export class LaserController implements Session<LaserControllerEvent> {
     this.events.push({ event: "corrupt", error });
     const { line, work } = this;
     if (line.phase !== "bytes") return;
-    const first = line.fault === null;
     const fault = (line.fault ??= { refusal: error.kind === "checksum" ? "bad_checksum" : "bad_frame", count: 0, answered: false });
     fault.count = Math.min(fault.count + length, MIN_FRAME);
     if (work.phase !== "listening") return;
     if (!work.rest) {
       fault.answered = true;
-    } else if (beginsAsFrame(error, length, begun)) {
+    } else if (beginsAsFrame(error, begun)) {
       work.rest = false;
-      if (first || length >= MIN_FRAME) fault.answered = true;
+      if (length >= MIN_FRAME) fault.answered = true;
     }
   }
 
@@ -299,8 +297,8 @@ export class LaserController implements Session<LaserControllerEvent> {
 }
 
 /** Whether an error begins as a frame does (LE-75). */
-function beginsAsFrame(error: LaserError, length: number, begun: boolean): boolean {
-  if (length < HEAD_BYTES || error.kind === "no_head" || error.kind === "flag") return false;
+function beginsAsFrame(error: LaserError, begun: boolean): boolean {
+  if (error.kind === "no_head" || error.kind === "flag") return false;
   if (error.kind === "tag" && error.offset === 0) return false;
   return error.kind !== "incomplete" || begun;
 }

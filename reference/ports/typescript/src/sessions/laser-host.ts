@@ -309,15 +309,9 @@ export class LaserHost implements Session<LaserHostEvent> {
   /** An answer, which is taken by its first word alone (LE-26). */
   private answer({ word, parameters }: Instruction, now: number): void {
     const { state } = this;
-    switch (state.phase) {
-      case "disconnected":
-      case "disconnected_held":
-        this.events.push({ event: "unexpected" });
-        return;
-      case "idle":
-      case "held":
-        this.events.push({ event: "unasked", word });
-        return;
+    if (!("batch" in state)) {
+      this.events.push({ event: "unasked", word });
+      return;
     }
     const { batch } = state;
     const error = this.words.errorOf(word);

@@ -80,6 +80,7 @@ export class MmaCentral implements Session<CentralEvent> {
 
   disconnected(): void {
     if (this.state.phase !== "down" && this.state.phase !== "ended") this.close("disconnected");
+    this.decoder.discard();
     this.state = { phase: "down" };
   }
 

@@ -51,6 +51,8 @@ type Link =
 
 /** The most bytes that are kept while a reply is not sent (MM-50). */
 const MOST_KEPT = 512;
+/** A line is not read, and a connection not begun, while more outcomes wait (MM-50). */
+const MOST_OUTCOMES = 6;
 const SMALLEST = -0x8000;
 const LARGEST = 0x7fff;
 
@@ -82,7 +84,7 @@ export class MmaDevice implements Session<DeviceEvent> {
   /** A new connection takes the place of the one before (MM-56). */
   connected(): void {
     this.decoder.discard();
-    this.link = { phase: "idle" };
+    this.link = { phase: this.hasRoom ? "idle" : "down" };
   }
 
   disconnected(): void {
@@ -94,7 +96,7 @@ export class MmaDevice implements Session<DeviceEvent> {
     if (this.link.phase === "ended") return;
     this.decoder.push(bytes);
     this.read();
-    if (this.link.phase === "down" || this.link.phase === "idle" || this.decoder.pending <= MOST_KEPT) return;
+    if (this.link.phase === "down" || this.reads || this.decoder.pending <= MOST_KEPT) return;
     this.link = { phase: "ended" };
     this.decoder.discard();
     this.events.push({ event: "closed", reason: "overrun" });
@@ -105,6 +107,7 @@ export class MmaDevice implements Session<DeviceEvent> {
   transmitted(): void {}
 
   transmit(): Uint8Array | null {
+    this.read();
     const { link } = this;
     if (link.phase === "leaving") {
       this.link = { phase: "ended" };
@@ -175,9 +178,17 @@ export class MmaDevice implements Session<DeviceEvent> {
 
   // Lines
 
-  /** A line is read when the reply to the one before was sent (MM-50). */
+  private get hasRoom(): boolean {
+    return this.events.count(isOutcome) <= MOST_OUTCOMES;
+  }
+
+  /** A line is read when the reply to the one before was sent, and with room (MM-50). */
+  private get reads(): boolean {
+    return this.link.phase === "idle" && this.hasRoom;
+  }
+
   private read(): void {
-    while (this.link.phase === "idle" || this.link.phase === "down") {
+    while (this.reads || this.link.phase === "down") {
       const item = this.decoder.next();
       if (item === null) return;
       if (this.link.phase === "down") this.events.push({ event: "unexpected" });
@@ -284,4 +295,8 @@ export class MmaDevice implements Session<DeviceEvent> {
       default:
     }
   }
+}
+
+function isOutcome({ event }: DeviceEvent): boolean {
+  return event === "asked" || event === "closed";
 }

@@ -14,6 +14,7 @@ NUMBER = re.compile(rb"[ \t\n\f\r]*(-?[0-9]+)[ \t\n\f\r]*")  # KM-17
 # What ends the text of a header or a data part: a mark, or no character (KM-16).
 ENDS = {"ascii": re.compile(rb"[<>#\x80-\xFF]"), "latin1": re.compile(rb"[<>#]")}
 I32 = range(-(2**31), 2**31)
+LATIN1 = "iso-8859-1"
 
 
 class Wrong(Exception):
@@ -87,8 +88,8 @@ class Decoder(StreamDecoder):
             raise self.more()
         if m[q + 1] != ord(">"):
             raise Wrong("mark" if m[q + 1] == ord("<") else "no_end_mark", offset=q + 1, found=m[q + 1])
-        name, *values = m[1 : begin - 1].decode("latin-1").split("$")[:-1]
-        fields = m[begin:q].decode("latin-1")
+        name, *values = m[1:begin].decode(LATIN1).split("$")[:-1]  # the last one is the length
+        fields = m[begin:q].decode(LATIN1)
         return q + 2, {"name": name, "header": values, "fields": fields.split("$") if fields else []}
 
     def read_length(self, p: int) -> tuple[int, int]:
@@ -125,7 +126,7 @@ class Decoder(StreamDecoder):
 
 def encode(message: Json, sender: str | None = None, options: Json | None = None) -> bytes:
     """Section 6."""
-    charset = {"ascii": "ascii", "latin1": "latin-1"}[(options or {}).get("charset", "ascii")]
+    charset = {"ascii": "ascii", "latin1": LATIN1}[(options or {}).get("charset", "ascii")]
     name, header, fields = message["name"], message["header"], message["fields"]
     if not isinstance(name, str) or not name or not is_strings(header) or not is_strings(fields):
         raise Refused("a message has a name, and lists of strings")

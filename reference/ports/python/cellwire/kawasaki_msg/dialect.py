@@ -217,11 +217,9 @@ def read_field(name: str, text: str, at: int, found: Json) -> None:
 
 
 def write_field(name: str, values: Json) -> str:
-    if name == "unused":
-        return ""
     if name.startswith("="):
         return name[1:]
-    value = values.get(name)
+    value = values.get(name)  # `unused` has none
     return "" if value is None else str(value)
 
 

@@ -128,10 +128,10 @@ class Robot(End):
             self.link = Link.READY
             self.at = max(self.not_before, min(soon, max(now, self.overdue_at)))
             self.silent, self.synced = 0, True
-        elif self.link is Link.READY and not is_half:
+        elif not is_half:
             self.at = max(self.at, min(soon, self.overdue_at))
         elif self.link is Link.READY and now < self.overdue_at:
-            self.link, self.not_before, self.answered = Link.WAITING, self.at, True
+            self.link, self.not_before = Link.WAITING, self.at
 
     # Messages
 

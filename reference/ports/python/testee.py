@@ -84,10 +84,11 @@ def encode(link: Link, request: Json) -> Json:
 def kawasaki(config: Callable[..., object]) -> Callable[..., object]:
     """A configuration of kawasaki-msg, whose table is three fields of a story's."""
 
-    def make(messages: Json | None = None, charset: str = "ascii", job: list[Json] | None = None, **fields: Any) -> object:
+    def make(**fields: Any) -> object:
         tables = {"limits": kawasaki_msg.Limits, "recovery": kawasaki_msg.RecoveryLimits}
+        dialect = {name: fields.pop(name) for name in ("messages", "charset", "job") if name in fields}
         values = {name: tables[name](**value) if name in tables else value for name, value in fields.items()}
-        return config(dialect=kawasaki_msg.Dialect(messages, charset, job), **values)
+        return config(dialect=kawasaki_msg.Dialect(**dialect), **values)
 
     return make
 

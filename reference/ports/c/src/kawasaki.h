@@ -7,12 +7,10 @@
 
 #define LATEST_DATAGRAM SECOND /* KM-9 */
 
-enum presence { ABSENT, EMPTY, THERE };
-
 /* A message and its fields, by their kind; a job's own as texts. */
 struct found {
     const struct kawasaki_entry *entry;
-    enum presence presence[KAWASAKI_FIELDS];
+    bool is_there[KAWASAKI_FIELDS]; /* and not empty */
     int32_t values[KAWASAKI_FIELDS];
     struct kawasaki_msg_text own;
     size_t own_count;
@@ -21,7 +19,7 @@ struct found {
 /* A number of a message, or `otherwise` where it has none. */
 static inline int32_t value_or(const struct found *found, enum kawasaki_field field, int32_t otherwise)
 {
-    return found->presence[field] == THERE ? found->values[field] : otherwise;
+    return found->is_there[field] ? found->values[field] : otherwise;
 }
 
 static inline uint16_t number_of(const struct found *found, enum kawasaki_field field)
@@ -105,7 +103,7 @@ void kawasaki_end_clear(struct kawasaki_end *end);
 enum reading { NOTHING, CORRUPT, MEANINGLESS, MESSAGE };
 enum reading kawasaki_end_read(struct kawasaki_end *end, struct found *found, struct kawasaki_fault *fault);
 
-/* Whether a message is not whole; what is corrupt is none. */
+/* Whether a message is not whole; what is corrupt is none, and not held. */
 bool kawasaki_end_is_half(const struct kawasaki_end *end);
 
 /* A new event: behind all, but for those that come last. Where there is no place, the oldest notice is dropped. */

@@ -42,7 +42,7 @@ static const struct {
     {BIT(ENDED) | BIT(ORDER) | BIT(EXECUTED), BIT(ENDED) | BIT(EXECUTED)},
     {BIT(ORDER) | BIT(PHASE) | BIT(QUEUED) | BIT(EXECUTED) | BIT(ENDED), BIT(ORDER) | BIT(QUEUED) | BIT(EXECUTED)},
     {0, 0},
-    {BIT(ORDER) | BIT(NUMBER) | BIT(VALUE), 0},
+    {~0u, 0}, /* a command */
 };
 /* With datagrams these name their order. */
 static const enum kawasaki_role OF_ORDER[] = {KAWASAKI_JOB,   KAWASAKI_JOB_ACK,   KAWASAKI_JOB_REQUEST,

@@ -32,7 +32,7 @@ enum reading kawasaki_end_read(struct kawasaki_end *end, struct found *found, st
 
 bool kawasaki_end_is_half(const struct kawasaki_end *end)
 {
-    return end->decoder.length > 0 && end->decoder.held[0] == '<' && !end->decoder.is_pending;
+    return end->decoder.length > 0;
 }
 
 static bool is_outcome(const struct kawasaki_event *event)

@@ -29,6 +29,7 @@ bool kawasaki_pc_init(struct kawasaki_pc *pc, const struct kawasaki_pc_config *c
 
 static void begin(struct kawasaki_pc *pc, uint16_t order, const struct kawasaki_pc_jobs *jobs)
 {
+    kawasaki_drop_progress(&pc->end);
     pc->number = pc->foreign = order;
     pc->jobs = *jobs;
     pc->executed = pc->queued = pc->sent = 0;
@@ -62,9 +63,10 @@ bool kawasaki_pc_resume(struct kawasaki_pc *pc, uint16_t order, const struct kaw
     pc->stage = KAWASAKI_PC_ACTIVE;
     pc->executed = pc->queued = reached->executed;
     pc->sent = reached->sent;
-    for (size_t i = 0; i < reached->ahead_count; i++)
-        include(pc->ahead, number_at(&pc->end, reached->ahead[i] + 1));
-    pc->is_unsure = pc->config.individual_acks;
+    for (size_t i = 0; pc->config.individual_acks && i < reached->ahead_count; i++)
+        if (reached->ahead[i] >= pc->executed && reached->ahead[i] < pc->sent)
+            include(pc->ahead, number_at(&pc->end, reached->ahead[i] + 1));
+    pc->is_unsure = true;
     return true;
 }
 
@@ -142,7 +144,6 @@ void kawasaki_pc_over(struct kawasaki_pc *pc)
         kawasaki_pc_lose_outcome(pc);
         return;
     }
-    pc->is_cancelled = false;
     report_outcome(pc, KAWASAKI_ORDER_OVER)->complete = pc->has_total && pc->executed == pc->total;
 }
 

@@ -31,7 +31,7 @@ static void add_order(struct kawasaki_pc *pc, uint64_t now, struct packet *packe
     } else if (pc->stage == KAWASAKI_PC_INTERRUPTED) {
         add_of_order(packet, KAWASAKI_ORDER_INTERRUPT, pc->number);
     } else if (pc->is_cancelled) {
-        if (datagrams && pc->stage == KAWASAKI_PC_SENT) {
+        if (datagrams) {
             uint64_t limit = after(now, CANCELLED);
             pc->answer_by = pc->has_answer_by ? sooner(pc->answer_by, limit) : limit;
             pc->has_answer_by = true;
@@ -41,7 +41,7 @@ static void add_order(struct kawasaki_pc *pc, uint64_t now, struct packet *packe
         if (pc->config.takeover != KAWASAKI_TAKEOVER_NEVER)
             add_of_order(packet, ends ? KAWASAKI_ORDER_END : KAWASAKI_ORDER_INTERRUPT, pc->foreign);
     } else if (is_starting(pc) && pc->knows_robot && (pc->stage != KAWASAKI_PC_SENT || datagrams)) {
-        if (add_of_order(packet, KAWASAKI_ORDER_START, pc->number) && pc->stage != KAWASAKI_PC_SENT) {
+        if (add_of_order(packet, KAWASAKI_ORDER_START, pc->number)) {
             pc->stage = KAWASAKI_PC_SENT;
             pc->has_answer_by = !datagrams;
             pc->answer_by = after(now, pc->config.silence);
@@ -54,8 +54,6 @@ static void add_commands(struct kawasaki_pc *pc, struct packet *packet)
     for (size_t i = 0; i < pc->command_count; i++) {
         struct kawasaki_pc_command *command = &pc->commands[i];
         const struct values values = {.of = {[KAWASAKI_ORDER] = pc->number, [KAWASAKI_VALUE] = command->value}};
-        if (command->is_in_flight)
-            continue;
         if (!kawasaki_add(packet, KAWASAKI_COMMAND, command->id, &values))
             return;
         command->is_in_flight = true;

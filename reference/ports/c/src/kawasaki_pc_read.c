@@ -13,15 +13,13 @@ static void reject(struct kawasaki_pc *pc, enum kawasaki_fault_kind kind, int64_
 /* KM-110 */
 static void doubt(struct kawasaki_pc *pc)
 {
-    if (is_running(pc) && pc->config.individual_acks)
-        pc->is_unsure = true;
+    pc->is_unsure = pc->is_unsure || is_running(pc);
 }
 
 /* `count` is of the job before the one that is expected. */
 static void means_nothing(struct kawasaki_pc *pc, uint16_t number, uint64_t count)
 {
     reject(pc, KAWASAKI_OUT_OF_ORDER, number_at(&pc->end, count + 1), number);
-    doubt(pc);
 }
 
 /* The count of a number of the robot's; NO_COUNT: it means nothing (KM-99). */
@@ -34,9 +32,7 @@ static uint64_t count_of(const struct kawasaki_pc *pc, uint16_t number)
 /* All up to this count are executed, and those that were ahead behind it. */
 static void set_executed(struct kawasaki_pc *pc, uint64_t count)
 {
-    while (pc->executed < count)
-        exclude(pc->ahead, number_at(&pc->end, ++pc->executed));
-    while (is_in(pc->ahead, number_at(&pc->end, pc->executed + 1)))
+    while (pc->executed < count || is_in(pc->ahead, number_at(&pc->end, pc->executed + 1)))
         exclude(pc->ahead, number_at(&pc->end, ++pc->executed));
     pc->queued = later(pc->queued, pc->executed);
 }
@@ -87,7 +83,6 @@ static void refused(struct kawasaki_pc *pc, uint16_t by)
 static void accepted(struct kawasaki_pc *pc)
 {
     pc->stage = pc->is_cancelled ? KAWASAKI_PC_INTERRUPTED : KAWASAKI_PC_ACTIVE;
-    pc->is_cancelled = false;
     kawasaki_report(&pc->end, KAWASAKI_ORDER_STARTED)->order = pc->number;
 }
 
@@ -100,18 +95,19 @@ static void request(struct kawasaki_pc *pc, uint16_t number)
         pc->queued = pc->jobs_from = begin;
         pc->has_request = true;
     } else if (pc->sent == 0) {
+        pc->refusals = 0;
         refused(pc, pc->number);
     } else {
         means_nothing(pc, number, pc->sent);
     }
 }
 
-/* `queued` is the count of a number, or `executed` without one; a number that means nothing leaves `otherwise`. */
-static void set_queued(struct kawasaki_pc *pc, const struct found *found, uint64_t otherwise)
+/* `queued` is the count of a number, or `executed` without one; a number that means nothing leaves it. */
+static void set_queued(struct kawasaki_pc *pc, const struct found *found)
 {
     uint16_t number = number_of(found, KAWASAKI_QUEUED);
     uint64_t count = number == 0 ? pc->executed : count_of(pc, number);
-    pc->queued = count == NO_COUNT ? otherwise : count;
+    pc->queued = count == NO_COUNT ? pc->queued : count;
 }
 
 /* Acknowledgements of jobs, pauses and requests (KM-117). */
@@ -128,8 +124,7 @@ static void of_order(struct kawasaki_pc *pc, const struct found *found, uint16_t
     if (role == KAWASAKI_JOB_ACK) {
         job_ack(pc, number_of(found, KAWASAKI_NUMBER));
     } else if (role == KAWASAKI_PAUSE) {
-        if (found->presence[KAWASAKI_QUEUED] != ABSENT)
-            set_queued(pc, found, pc->queued);
+        set_queued(pc, found);
         kawasaki_report(&pc->end, KAWASAKI_PAUSED)->queued = pc->queued;
     } else if (pc->stage == KAWASAKI_PC_ACTIVE) {
         request(pc, number_of(found, KAWASAKI_NUMBER));
@@ -151,7 +146,7 @@ static bool takes_executed(struct kawasaki_pc *pc, uint16_t number)
 static void end_ack(struct kawasaki_pc *pc, const struct found *found)
 {
     uint16_t active = number_of(found, KAWASAKI_ORDER);
-    bool is_ours = found->presence[KAWASAKI_ENDED] == THERE && found->values[KAWASAKI_ENDED] == pc->number;
+    bool is_ours = found->is_there[KAWASAKI_ENDED] && found->values[KAWASAKI_ENDED] == pc->number;
     pc->robot = active;
     pc->knows_robot = true;
     if (pc->stage == KAWASAKI_PC_FOREIGN && active != pc->foreign)
@@ -217,7 +212,7 @@ static void status(struct kawasaki_pc *pc, uint64_t now, uint16_t named, const s
     } else if (is_running(pc) && named == pc->number) {
         pc->has_left = false;
         if (takes_executed(pc, executed))
-            set_queued(pc, found, pc->executed);
+            set_queued(pc, found);
     } else if (is_running(pc)) {
         left(pc, now, named, found);
     }

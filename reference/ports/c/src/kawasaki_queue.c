@@ -75,18 +75,17 @@ static void advance(const struct kawasaki_end *end, struct kawasaki_robot_order 
     order->queued = later(order->queued, order->executed); /* where the list was cleared meanwhile */
 }
 
-void kawasaki_order_queued(const struct kawasaki_end *end, struct kawasaki_robot_order *order)
+void kawasaki_order_queued(struct kawasaki_robot_order *order)
 {
     order->queued++;
     order->was_queued = true;
     order->gap = KAWASAKI_CLOSED;
     order->waits = false;
-    advance(end, order);
 }
 
 bool kawasaki_order_done(const struct kawasaki_end *end, struct kawasaki_robot_order *order, uint16_t number, bool is_individual)
 {
-    if (order->stage == KAWASAKI_IDLE || number < 1 || number > end->largest)
+    if (number < 1 || number > end->largest)
         return false;
     uint64_t count = order->executed + ahead_of(end, order->executed, number);
     bool is_next = count == order->executed + 1;

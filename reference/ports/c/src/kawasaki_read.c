@@ -31,7 +31,6 @@ static bool read_field(const struct kawasaki_place *place, struct kawasaki_msg_t
                      (text.length == 0 || memcmp(text.bytes, place->constant.bytes, text.length) == 0);
         return is_it || wrong(fault, KAWASAKI_NOT_THE_CONSTANT, at);
     }
-    found->presence[field] = EMPTY;
     if (text.length == 0 && RANGES[field].may_be_empty)
         return true;
     if (!kawasaki_number(text, &value))
@@ -42,7 +41,7 @@ static bool read_field(const struct kawasaki_place *place, struct kawasaki_msg_t
         fault->max = RANGES[field].high;
         return wrong(fault, KAWASAKI_OUT_OF_RANGE, at);
     }
-    found->presence[field] = THERE;
+    found->is_there[field] = true;
     found->values[field] = value;
     return true;
 }
@@ -158,13 +157,13 @@ static void put_number(struct writer *writer, int32_t value)
     put(writer, digits, kawasaki_put_number(digits, value, 0));
 }
 
-/* A list of fields, with `$` before the first one if `is_header`. */
+/* A list of fields, with `$` before the first one if `is_header`. A command has no phase. */
 static void put_list(struct writer *writer, const struct kawasaki_place *list, size_t count, const struct values *values,
-                     bool is_header)
+                     bool is_header, bool is_command)
 {
     for (size_t i = 0; i < count; i++) {
         enum kawasaki_field field = list[i].field;
-        bool may_be_empty = RANGES[field].may_be_empty || field == KAWASAKI_NUMBER;
+        bool may_be_empty = RANGES[field].may_be_empty || field == KAWASAKI_NUMBER || (is_command && field == KAWASAKI_PHASE);
         if (i > 0 || is_header)
             put(writer, "$", 1);
         if (field == KAWASAKI_CONSTANT)
@@ -179,14 +178,15 @@ static void put_list(struct writer *writer, const struct kawasaki_place *list, s
 static void put_message(struct writer *writer, const struct kawasaki_entry *entry, const struct values *values)
 {
     struct writer data = {NULL, 0};
-    put_list(&data, entry->fields, entry->field_count, values, false);
+    bool is_command = entry->role == KAWASAKI_COMMAND;
+    put_list(&data, entry->fields, entry->field_count, values, false, is_command);
     put(writer, "<", 1);
     put(writer, entry->name.bytes, entry->name.length);
-    put_list(writer, entry->header, entry->header_count, values, true);
+    put_list(writer, entry->header, entry->header_count, values, true, is_command);
     put(writer, "$", 1);
     put_number(writer, (int32_t)data.length);
     put(writer, "#", 1);
-    put_list(writer, entry->fields, entry->field_count, values, false);
+    put_list(writer, entry->fields, entry->field_count, values, false, is_command);
     put(writer, "#>", 2);
 }
 

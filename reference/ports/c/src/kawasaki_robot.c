@@ -102,16 +102,13 @@ void kawasaki_robot_connected(struct kawasaki_robot *robot, uint64_t now)
     robot->at = robot->overdue_at = now;
     robot->silent = 0;
     robot->synced = false;
-    robot->status_at = after(now, robot->config.status_period);
     robot->replies_status = true;
     robot->replies_start = false;
     order->acknowledged = order->executed;
     memcpy(order->unacked, order->ahead, sizeof order->unacked);
-    if (takes_jobs(robot)) {
-        if (order->flow == KAWASAKI_HELD && now >= order->held_until)
-            order->flow = KAWASAKI_ASKING;
-        order->gap = KAWASAKI_REST;
-    }
+    if (order->flow == KAWASAKI_HELD && now >= order->held_until)
+        order->flow = KAWASAKI_ASKING;
+    order->gap = KAWASAKI_REST;
     if (!robot->ignores) {
         robot->ignores = true;
         robot->ignored_until = after(now, LATEST_DATAGRAM);
@@ -200,7 +197,7 @@ static void look(struct kawasaki_robot *robot, uint64_t now)
             order->stage = KAWASAKI_INTAKE;
             order->flow = KAWASAKI_ASKING;
             order->gap = KAWASAKI_REST;
-            order->waits = order->is_reported = false;
+            order->waits = false;
             order->queued = order->executed;
             report_next(robot, KAWASAKI_QUEUE_CLEARED, next_executed(robot));
         }
@@ -216,14 +213,13 @@ static void look(struct kawasaki_robot *robot, uint64_t now)
 void kawasaki_robot_timeout(struct kawasaki_robot *robot, uint64_t now)
 {
     struct kawasaki_robot_order *order = &robot->order;
-    bool is_asking = takes_jobs(robot) && is_connected(robot);
     if (robot->link == KAWASAKI_DISCONNECTED && now >= robot->connect_at) {
         robot->link = KAWASAKI_CONNECTING;
         report(robot, KAWASAKI_CONNECT);
     }
-    if (is_asking && order->flow == KAWASAKI_HELD && now >= order->held_until)
+    if (order->flow == KAWASAKI_HELD && now >= order->held_until)
         order->flow = KAWASAKI_ASKING;
-    if (is_asking && order->waits && now >= order->waits_until)
+    if (takes_jobs(robot) && order->waits && now >= order->waits_until)
         recover(robot, now);
     if (robot->link == KAWASAKI_WAITING && now >= robot->overdue_at) {
         robot->link = KAWASAKI_READY;

@@ -24,7 +24,7 @@ void kawasaki_queue_clear(struct kawasaki_queue *queue);
 void kawasaki_order_begin(struct kawasaki_robot_order *order, uint16_t number);
 
 /* The next job is queued. */
-void kawasaki_order_queued(const struct kawasaki_end *end, struct kawasaki_robot_order *order);
+void kawasaki_order_queued(struct kawasaki_robot_order *order);
 
 /* Whether a report is one of a job of the queue (KM-69). */
 bool kawasaki_order_done(const struct kawasaki_end *end, struct kawasaki_robot_order *order, uint16_t number, bool is_individual);

@@ -12,7 +12,6 @@ static void add_acks(struct kawasaki_robot *robot, struct packet *packet, bool i
 {
     struct kawasaki_robot_order *order = &robot->order;
     uint16_t named = order->number != 0 ? order->number : robot->ended;
-    bool has_any = false;
     if (robot->config.individual_acks) {
         for (uint16_t number = 1; number <= robot->end.largest; number++) {
             if (!is_in(order->unacked, number))
@@ -28,9 +27,8 @@ static void add_acks(struct kawasaki_robot *robot, struct packet *packet, bool i
         if (!acknowledge(packet, named, number_at(&robot->end, count)))
             return;
         order->acknowledged = count;
-        has_any = true;
     }
-    bool is_rest_due = order->executed > order->acknowledged && (order_is_done(order) || (is_alone && !has_any));
+    bool is_rest_due = order->executed > order->acknowledged && (order_is_done(order) || is_alone);
     if (is_rest_due && acknowledge(packet, named, number_at(&robot->end, order->executed)))
         order->acknowledged = order->executed;
 }
@@ -65,7 +63,7 @@ size_t kawasaki_robot_transmit(struct kawasaki_robot *robot, uint64_t now, uint8
     const struct values end = {.of = {[KAWASAKI_ENDED] = robot->ended,
                                       [KAWASAKI_ORDER] = order->number,
                                       [KAWASAKI_EXECUTED] = robot->ended_executed}};
-    if (robot->replies_end && robot->has_ended && is_told && kawasaki_add(&packet, KAWASAKI_END_ACK, 0, &end))
+    if (robot->replies_end && is_told && kawasaki_add(&packet, KAWASAKI_END_ACK, 0, &end))
         robot->replies_end = false;
     if (is_status_due && is_told && add_status(robot, &packet)) {
         robot->replies_status = false;

@@ -26,8 +26,7 @@ static void reject_number(struct kawasaki_robot *robot, enum kawasaki_role role,
 /* KM-65 */
 static void fail(struct kawasaki_robot *robot)
 {
-    if (takes_jobs(robot))
-        robot->order.gap = KAWASAKI_REST;
+    robot->order.gap = KAWASAKI_REST;
 }
 
 static void refuse_start(struct kawasaki_robot *robot, uint16_t by, uint16_t named)
@@ -91,8 +90,7 @@ static void end_order(struct kawasaki_robot *robot)
     struct kawasaki_robot_order *order = &robot->order;
     bool is_missing = takes_jobs(robot) && (order->gap == KAWASAKI_ASKED || order->gap == KAWASAKI_END_ONCE);
     if (order->stage == KAWASAKI_CLEARING || is_missing) {
-        if (is_missing)
-            order->gap = KAWASAKI_END_ONCE;
+        order->gap = KAWASAKI_END_ONCE;
         reject(robot, KAWASAKI_JOBS_MISSING, next_number(robot), 0);
     } else if (order->stage == KAWASAKI_IN_ALARM || (takes_jobs(robot) && order->gap != KAWASAKI_REST)) {
         order->stage = KAWASAKI_ENDING;
@@ -135,17 +133,15 @@ static void queue_or_reject(struct kawasaki_robot *robot, const struct found *fo
         fail(robot);
         reject_number(robot, KAWASAKI_JOB, number, largest);
     } else if (number == expected && is_in(order->ahead, number)) {
-        kawasaki_order_queued(&robot->end, order);
+        kawasaki_order_queued(order);
     } else if (number == expected && queue_is_full(&robot->queue)) {
         fail(robot);
         reject(robot, KAWASAKI_NO_SLOT, 0, number);
-        if (order->flow != KAWASAKI_FULL) {
-            order->flow = KAWASAKI_FULL;
-            robot->replies_pause = true;
-            report_next(robot, KAWASAKI_QUEUE_FULL, number_or_none(&robot->end, order->queued));
-        }
+        order->flow = KAWASAKI_FULL;
+        robot->replies_pause = true;
+        report_next(robot, KAWASAKI_QUEUE_FULL, number_or_none(&robot->end, order->queued));
     } else if (number == expected) {
-        kawasaki_order_queued(&robot->end, order);
+        kawasaki_order_queued(order);
         kawasaki_queue_put(&robot->queue, order->number, number, own, length);
     } else if (ahead >= 2 && ahead <= largest / 2u) {
         fail(robot);
@@ -191,7 +187,7 @@ static void command(struct kawasaki_robot *robot, const struct found *found)
     }
     struct kawasaki_event *event = report(robot, KAWASAKI_COMMANDED);
     event->id = found->entry->command;
-    event->has_value = found->presence[KAWASAKI_VALUE] == THERE;
+    event->has_value = found->is_there[KAWASAKI_VALUE];
     event->value = value_or(found, KAWASAKI_VALUE, 0);
 }
 

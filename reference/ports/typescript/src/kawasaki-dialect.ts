@@ -88,6 +88,7 @@ const DEFAULT_TABLE: [Role, TableEntry][] = [
   ["filler", { name: "Huuhaa", fields: [] }],
 ];
 
+const COMMAND = "command_";
 const MAY_LACK: readonly Role[] = ["job_ack", "pause", "order_interrupt"];
 /** What a message of a table may not lack (KM-28). */
 const NEEDED: Partial<Record<Role, TableField[]>> = {
@@ -101,7 +102,6 @@ const NEEDED: Partial<Record<Role, TableField[]>> = {
 };
 /** What has to name its order where datagrams may come late (KM-83). */
 const OF_AN_ORDER: readonly Role[] = ["job", "job_ack", "job_request", "pause", "order_end", "order_interrupt"];
-const OF_A_COMMAND: readonly TableField[] = ["order", "number", "value"];
 const MAX_FIELDS = 16;
 const LONGEST_NUMBER = 11;
 const LONGEST_WORK = 960;
@@ -165,11 +165,11 @@ export class Dialect {
     if (lacking !== undefined) throw new Refused("config", `a table may not lack ${lacking[0]}`);
     if (new Set([...this.table.values()].map(({ name }) => name)).size < this.table.size) throw new Refused("config", "a name is there twice");
     for (const [role, { header = [], fields }] of this.table) {
-      const allowed = DEFAULT_TABLE.find(([known]) => known === role)?.[1].fields ?? OF_A_COMMAND;
+      const allowed = DEFAULT_TABLE.find(([known]) => known === role)?.[1].fields;
       const named = [...header, ...fields].filter((field) => field !== "unused" && !field.startsWith("="));
       const isWrong =
         new Set(named).size < named.length ||
-        named.some((field) => !allowed.includes(field)) ||
+        named.some((field) => allowed?.includes(field) === false) ||
         (NEEDED[role] ?? []).some((field) => !named.includes(field)) ||
         header.includes("work") ||
         Math.max(header.length, fields.length) > MAX_FIELDS;
@@ -204,12 +204,17 @@ export class Dialect {
     return this.table.has(role);
   }
 
+  /** Where a number is among the fields of a message, counted from 0; 0 if it is in the header. */
+  placeOfNumber(role: Role): number {
+    return Math.max(this.table.get(role)?.fields.indexOf("number") ?? 0, 0);
+  }
+
   /** The message of a role; null, where the table lacks it. */
   write(role: Role, values: Values, job?: Job): Message | null {
     const entry = this.table.get(role);
     if (entry === undefined) return null;
     const text = (field: TableField): string[] => {
-      if (field === "work") return job === undefined ? [] : this.writeJob(job);
+      if (field === "work") return job === undefined ? [""] : this.writeJob(job);
       if (field === "unused") return [""];
       if (field.startsWith("=")) return [field.slice(1)];
       const value = values[field as NumberField];
@@ -250,10 +255,8 @@ export class Dialect {
       const fault = readField(field, text, values);
       if (fault !== null) throw new MeaningFault(fault(place));
     });
-    if (work < 0) {
-      if (given.length > entry.fields.length) throw new MeaningFault(count);
-      return { role, values };
-    }
+    if (work < 0 && given.length > entry.fields.length) throw new MeaningFault(count);
+    if (role !== "job") return { role, values };
     try {
       return { role, values, job: this.readJob(given.slice(work, end), entry.fields.length - 1) };
     } catch (fault) {
@@ -406,6 +409,17 @@ export function checkEnd(dialect: Dialect, { limits, max_number, datagrams }: Gi
   if (max_number < 2 || max_number > 9999) throw new Refused("config", "max_number is out of its range");
   if (isIndividual && !dialect.has("job_ack")) throw new Refused("config", "individual acknowledgement without a job_ack");
   if (datagrams && !dialect.namesOrders) throw new Refused("config", "a message without its order");
+}
+
+/** A role as errors show it. */
+export type ShownRole = Role | { command: number };
+
+export function shownRole(role: Role): ShownRole {
+  return isCommand(role) ? { command: Number(role.slice(COMMAND.length)) } : role;
+}
+
+export function isCommand(role: Role): boolean {
+  return role.startsWith(COMMAND);
 }
 
 const PHASES = ["idle", "starting", "active", "ending", "interrupted", "alarm"] as const;

@@ -117,7 +117,7 @@ static bool read_count(const struct json *value, unsigned places_of, int32_t *co
     for (; decimals < places_of; decimals++)
         number *= 10;
     *count = (int32_t)(is_negative ? -number : number);
-    return number <= INT32_MAX && decimals == places_of;
+    return number <= (int64_t)INT32_MAX + is_negative && decimals == places_of;
 }
 
 static bool read_job_field(const struct json *spec, struct kawasaki_job_field *field, char *name)
@@ -264,7 +264,7 @@ static void print_fault(const struct kawasaki_fault *fault)
         print_unfit(fault);
         break;
     case KAWASAKI_NOT_EXPECTED:
-        print(fault->role == KAWASAKI_COMMAND ? ",\"role\":\"%s_%u\"" : ",\"role\":\"%s\"", ROLES[fault->role], fault->command);
+        print(fault->role == KAWASAKI_COMMAND ? ",\"role\":{\"%s\":%u}" : ",\"role\":\"%s\"", ROLES[fault->role], fault->command);
         break;
     case KAWASAKI_WRONG_ORDER:
         print(",\"active\":%lld,\"found\":%lld", expected, found);

@@ -25,10 +25,13 @@ static bool begin(const struct json *object)
     config.individual_acks = cumulative != NULL && !json_true(cumulative);
     read_time(object, "reply_delay", &config.reply_delay);
     read_time(object, "silence", &config.silence);
-    if (takeover != NULL)
+    if (takeover != NULL) {
+        if (!json_is(takeover, "end") && !json_is(takeover, "never") && !json_is(takeover, "interrupt"))
+            return false;
         config.takeover = json_is(takeover, "end")     ? KAWASAKI_TAKEOVER_END
                           : json_is(takeover, "never") ? KAWASAKI_TAKEOVER_NEVER
                                                        : KAWASAKI_TAKEOVER_INTERRUPT;
+    }
     read_unsigned(object, "start_retries", UINT16_MAX, &config.start_retries);
     if (when_done != NULL)
         config.end_when_done = json_true(when_done);

@@ -11,7 +11,10 @@ from ..stream import Incomplete, Json, Refused, StreamDecoder, error
 MAX_LEN = 4096  # KM-14
 MARKS = "<>$#"
 NUMBER = re.compile(rb"[ \t\n\f\r]*(-?[0-9]+)[ \t\n\f\r]*")  # KM-17
+# What ends the text of a header or a data part: a mark, or no character (KM-16).
+ENDS = {"ascii": re.compile(rb"[<>#\x80-\xFF]"), "latin1": re.compile(rb"[<>#]")}
 I32 = range(-(2**31), 2**31)
+LATIN1 = "iso-8859-1"
 
 
 class Wrong(Exception):
@@ -29,21 +32,29 @@ def number(text: bytes) -> int | None:
 
 
 class Decoder(StreamDecoder):
-    """Section 5.1."""
+    """Section 5.1. What was looked at is not looked at again, however slowly the bytes of a message come."""
 
     def __init__(self, sender: str | None = None, options: Json | None = None) -> None:
         super().__init__()
-        self.is_ascii = (options or {}).get("charset", "ascii") == "ascii"
+        self.ends = ENDS[(options or {}).get("charset", "ascii")]
         self.pending: Json | None = None  # an error whose last byte is not known yet
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is known of the message that the held bytes begin with."""
+        self.looked = 1  # how many bytes were looked at: after them the part ends
+        self.data: tuple[int, int] | None = None  # where the data part begins, and its length
 
     def take(self) -> tuple[int, Json | None, Json | None]:
         if self.pending is None:
             try:
                 if not self.held.startswith(b"<"):
                     raise Wrong("garbage", offset=0)
-                length, message = self.read(bytes(self.held[:MAX_LEN]))
+                length, message = self.read()
+                self.restart()
                 return length, message, None
             except Wrong as wrong:
+                self.restart()
                 self.pending = wrong.error | {"offset": wrong.error["offset"] + self.position}
         fault = self.pending
         length = self.extent()
@@ -63,54 +74,59 @@ class Decoder(StreamDecoder):
             raise Incomplete
         return self.dropped + len(self.held)
 
-    def read(self, m: bytes) -> tuple[int, Json]:
-        """The message at the beginning of `m`, and its length."""
-        p = self.find_mark(m, 1)
-        header = m[1:p]
-        before, dollar, length_text = header.rpartition(b"$")
+    def read(self) -> tuple[int, Json]:
+        """The message at the beginning of what is held, and its length."""
+        m = self.held
+        if self.data is None:
+            self.data = self.read_length(self.find_mark())
+            self.looked = self.data[0]
+        begin, length = self.data
+        q = self.find_mark()
+        if q - begin != length:
+            raise Wrong("length", offset=begin, expected=length, found=q - begin)
+        if len(m) == q + 1:
+            raise self.more()
+        if m[q + 1] != ord(">"):
+            raise Wrong("mark" if m[q + 1] == ord("<") else "no_end_mark", offset=q + 1, found=m[q + 1])
+        name, *values = m[1:begin].decode(LATIN1).split("$")[:-1]  # the last one is the length
+        fields = m[begin:q].decode(LATIN1)
+        return q + 2, {"name": name, "header": values, "fields": fields.split("$") if fields else []}
+
+    def read_length(self, p: int) -> tuple[int, int]:
+        """Where the data part begins, which is behind the `#` at `p`, and its length."""
+        header = bytes(self.held[1:p])
+        _, dollar, text = header.rpartition(b"$")
         if not dollar:
             raise Wrong("no_length", offset=p)
-        length = number(length_text)
+        length = number(text)
         if length is None or length < 0:
-            raise Wrong("no_length", offset=p - len(length_text))
+            raise Wrong("no_length", offset=p - len(text))
         if header.startswith(b"$"):
             raise Wrong("no_name", offset=1)
         if p + 1 + length + 2 > MAX_LEN:
             raise Wrong("too_long", offset=1, limit=MAX_LEN)
-        q = self.find_mark(m, p + 1)
-        found = q - (p + 1)
-        if found != length:
-            raise Wrong("length", offset=p + 1, expected=length, found=found)
-        if len(m) == q + 1:
-            raise self.more(m)
-        if m[q + 1 : q + 2] == b"<":
-            raise Wrong("mark", offset=q + 1, found=m[q + 1])
-        if m[q + 1 : q + 2] != b">":
-            raise Wrong("no_end_mark", offset=q + 1, found=m[q + 1])
-        name, *values = before.decode("latin-1").split("$")
-        fields = m[p + 1 : q].decode("latin-1")
-        return q + 2, {"name": name, "header": values, "fields": fields.split("$") if fields else []}
+        return p + 1, length
 
-    def find_mark(self, m: bytes, start: int) -> int:
+    def find_mark(self) -> int:
         """Where the next `#` is; another mark, or what is no character, is an error."""
-        for at in range(start, len(m)):
-            if m[at] == ord("#"):
-                return at
-            if m[at] in b"<>":
-                raise Wrong("mark", offset=at, found=m[at])
-            if self.is_ascii and m[at] > 0x7F:
-                raise Wrong("not_ascii", offset=at, found=m[at])
-        raise self.more(m)
+        match = self.ends.search(self.held, self.looked, MAX_LEN)
+        self.looked = match.start() if match else len(self.held)
+        if match is None:
+            raise self.more()
+        found = self.held[self.looked]
+        if found != ord("#"):
+            raise Wrong("mark" if found in b"<>" else "not_ascii", offset=self.looked, found=found)
+        return self.looked
 
-    def more(self, m: bytes) -> Exception:
-        if len(m) == MAX_LEN:
+    def more(self) -> Exception:
+        if len(self.held) >= MAX_LEN:
             return Wrong("too_long", offset=0, limit=MAX_LEN)
-        return Wrong("incomplete", offset=0, found=len(m)) if self.ended else Incomplete()
+        return Wrong("incomplete", offset=0, found=len(self.held)) if self.ended else Incomplete()
 
 
 def encode(message: Json, sender: str | None = None, options: Json | None = None) -> bytes:
     """Section 6."""
-    charset = {"ascii": "ascii", "latin1": "latin-1"}[(options or {}).get("charset", "ascii")]
+    charset = {"ascii": "ascii", "latin1": LATIN1}[(options or {}).get("charset", "ascii")]
     name, header, fields = message["name"], message["header"], message["fields"]
     if not isinstance(name, str) or not name or not is_strings(header) or not is_strings(fields):
         raise Refused("a message has a name, and lists of strings")

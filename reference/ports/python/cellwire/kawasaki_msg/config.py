@@ -7,7 +7,8 @@ from .dialect import Dialect, Limits
 
 SLOTS = 256
 INDIVIDUAL = "individual"
-TAKEOVERS = {"end": "order_end", "interrupt": "order_interrupt", "never": None}
+TAKEOVERS = {"end": "order_end", "interrupt": "order_interrupt"}
+NEVER = "never"  # no other order is ended
 
 
 @dataclass
@@ -28,7 +29,7 @@ class PcConfig:
     def __post_init__(self) -> None:
         self.limits.check(self.dialect)
         entries = self.dialect.entries
-        if self.silence == 0 or self.takeover not in TAKEOVERS:
+        if self.silence == 0 or self.takeover not in (*TAKEOVERS, NEVER):
             raise ValueError("a silence of 0, or a takeover that is none")
         if self.takeover == "interrupt" and "order_interrupt" not in entries:
             raise ValueError("a takeover by an interruption that the table lacks")  # KM-122
@@ -77,11 +78,12 @@ class RobotConfig:
 
     def __post_init__(self) -> None:
         self.limits.check(self.dialect)
-        if self.queue is None:
-            self.queue = min(SLOTS, self.max_number - 1)
-        if not 1 <= self.queue < self.max_number or self.acks == 0:
+        if not 1 <= self.slots < self.max_number or self.acks == 0:
             raise ValueError("a queue without a slot, or with as many as there are numbers; or acks of 0")
         if self.acks == INDIVIDUAL and "job_ack" not in self.dialect.entries:
             raise ValueError("individual acknowledgement without a job_ack")  # KM-83
 
-
+    @property
+    def slots(self) -> int:
+        """How many jobs the queue holds."""
+        return min(SLOTS, self.max_number - 1) if self.queue is None else self.queue

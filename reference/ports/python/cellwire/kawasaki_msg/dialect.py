@@ -14,14 +14,14 @@ RANGES = {  # KM-19
     "number": (1, 9999),
     "queued": (1, 9999),
     "executed": (1, 9999),
-    "value": (-(2**31), 2**31 - 1),
+    "value": (codec.I32[0], codec.I32[-1]),
 }
 MAY_BE_EMPTY = ("ended", "queued", "executed")
 OWN = "work"  # a job's own fields
 LONGEST_NUMBER = 11  # KM-45
 NAME_SHOWN = 15
 MAX_FIELDS = 16
-TABLE: dict[str, tuple[str, str, list[str]]] = {  # KM-18: name, sender, fields
+TABLE: dict[str, tuple[str, str | None, list[str]]] = {  # KM-18: name, sender (None: both), fields
     "order_start": ("TilausAlkaa", "pc", ["order", "number"]),
     "order_ack": ("TilausKuittaus", "robot", ["order"]),
     "job": ("Tyo", "pc", ["order", "number", OWN]),
@@ -31,8 +31,8 @@ TABLE: dict[str, tuple[str, str, list[str]]] = {  # KM-18: name, sender, fields
     "order_end": ("TilausLoppuu", "pc", ["order"]),
     "order_interrupt": ("TilausKeskeytyy", "pc", ["order"]),
     "end_ack": ("LoppuKuittaus", "robot", ["ended", "order", "executed"]),
-    "status": ("Tila", "both", ["order", "phase", "queued", "executed", "ended"]),
-    "filler": ("Huuhaa", "both", []),
+    "status": ("Tila", None, ["order", "phase", "queued", "executed", "ended"]),
+    "filler": ("Huuhaa", None, []),
 }
 PHASES = ["idle", "starting", "active", "ending", "interrupted", "alarm"]  # KM-20
 COMMAND = "command_"
@@ -54,7 +54,7 @@ class Entry:
     fields: list[str] = field(default_factory=list)
 
     @property
-    def sender(self) -> str:
+    def sender(self) -> str | None:
         return TABLE[self.role][1] if self.role in TABLE else "pc"
 
     @property
@@ -91,10 +91,10 @@ class Dialect:
         if len(self.names) < len(self.entries):
             raise ValueError("a name is in the table twice")
         for entry in self.entries.values():
-            allowed = TABLE[entry.role][2] if entry.role in TABLE else ["order", "number", "value"]
             named = [name for name in entry.header + entry.fields if is_named(name)]
+            foreign = set(named) - set(TABLE[entry.role][2]) if entry.role in TABLE else set()
             lacking = set(NEEDED.get(entry.role, [])) - set(named)
-            if len(set(named)) < len(named) or not set(named) <= set(allowed) or OWN in entry.header or lacking:
+            if len(set(named)) < len(named) or foreign or OWN in entry.header or lacking:
                 raise ValueError(f"the fields of {entry.role}")
             if max(len(entry.header), len(entry.fields)) > MAX_FIELDS:
                 raise ValueError(f"{entry.role} has up to {MAX_FIELDS} fields")
@@ -112,7 +112,7 @@ class Dialect:
         def longest(name: str) -> str:
             return "0" * LONGEST_NUMBER if is_named(name) else write_field(name, {})
 
-        fields = ["0" * max(self.layout.longest() - 1, 0) if name == OWN else longest(name) for name in entry.fields]
+        fields = ["0" * (self.layout.longest() - 1) if name == OWN else longest(name) for name in entry.fields]
         message = {"name": entry.name, "header": [longest(name) for name in entry.header], "fields": fields}
         return codec.encode(message, options=self.options)
 
@@ -148,7 +148,7 @@ class Dialect:
         has_own = OWN in entry.fields
         if has_own and len(texts) < entry.fixed:
             raise Wrong(count)
-        own = len(texts) - entry.fixed if has_own else 0
+        own = len(texts) - entry.fixed
         at = 0
         for name in entry.fields:
             if name == OWN:
@@ -184,7 +184,8 @@ class Dialect:
         fields: list[str] = []
         for name in entry.fields:
             if name == OWN:
-                fields += self.layout.write(values["job"], self.options["charset"] == "ascii")
+                job = values.get("job")  # a command has none
+                fields += [""] if job is None else self.layout.write(job, self.options["charset"] == "ascii")
             else:
                 fields.append(write_field(name, values))
         message = {"name": entry.name, "header": [write_field(name, values) for name in entry.header], "fields": fields}
@@ -206,7 +207,7 @@ def read_field(name: str, text: str, at: int, found: Json) -> None:
     if text == "" and name in MAY_BE_EMPTY:
         found[name] = None
         return
-    value = codec.number(text.encode("latin-1"))
+    value = codec.number(text.encode(codec.LATIN1))
     if value is None:
         raise Wrong({"kind": "not_a_number", "field": at})
     low, high = RANGES[name]
@@ -216,11 +217,9 @@ def read_field(name: str, text: str, at: int, found: Json) -> None:
 
 
 def write_field(name: str, values: Json) -> str:
-    if name == "unused":
-        return ""
     if name.startswith("="):
         return name[1:]
-    value = values[name]
+    value = values.get(name)  # `unused` has none
     return "" if value is None else str(value)
 
 

@@ -1,9 +1,11 @@
 """What both ends of kawasaki-msg share: the decoder of a connection, and the order of events."""
 
+from abc import ABC, abstractmethod
+
 from ..session import Session
 from ..stream import Json
 from . import codec
-from .dialect import Dialect
+from .dialect import COMMAND, Dialect
 from .job import Wrong
 from .numbering import LARGEST, Numbering
 
@@ -11,7 +13,7 @@ from .numbering import LARGEST, Numbering
 LAST = {"connect": 1, "disconnect": 1, "progress": 2}
 
 
-class End(Session):
+class End(Session, ABC):
     """One end of a connection."""
 
     CLOSES = frozenset({"disconnect"})
@@ -36,8 +38,14 @@ class End(Session):
     def reject(self, kind: str, **fields: object) -> None:
         self.report("rejected", error={"kind": kind, **fields})
 
+    def not_expected(self, role: str) -> None:
+        """A message of the other side's (KM-22)."""
+        _, is_command, number = role.partition(COMMAND)
+        self.reject("not_expected", role={"command": int(number)} if is_command else role)
+
+    @abstractmethod
     def is_connected(self) -> bool:
-        raise NotImplementedError
+        """Whether bytes can come."""
 
     def clear(self) -> None:
         """Half a message of the connection before is forgotten (KM-8); offsets count on."""
@@ -57,12 +65,12 @@ class End(Session):
         self.all_read(now, self.is_half())
 
     def is_half(self) -> bool:
-        """Whether a message is not whole; what is corrupt is none."""
-        return self.messages.held.startswith(b"<") and self.messages.pending is None
+        """Whether a message is not whole; what is corrupt is none, and not held."""
+        return bool(self.messages.held)
 
+    @abstractmethod
     def all_read(self, now: int, is_half: bool) -> None:
         """Whatever has come was understood, but for half a message."""
-        raise NotImplementedError
 
     def read(self, now: int) -> None:
         while (item := self.messages.next()) is not None:
@@ -77,10 +85,10 @@ class End(Session):
             else:
                 self.on_message(now, found)
 
+    @abstractmethod
     def on_any(self, now: int) -> None:
         """A whole message has come, whether it means something or not."""
-        raise NotImplementedError
 
+    @abstractmethod
     def on_wrong(self, now: int, error: Json) -> None:
         """A message that means nothing (KM-35)."""
-        raise NotImplementedError

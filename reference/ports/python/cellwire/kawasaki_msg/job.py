@@ -3,15 +3,15 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..stream import Json
-from .codec import MARKS, number
+from .codec import I32, LATIN1, MARKS, number
 
 MAX_OWN = 1022  # KM-36
 LIMIT = 1024
 LONGEST_OWN = 960  # KM-25
 DECIMAL = re.compile(r"[ \t\n\f\r]*(-?)([0-9]*)(?:\.([0-9]*))?[ \t\n\f\r]*")
-I32 = range(-(2**31), 2**31)
 
 
 class Unfit(Exception):
@@ -24,27 +24,27 @@ class Unfit(Exception):
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a layout: `whole`, `decimal` with so many `places`, or `text`. A decimal is a count of its last digit."""
+    """A field of a layout: a number, which is a count of the last of its `places`, or a text of `low` to `high` characters."""
 
     name: str
-    kind: str
     low: int
     high: int
     places: int = 0
+    is_text: bool = False
 
     @staticmethod
     def of(spec: Json) -> "Field":
         """A field in the words of a configuration."""
-        name, kind, places = spec["name"], spec["kind"], spec.get("places", 0)
-        if kind == "text":
+        if spec["kind"] == "text":
             low, high = spec["length"]
-        else:
-            low, high = (to_count(str(end), places) for end in spec["range"])
-        return Field(name, kind, low, high, places)
+            return Field(spec["name"], low, high, is_text=True)
+        places = spec.get("places", 0)
+        low, high = (to_count(str(end), places) for end in spec["range"])
+        return Field(spec["name"], low, high, places)
 
     def shown(self, value: int) -> int | str:
         """A number as errors and messages have it."""
-        if self.kind != "decimal":
+        if not self.places:
             return value
         digits = f"{abs(value):0{self.places + 1}}"
         return f"{'-' if value < 0 else ''}{digits[: -self.places]}.{digits[-self.places :]}"
@@ -60,10 +60,10 @@ class Field:
 
     def read(self, text: str) -> int | str:
         """The value of a field on the wire; raises Unfit (KM-36)."""
-        if self.kind == "text":
+        if self.is_text:
             return self.read_text(text)
-        if self.kind == "whole":
-            found = number(text.encode("latin-1"))
+        if not self.places:
+            found = number(text.encode(LATIN1))
             if found is None:
                 raise Unfit(self.name, "not_a_number", **self.ends())
             return self.check(found)
@@ -73,7 +73,7 @@ class Field:
         digits = match[3] or ""
         if digits[self.places :].strip("0"):
             raise Unfit(self.name, "too_precise", places=self.places)
-        value = int(match[1] + (match[2] + digits[: self.places].ljust(self.places, "0") or "0"))
+        value = int(match[1] + (match[2] + digits[: self.places].ljust(self.places, "0")))
         if value not in I32:
             raise Unfit(self.name, "not_a_number", **self.ends())
         return self.check(value)
@@ -83,22 +83,22 @@ class Field:
             raise Unfit(self.name, "length", found=len(text), min=self.low, max=self.high)
         return text
 
-    def write(self, value: object, is_ascii: bool) -> str:
+    def write(self, value: Any, is_ascii: bool) -> str:
         """The field on the wire; raises Unfit (KM-40)."""
-        if self.kind == "text" and isinstance(value, str):
-            for character in value:
-                if character in MARKS:
-                    raise Unfit(self.name, "reserved", found=character)
-                if ord(character) > (0x7F if is_ascii else 0xFF):
-                    raise Unfit(self.name, "character", found=character)
-            return self.read_text(value)
-        if self.kind == "text" or not isinstance(value, int) or isinstance(value, bool):
-            raise Unfit(self.name, "missing" if value is None else "not_a_number")
-        return str(self.shown(self.check(value)))
+        if value is None:
+            raise Unfit(self.name, "missing")
+        if not self.is_text:
+            return str(self.shown(self.check(value)))
+        for character in value:
+            if character in MARKS:
+                raise Unfit(self.name, "reserved", found=ord(character))
+            if ord(character) > (0x7F if is_ascii else 0xFF):
+                raise Unfit(self.name, "character", found=character)
+        return self.read_text(value)
 
     def longest(self) -> int:
         """How many bytes it has at most."""
-        return self.high if self.kind == "text" else max(len(str(self.shown(end))) for end in (self.low, self.high))
+        return self.high if self.is_text else max(len(str(self.shown(end))) for end in (self.low, self.high))
 
 
 def to_count(text: str, places: int) -> int:
@@ -107,9 +107,9 @@ def to_count(text: str, places: int) -> int:
     return int(whole + digits.ljust(places, "0")[:places])
 
 
-COORDINATE = ("whole", -9_999_999, 9_999_999)
+COORDINATE = 9_999_999
 # KM-23
-LINES = [Field("kind", "whole", 1, 2), *(Field(name, *COORDINATE) for name in ("x1", "y1", "x2", "y2"))]
+LINES = [Field("kind", 1, 2), *(Field(name, -COORDINATE, COORDINATE) for name in ("x1", "y1", "x2", "y2"))]
 
 
 class Layout:

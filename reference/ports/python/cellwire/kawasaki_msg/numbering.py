@@ -21,7 +21,7 @@ class Numbering:
 
     def ahead(self, count: int, number: int) -> int:
         """How far the job of a number is after the one of this count (KM-44)."""
-        return (number + self.largest - count % self.largest) % self.largest
+        return (number - count) % self.largest
 
     def count(self, after: int, number: int) -> int:
         """The count of a number in the window that begins with `after` (KM-44)."""

@@ -42,13 +42,12 @@ class Acks:
 
     def __init__(self, every: int | None) -> None:
         self.every = every
-        self.begin()
 
     def begin(self) -> None:
         self.until = 0  # acknowledged up to this count
         self.ahead: set[int] = set()  # numbers executed ahead of others
         self.unacked: set[int] = set()
-        self.counts: dict[int, int] = {}  # of the numbers that `due` has given
+        self.counts: dict[int, int]  # of the numbers that `due` has given
 
     def connected(self, executed: int) -> None:
         """What is executed in order the status covers (KM-49)."""
@@ -64,7 +63,7 @@ class Acks:
             return sorted(self.unacked)
         counts = [count for count in range(self.until + 1, order.executed + 1) if count % self.every == 0]
         last = counts[-1] if counts else self.until
-        if order.executed > last and (order.is_done() or is_alone and not counts):
+        if order.executed > last and (order.is_done() or is_alone):
             counts.append(order.executed)
         self.counts = {order.numbering.number(count): count for count in counts}
         return [order.numbering.number(count) for count in counts]
@@ -94,7 +93,7 @@ class Order:
         self.flow, self.gap = Flow.ASKING, Gap.CLOSED
         self.held_until = self.failures = self.queued = self.executed = 0
         self.waits_until: int | None = None  # the recovery
-        self.reported_at: int | None = None
+        self.reported_at: int | None
         self.was_queued = False  # a job of it, ever
         self.acks.begin()
 
@@ -116,12 +115,11 @@ class Order:
         self.queued += 1
         self.was_queued = True
         self.gap, self.waits_until = Gap.CLOSED, None
-        self.advance()
 
     def job_done(self, number: int) -> bool:
         """Whether a report is one of a job of the queue (KM-69)."""
         numbering, acks = self.numbering, self.acks
-        if self.stage is Stage.IDLE or not 1 <= number <= numbering.largest:
+        if not 1 <= number <= numbering.largest:
             return False
         count = numbering.count(self.executed, number)
         is_next = count == self.executed + 1
@@ -146,5 +144,4 @@ class Order:
     def cleared(self) -> None:
         """The list has settled (KM-72)."""
         self.stage, self.flow, self.gap, self.waits_until = Stage.INTAKE, Flow.ASKING, Gap.REST, None
-        self.reported_at = None
         self.queued = self.executed

@@ -6,7 +6,7 @@ from enum import Enum, auto
 
 from ..session import SECOND, NotTaken, after
 from ..stream import Item, Json
-from .config import TAKEOVERS, PcConfig
+from .config import NEVER, TAKEOVERS, PcConfig
 from .dialect import COMMAND, Packet, phase_name
 from .end import End
 from .job import Unfit
@@ -14,7 +14,7 @@ from .job import Unfit
 COMMANDS = 4  # in flight and waiting
 LATEST_DATAGRAM = SECOND  # KM-9
 CANCELLED = 2 * SECOND  # KM-93
-NOT_ACTIVE = 2  # a phase other than this is begun (KM-107)
+ACTIVE = 2  # a phase other than this is begun (KM-107)
 
 
 class Stage(Enum):
@@ -32,7 +32,9 @@ class Stage(Enum):
 
 STARTING = (Stage.UNSENT, Stage.LOST, Stage.SENT, Stage.FOREIGN)
 RUNNING = (Stage.ACTIVE, Stage.ENDING, Stage.INTERRUPTED)
-PHASES = {Stage.IDLE: 0, Stage.ACTIVE: 2, Stage.ENDING: 3, Stage.INTERRUPTED: 4}
+PHASES = {Stage.IDLE: 0, Stage.ACTIVE: ACTIVE, Stage.ENDING: 3, Stage.INTERRUPTED: 4}
+
+
 @dataclass
 class Command:
     """A command that waits, or is in flight."""
@@ -50,11 +52,11 @@ class Pc(End):
         super().__init__(config.dialect, config.max_number, config.datagrams)
         self.window = self.numbering.largest // 2 if config.datagrams else self.numbering.largest - 1  # KM-95
         self.is_up = False
-        self.silent_at = 0
+        self.silent_at: int
         self.reply_at: int | None = None  # Due
-        self.is_receiving = False
-        self.asks_status = False
-        self.jobs_from: int | None = None
+        self.is_receiving: bool
+        self.asks_status: bool
+        self.jobs_from: int | None
         self.robot: int | None = None  # the order that it said it is in
         self.commands: list[Command] = []
         self.number = 0
@@ -63,13 +65,14 @@ class Pc(End):
 
     def begin(self, jobs: Sequence[Json], is_open: bool) -> None:
         """The counts of a new order."""
+        self.drop_progress()
         self.jobs, self.is_open = list(jobs), is_open
         self.executed = self.queued = self.sent = 0
         self.total: int | None = None
         self.ahead: set[int] = set()  # numbers
         self.is_unsure = self.is_cancelled = False
         self.refusals = self.foreign = 0
-        self.answer_by: int | None = None
+        self.answer_by: int | None
         self.left_at: int | None = None
 
     # What the owner asks
@@ -90,8 +93,9 @@ class Pc(End):
         self.number, self.stage = order, Stage.ACTIVE
         self.executed = self.queued = executed
         self.sent = sent
-        self.ahead = {self.numbering.number(place + 1) for place in ahead}
-        self.is_unsure = not self.config.cumulative_acks
+        if not self.config.cumulative_acks:
+            self.ahead = {self.numbering.number(place + 1) for place in ahead if executed <= place < sent}
+        self.is_unsure = True
 
     def check_start(self, order: int) -> None:
         if order == 0:
@@ -186,12 +190,12 @@ class Pc(End):
 
     def doubt(self) -> None:
         """KM-110"""
-        self.is_unsure |= self.stage in RUNNING and not self.config.cumulative_acks
+        self.is_unsure |= self.stage in RUNNING
 
     def on_message(self, now: int, found: Json) -> None:
         role = found["role"]
         if self.dialect.entries[role].sender == "pc":
-            self.reject("not_expected", role=role)
+            self.not_expected(role)
             return
         named = found.get("order", self.number)
         before = (self.executed, self.queued)
@@ -208,8 +212,11 @@ class Pc(End):
 
     def progress(self) -> None:
         """The last one is kept (KM-120)."""
-        self.events[:] = [event for event in self.events if event["event"] != "progress"]
+        self.drop_progress()
         self.report("progress", executed=self.executed, queued=self.queued)
+
+    def drop_progress(self) -> None:
+        self.events[:] = [event for event in self.events if event["event"] != "progress"]
 
     def of_order(self, role: str, named: int, found: Json) -> None:
         """Acknowledgements of jobs, pauses and requests (KM-117)."""
@@ -235,16 +242,12 @@ class Pc(End):
     def means_nothing(self, number: int, count: int) -> None:
         """`count` is of the job before the one that is expected."""
         self.reject("out_of_order", expected=self.numbering.number(count + 1), found=number)
-        self.doubt()
 
     def set_executed(self, count: int) -> None:
         """All up to this count are executed, and those that were ahead behind it."""
-        for passed in range(self.executed + 1, count + 1):
-            self.ahead.discard(self.numbering.number(passed))
-        self.executed = count
-        while (number := self.numbering.number(self.executed + 1)) in self.ahead:
-            self.ahead.discard(number)
+        while self.executed < count or self.numbering.number(self.executed + 1) in self.ahead:
             self.executed += 1
+            self.ahead.discard(self.numbering.number(self.executed))
         self.queued = max(self.queued, self.executed)
 
     def job_ack(self, number: int) -> None:
@@ -265,17 +268,20 @@ class Pc(End):
         if number <= largest and begin <= self.sent:
             self.queued = self.jobs_from = begin
         elif self.sent == 0:
+            self.refusals = 0
             self.refused(self.number)
         else:
             self.means_nothing(number, self.sent)
 
     def pause(self, found: Json) -> None:
         """KM-102"""
-        if "queued" in found:
-            number = found["queued"]
-            count = self.executed if number is None else self.count_of(number)
-            self.queued = self.queued if count is None else count
+        self.queue(found.get("queued"))
         self.report("paused", queued=self.queued)
+
+    def queue(self, number: int | None) -> None:
+        """The number of the job that is queued last, if it means something; None: none is."""
+        count = self.executed if number is None else self.count_of(number)
+        self.queued = self.queued if count is None else count
 
     def order_ack(self, named: int) -> None:
         """KM-103"""
@@ -289,7 +295,6 @@ class Pc(End):
     def accepted(self) -> None:
         """KM-104"""
         self.stage = Stage.INTERRUPTED if self.is_cancelled else Stage.ACTIVE
-        self.is_cancelled = False
         self.report("order_started", order=self.number)
 
     def refused(self, by: int) -> None:
@@ -303,7 +308,7 @@ class Pc(End):
             gives_up = self.refusals > self.config.start_retries
         else:
             self.stage, self.foreign = Stage.FOREIGN, by
-            gives_up = self.config.takeover == "never"
+            gives_up = self.config.takeover == NEVER
         number = self.number
         if gives_up:
             self.stage, self.number = Stage.IDLE, 0
@@ -336,14 +341,12 @@ class Pc(End):
         shown = {"queued": found["queued"], "executed": found["executed"]}
         self.report("peer_status", order=named, phase=phase_name(phase), **shown)
         if self.stage in STARTING:
-            is_begun = found["queued"] is not None or found["executed"] is not None or phase != NOT_ACTIVE
+            is_begun = found["queued"] is not None or found["executed"] is not None or phase != ACTIVE
             self.status_of_start(named, is_begun)
         elif self.stage in RUNNING and named == self.number:
             self.left_at = None
             if self.takes_executed(found["executed"]):
-                queued = found["queued"]
-                count = None if queued is None else self.count_of(queued)
-                self.queued = self.executed if count is None else count
+                self.queue(found["queued"])
         elif self.stage in RUNNING:
             self.left(now, named, found)
 
@@ -352,7 +355,7 @@ class Pc(End):
         if self.stage is Stage.FOREIGN:
             if named != self.foreign:
                 self.stage = Stage.UNSENT
-            elif self.config.takeover == "never":
+            elif self.config.takeover == NEVER:
                 self.refused(named)
         elif named == self.number and (is_begun or self.stage is Stage.UNSENT):
             self.refused(named)
@@ -387,7 +390,6 @@ class Pc(End):
             self.lose_outcome()
             return
         number, self.number, self.stage = self.number, 0, Stage.IDLE
-        self.is_cancelled = False
         self.report("order_over", order=number, executed=self.executed, complete=self.executed == self.total)
 
     def lose_outcome(self) -> None:
@@ -425,8 +427,8 @@ class Pc(End):
             sent, executed = (self.numbering.or_empty(count) for count in (self.sent, self.executed))
             packet.add("status", order=self.number, phase=phase, queued=sent, executed=executed, ended=None)
         self.add_order(now, packet)
-        for command in [command for command in self.commands if not command.is_in_flight]:
-            if not packet.add(f"{COMMAND}{command.ident}", order=self.number, number=None, value=command.value):
+        for command in self.commands:
+            if not packet.add(f"{COMMAND}{command.ident}", order=self.number, value=command.value):
                 break
             command.is_in_flight = True
         if self.stage is Stage.ACTIVE and self.jobs_from is not None:
@@ -439,15 +441,14 @@ class Pc(End):
         if self.stage in (Stage.ENDING, Stage.INTERRUPTED):
             packet.add("order_end" if self.stage is Stage.ENDING else "order_interrupt", order=self.number)
         elif self.is_cancelled:
-            if self.datagrams and self.stage is Stage.SENT:
+            if self.datagrams:
                 limit = after(now, CANCELLED)
                 self.answer_by = limit if self.answer_by is None else min(self.answer_by, limit)
         elif self.stage is Stage.FOREIGN:
-            role = TAKEOVERS[self.config.takeover]
-            if role is not None:
-                packet.add(role, order=self.foreign)
+            if self.config.takeover != NEVER:
+                packet.add(TAKEOVERS[self.config.takeover], order=self.foreign)
         elif self.stage in STARTING and self.robot is not None and (self.stage is not Stage.SENT or self.datagrams):
-            if packet.add("order_start", order=self.number, number=1) and self.stage is not Stage.SENT:
+            if packet.add("order_start", order=self.number, number=1):
                 self.stage = Stage.SENT
                 self.answer_by = None if self.datagrams else after(now, self.config.silence)
 

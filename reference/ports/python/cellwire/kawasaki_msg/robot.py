@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from ..session import MS, SECOND, NotTaken, after
+from ..session import MS, NEVER, SECOND, NotTaken, after
 from ..stream import Item, Json
-from .config import INDIVIDUAL, SLOTS, RobotConfig
+from .config import INDIVIDUAL, RobotConfig
 from .dialect import Packet, phase_name
 from .end import End
 from .job import Wrong
@@ -33,7 +33,7 @@ class Replies:
     status: bool = False
     pause: bool = False
     start: int | None = None
-    end: bool = False
+    end: tuple[int, int | None] | None = None  # the order that ended, and the number of its last executed job
 
 
 class Robot(End):
@@ -44,9 +44,8 @@ class Robot(End):
     def __init__(self, config: RobotConfig | None = None) -> None:
         self.config = config = config or RobotConfig()
         super().__init__(config.dialect, config.max_number, config.datagrams)
-        slots = config.queue or SLOTS
-        self.queue = Queue(slots)
-        self.low_water = slots // 2 if config.low_water is None else config.low_water
+        self.queue = Queue(config.slots)
+        self.low_water = config.slots // 2 if config.low_water is None else config.low_water
         self.link = Link.DISCONNECTED
         self.connect_at = self.at = self.overdue_at = self.not_before = self.status_at = 0
         self.answered = self.synced = False
@@ -55,7 +54,7 @@ class Robot(End):
         self.ended: tuple[int, int | None] | None = None
         self.ended_orders: list[int] = []
         self.replies = Replies()
-        self.ignored_until: int | None = None
+        self.ignored_until = NEVER
         self.was_drained = False
         self.was_changed = False  # the queue, by the motion program, since it was looked at
 
@@ -104,15 +103,13 @@ class Robot(End):
         self.clear()
         self.link, self.at, self.overdue_at = Link.READY, now, now
         self.silent, self.synced = 0, False
-        self.status_at = after(now, self.config.status_period)
         self.replies.status, self.replies.start = True, None
         order = self.order
         order.acks.connected(order.executed)
-        if order.stage is Stage.INTAKE:
-            if order.flow is Flow.HELD and now >= order.held_until:
-                order.flow = Flow.ASKING
-            order.gap = Gap.REST
-        if self.ignored_until is None:
+        if order.flow is Flow.HELD and now >= order.held_until:
+            order.flow = Flow.ASKING
+        order.gap = Gap.REST
+        if self.ignored_until == NEVER:
             self.ignored_until = after(now, LATEST_DATAGRAM)
 
     def disconnected(self, now: int) -> None:
@@ -131,10 +128,10 @@ class Robot(End):
             self.link = Link.READY
             self.at = max(self.not_before, min(soon, max(now, self.overdue_at)))
             self.silent, self.synced = 0, True
-        elif self.link is Link.READY and not is_half:
+        elif not is_half:
             self.at = max(self.at, min(soon, self.overdue_at))
         elif self.link is Link.READY and now < self.overdue_at:
-            self.link, self.not_before, self.answered = Link.WAITING, self.at, True
+            self.link, self.not_before = Link.WAITING, self.at
 
     # Messages
 
@@ -154,15 +151,14 @@ class Robot(End):
 
     def fail(self) -> None:
         """KM-65"""
-        if self.order.stage is Stage.INTAKE:
-            self.order.gap = Gap.REST
+        self.order.gap = Gap.REST
 
     def on_message(self, now: int, found: Json) -> None:
         role, order = found["role"], self.order
         entry = self.dialect.entries[role]
         named = found.get("order", order.number)
         if entry.sender == "robot":
-            self.reject("not_expected", role=role)
+            self.not_expected(role)
         elif role == "order_start":
             self.start(now, named, found.get("number", 1))
         elif role in ("order_end", "order_interrupt"):
@@ -191,7 +187,7 @@ class Robot(End):
 
     def start(self, now: int, named: int, number: int) -> None:
         """KM-56, KM-57, KM-63"""
-        if self.config.datagrams and self.ignored_until is not None:
+        if self.config.datagrams:
             if now < self.ignored_until:
                 return
             if not self.was_drained:
@@ -221,7 +217,7 @@ class Robot(End):
     def answer_end(self, named: int) -> None:
         """KM-60"""
         if self.ended is not None and named == self.ended[0]:
-            self.replies.end = True
+            self.replies.end = self.ended
         else:
             self.replies.status = True
 
@@ -230,8 +226,7 @@ class Robot(End):
         order = self.order
         is_missing = order.stage is Stage.INTAKE and order.gap in (Gap.ASKED, Gap.END_ONCE)
         if order.stage is Stage.CLEARING or is_missing:
-            if is_missing:
-                order.gap = Gap.END_ONCE
+            order.gap = Gap.END_ONCE
             self.reject("jobs_missing", order=order.number, expected=order.next_number())
         elif order.stage is Stage.ALARM or order.stage is Stage.INTAKE and order.gap is not Gap.REST:
             order.stage = Stage.ENDING
@@ -255,7 +250,7 @@ class Robot(End):
             self.reject("wrong_order", active=order.number, found=named)
             return
         if order.stage is not Stage.INTAKE:
-            self.reject("not_expected", role="job")
+            self.not_expected("job")
             return
         try:
             job = self.dialect.read_job(found)
@@ -274,9 +269,8 @@ class Robot(End):
         elif number == expected and self.queue.is_full():
             self.fail()
             self.reject("queue_full", number=number)
-            if order.flow is not Flow.FULL:
-                order.flow, self.replies.pause = Flow.FULL, True
-                self.report("queue_full", last=self.numbering.or_empty(order.queued))
+            order.flow, self.replies.pause = Flow.FULL, True
+            self.report("queue_full", last=self.numbering.or_empty(order.queued))
         elif number == expected:
             order.queue_job()
             self.queue.add(named, number, job)
@@ -296,13 +290,12 @@ class Robot(End):
         """KM-80"""
         self.was_changed = False
         order = self.order
-        is_asking = order.stage is Stage.INTAKE and self.is_connected()
         if self.link is Link.DISCONNECTED and now >= self.connect_at:
             self.link = Link.CONNECTING
             self.report("connect")
-        if is_asking and order.flow is Flow.HELD and now >= order.held_until:
+        if order.flow is Flow.HELD and now >= order.held_until:
             order.flow = Flow.ASKING
-        if is_asking and order.waits_until is not None and now >= order.waits_until:
+        if order.stage is Stage.INTAKE and order.waits_until is not None and now >= order.waits_until:
             self.recover(now)
         if self.link is Link.WAITING and now >= self.overdue_at:
             self.link, self.at, self.overdue_at = Link.READY, now, now
@@ -362,7 +355,7 @@ class Robot(End):
         order.acks.until = order.executed  # the end says how far
         self.ended = (order.number, self.numbering.or_empty(order.executed))
         self.ended_orders = [*self.ended_orders, order.number][-ENDED_ORDERS:]
-        self.replies.status, self.replies.end, self.replies.pause = True, True, False
+        self.replies.status, self.replies.end, self.replies.pause = True, self.ended, False
         self.report("order_over", order=order.number, executed=order.executed)
         order.number = 0
 
@@ -377,7 +370,7 @@ class Robot(End):
         asks = order.stage is Stage.INTAKE and order.flow is Flow.ASKING
         status_is_due = replies.status or now >= self.status_at
         is_alone = not (status_is_due or replies.pause or replies.start is not None or asks and self.synced)
-        acknowledged = order.number or (self.ended[0] if self.ended else 0)
+        acknowledged = order.number or (self.ended[0] if self.ended else None)
         for number in order.acks.due(order, is_alone):
             if not packet.add("job_ack", order=acknowledged, number=number):
                 break
@@ -386,9 +379,10 @@ class Robot(End):
             replies.start = None
         is_told = order.acks.are_sent()
         queued, executed = (self.numbering.or_empty(count) for count in (order.queued, order.executed))
-        if replies.end and self.ended and is_told:
-            ended, last = self.ended
-            replies.end = not packet.add("end_ack", ended=ended, order=order.number, executed=last)
+        if replies.end and is_told:
+            ended, last = replies.end
+            if packet.add("end_ack", ended=ended, order=order.number, executed=last):
+                replies.end = None
         if status_is_due and is_told:
             values = {"phase": order.phase(), "queued": queued, "executed": executed}
             ended_order = self.ended[0] if self.ended else None

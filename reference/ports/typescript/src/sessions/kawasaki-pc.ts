@@ -1,7 +1,7 @@
 /** The PC of kawasaki-msg (section 9): it answers a robot, and sends it the jobs of an order. */
 
 import { Refused } from "../check.js";
-import { Dialect, ahead, checkEnd, numberOf, phaseName, type FieldFault, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
+import { Dialect, ahead, checkEnd, numberOf, isCommand, phaseName, shownRole, type FieldFault, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type ShownRole, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message, type MessageError } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
@@ -35,7 +35,7 @@ export const KAWASAKI_PC_DEFAULTS: KawasakiPcConfig = {
 
 export type PcRejection =
   | MeaningError
-  | { kind: "not_expected"; role: Role }
+  | { kind: "not_expected"; role: ShownRole }
   | { kind: "wrong_order"; active: number; found: number }
   | { kind: "out_of_order"; expected: number; found: number };
 
@@ -131,6 +131,7 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
     checkEnd(this.dialect, this.config, !cumulative_acks);
     require(takeover !== "interrupt" || this.dialect.has("order_interrupt"), "no order_interrupt to take over with (KM-122)");
     require(silence > 0, "a silence of 0");
+    require(["never", "end", "interrupt"].includes(takeover), "no such takeover");
     this.decoder = new MessageDecoder(this.dialect.charset);
   }
 
@@ -234,7 +235,7 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
   resume({ order, jobs, open = false, executed = 0, sent = executed, ahead: done = [] }: ResumeRequest): void {
     if (sent < executed || sent - executed > this.window) throw new Refused("not_in_flight");
     this.begin(order, jobs, open, executed, sent);
-    for (const index of done) this.ahead.add(index + 1);
+    for (const index of done) if (!this.config.cumulative_acks && index >= executed && index < sent) this.ahead.add(index + 1);
     this.unsure = !this.config.cumulative_acks;
     this.order = { phase: "running", number: order, stage: "active", leftAt: null };
   }
@@ -361,7 +362,7 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
   private addCommands(packet: Packet): void {
     for (const command of this.commands) {
       if (command.inFlight) continue;
-      if (!packet.add(`command_${command.id}`, { order: this.number, number: 1, value: command.value })) return;
+      if (!packet.add(`command_${command.id}`, { order: this.number, value: command.value })) return;
       command.inFlight = true;
     }
   }
@@ -400,9 +401,8 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
       return;
     }
     const { role } = read.meaning;
-    if (OF_THE_PC.includes(role) || role.startsWith("command_")) {
-      this.reject({ kind: "not_expected", role });
-      this.meansNothing();
+    if (OF_THE_PC.includes(role) || isCommand(role)) {
+      this.reject({ kind: "not_expected", role: shownRole(role) });
       return;
     }
     this.meaning(read.meaning, now);

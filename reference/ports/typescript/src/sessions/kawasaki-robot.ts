@@ -1,7 +1,7 @@
 /** The robot of kawasaki-msg (section 8): it asks for jobs, queues them for its motion program, and acknowledges them. */
 
 import { Refused } from "../check.js";
-import { Dialect, ahead, checkEnd, numberOf, phaseName, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type Values } from "../kawasaki-dialect.js";
+import { Dialect, ahead, checkEnd, numberOf, phaseName, type GivenDialect, type Job, type Meaning, type MeaningError, type PhaseName, type Role, type ShownRole, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message, type MessageError } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import { JobQueue, type QueuedJob } from "./kawasaki-queue.js";
@@ -51,7 +51,7 @@ export const KAWASAKI_ROBOT_DEFAULTS: Omit<KawasakiRobotConfig, "queue"> = {
 
 export type RobotRejection =
   | MeaningError
-  | { kind: "not_expected"; role: Role }
+  | { kind: "not_expected"; role: ShownRole }
   | { kind: "wrong_order"; active: number; found: number }
   | { kind: "out_of_order" | "repeated"; expected: number; found: number }
   | { kind: "jobs_missing"; order: number; expected: number }
@@ -538,7 +538,7 @@ export class KawasakiRobot implements Session<KawasakiRobotEvent> {
     const old = this.config.datagrams && this.endedOrders.includes(order);
     if (order === 0 || number !== 1 || !this.hasProgram || old) {
       this.replies.start = 0;
-      if (order !== 0 && number !== 1) this.reject({ kind: "out_of_range", field: 1, found: number, min: 1, max: 1 });
+      if (order !== 0 && number !== 1) this.reject({ kind: "out_of_range", field: this.dialect.placeOfNumber("order_start"), found: number, min: 1, max: 1 });
       else this.events.push({ event: "order_refused", order, active: 0 });
       return;
     }
@@ -625,7 +625,7 @@ export class KawasakiRobot implements Session<KawasakiRobotEvent> {
       order.gap = "closed";
       order.until = null;
     } else if (number === 0 || number > max_number) {
-      this.reject({ kind: "out_of_range", field: 1, found: number, min: 1, max: max_number });
+      this.reject({ kind: "out_of_range", field: this.dialect.placeOfNumber("job"), found: number, min: 1, max: max_number });
       order.gap = "rest";
     } else {
       const far = ahead(this.queued, number, max_number);

@@ -1,6 +1,7 @@
 """Values wider than a register, and what the registers are assigned to (section 4.3 of reference/fanuc-hmi-modbus.md)."""
 
 import math
+import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +9,8 @@ from dataclasses import dataclass
 from ..stream import Refused
 
 LOW_FIRST, HIGH_FIRST = "low_first", "high_first"
-LARGEST_ADDRESS, MAX_SLOTS, MAX_NAME = 16384, 80, 37
+LARGEST_ADDRESS, MAX_SLOTS = 16384, 80
+NAME = r"[ -&(-~]{1,37}"  # printable, without the quote
 TEXT, REAL = -1, 0  # of a slot's `multiply`
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.0001, 10000
 
@@ -101,7 +103,7 @@ def assign(slots: Sequence[Slot]) -> list[tuple[int, int]]:
         first, last = slot.address - 1, slot.address + slot.size - 2
         if not 0 <= first <= last < LARGEST_ADDRESS:
             raise Refused(f"{slot.var_name}: registers that are not there")
-        if not 1 <= len(slot.var_name) <= MAX_NAME or "'" in slot.var_name or not slot.var_name.isprintable():
+        if not re.fullmatch(NAME, slot.var_name):
             raise Refused(f"{slot.var_name}: no name of a variable")
         if slot.multiply not in (TEXT, REAL) and not SMALLEST_FACTOR <= slot.multiply <= LARGEST_FACTOR:
             raise Refused(f"{slot.var_name}: a factor of {slot.multiply}")

@@ -345,6 +345,9 @@ def decode_reply(data: bytes) -> Json:
 def encode(message: Json, sender: str = "client", options: Json | None = None) -> bytes:
     """Section 6."""
     pdu = encode_request(message) if sender == "client" else encode_reply(message)
+    written = decode_request(pdu) if sender == "client" else decode_reply(pdu)
+    if message.keys() - {"transaction", "unit"} != written.keys():
+        raise Refused("a key that the message does not have")
     is_rtu = (options or {}).get("framing") == "rtu"
     if is_rtu and "transaction" in message:
         raise Refused("a frame of RTU has no transaction")
@@ -392,16 +395,20 @@ def encode_single(message: Json) -> bytes:
     return struct.pack(">BHH", function, u16(message["address"]), value)
 
 
+def function_of(message: Json) -> int:
+    return integer(message["function"], 1, EXCEPTION - 1, "function")
+
+
 def encode_raw(message: Json) -> bytes:
     """A function that the table does not name."""
-    function = integer(message["function"], 1, EXCEPTION - 1, "function")
+    function = function_of(message)
     if function in NAMED:
         raise Refused(f"function {function} has a shape of its own")
     return bytes([function, *integers(message["data"], 0, 255, range(MAX_PDU), "data")])
 
 
 def encode_request(message: Json) -> bytes:
-    function = integer(message["function"], 0, 255, "function")
+    function = function_of(message)
     if "data" in message:
         return encode_raw(message)
     if function in (1, 2, 3, 4):
@@ -420,9 +427,8 @@ def encode_request(message: Json) -> bytes:
 
 
 def encode_reply(message: Json) -> bytes:
-    function = integer(message["function"], 0, 255, "function")
+    function = function_of(message)
     if "exception" in message:
-        integer(function, 1, EXCEPTION - 1, "function")
         return bytes([function + EXCEPTION, integer(message["exception"], 0, 255, "exception")])
     if "data" in message:
         return encode_raw(message)

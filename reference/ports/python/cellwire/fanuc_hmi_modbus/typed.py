@@ -40,15 +40,11 @@ def signed(bits: int, width: int) -> int:
 
 @dataclass(frozen=True)
 class Number:
-    """How a number is in registers: `int16`, `int32` times `multiply` (0: times one), or `float32`."""
+    """How a number is in registers: `int16` or `int32` times `multiply`, or `float32`."""
 
     kind: str
     multiply: float = 1.0
     order: str = LOW_FIRST
-
-    @property
-    def factor(self) -> float:
-        return self.multiply if self.multiply > 0 else 1.0
 
     def read(self, registers: Sequence[int]) -> float:
         """The value of its registers."""
@@ -56,7 +52,7 @@ class Number:
             (value,) = struct.unpack("<f", struct.pack("<I", join(registers, self.order)))
             return float(value)
         bits = signed(registers[0], 16) if self.kind == "int16" else signed(join(registers, self.order), 32)
-        return bits / self.factor
+        return bits / self.multiply
 
     def write(self, value: float) -> list[int]:
         """The registers of a value; raises Refused."""
@@ -65,7 +61,7 @@ class Number:
                 return split(int.from_bytes(struct.pack("<f", value), "little"), self.order)
             except OverflowError as wrong:
                 raise Refused(f"{value} is no real of 32 bits") from wrong
-        count, width = rounded(value * self.factor), 16 if self.kind == "int16" else 32
+        count, width = rounded(value * self.multiply), 16 if self.kind == "int16" else 32
         if not -(2 ** (width - 1)) <= count < 2 ** (width - 1):
             raise Refused(f"{value} does not fit {width} bits")
         return [count & 0xFFFF] if width == 16 else split(count & 0xFFFFFFFF, self.order)

@@ -155,12 +155,17 @@ ENDS: dict[tuple[str, str], tuple[Callable[..., Session], Callable[..., object]]
 INPUTS = {"connected", "disconnected", "timeout", "transmitted"}
 
 
+# What `null` is in the configuration of an end, where it is not never (reference/README.md).
+WORDS = {"server": {"unit": "any"}}
+
+
 def session(link: Link, request: Json) -> Json:
     """What an end does at each step of a story."""
     make = ENDS.get((request["link"], request["end"]))
     if make is None:
         return {"skipped": "not implemented"}
-    config = {name: NEVER if value is None else value for name, value in request["config"].items()}
+    words = WORDS.get(request["end"], {})
+    config = {name: words.get(name, NEVER) if value is None else value for name, value in request["config"].items()}
     try:
         end = make[0](make[1](**config))
     except ValueError as refused:

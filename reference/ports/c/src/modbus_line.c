@@ -29,5 +29,5 @@ uint64_t modbus_line_silence(enum modbus_line line, uint32_t baud)
 
 uint64_t modbus_line_longest(enum modbus_line line, uint32_t baud)
 {
-    return line != MODBUS_LINE_RTU ? 0 : baud == 0 ? NEVER : BITS_OF_LONGEST * SECOND / baud;
+    return line != MODBUS_LINE_RTU ? 0 : BITS_OF_LONGEST * SECOND / (baud == 0 ? 1 : baud);
 }

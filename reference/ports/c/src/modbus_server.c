@@ -49,11 +49,9 @@ bool modbus_server_init(struct modbus_server *server, const struct modbus_server
     memset(server, 0, sizeof *server);
     server->config = *config;
     restart(server);
-    bool is_unit = config->unit >= 1 && config->unit <= 247;
-    if (config->framing == MODBUS_LINE_TCP)
-        is_unit = is_unit || config->unit == 255 || (config->unit == 0 && !config->broadcast);
+    bool is_unit = !config->has_unit || config->unit != 0 || !config->broadcast; // FM-67
     bool is_silence = config->framing == MODBUS_LINE_TCP || config->silence > 0;
-    return is_silence && config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && (is_unit || !config->has_unit);
+    return is_silence && config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && is_unit;
 }
 
 void modbus_server_connected(struct modbus_server *server, uint64_t now)

@@ -215,10 +215,31 @@ static enum modbus_shape shape_of(const struct json *object, const struct modbus
     }
 }
 
+/* How many keys a message has beside unit, function and transaction. */
+static size_t keys_of(enum modbus_shape shape)
+{
+    switch (shape) {
+    case MODBUS_READ_WRITE:
+        return 4;
+    case MODBUS_MASK:
+        return 3;
+    case MODBUS_BITS:
+    case MODBUS_REGISTERS:
+    case MODBUS_EXCEPTION:
+    case MODBUS_RAW:
+        return 1;
+    default:
+        return 2;
+    }
+}
+
 static bool read_fields(const struct json *object, struct modbus_message *message)
 {
     const struct json *values = json_get(object, "values");
     message->shape = shape_of(object, message);
+    size_t head = json_get(object, "transaction") == NULL ? 2 : 3;
+    if (object->count != head + keys_of(message->shape))
+        return false;
     bool has_address = message->shape < MODBUS_BITS || message->shape == MODBUS_WRITTEN;
     if (has_address && !read_u16(object, "address", &message->address))
         return false;

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ..stream import Refused
 from .typed import LOW_FIRST, Number, join, signed, split
 
 BLOCK_LEN = 37  # FM-22: function 3, address 0
@@ -26,7 +27,9 @@ class TelemetryBlock:
 
     @staticmethod
     def read(registers: Sequence[int], order: str = LOW_FIRST) -> "TelemetryBlock":
-        """The block of 37 registers."""
+        """The block of 37 registers; raises Refused."""
+        if len(registers) != BLOCK_LEN:
+            raise Refused(f"a block has {BLOCK_LEN} registers, not {len(registers)}")
         real, at = Number("float32", order=order), FIRST_REAL
         values: dict[str, list[float]] = {}
         for name, count in REALS.items():
@@ -59,27 +62,29 @@ class Track:
     """Blocks as they are read (FM-23, FM-24)."""
 
     def __init__(self) -> None:
-        self.last: TelemetryBlock | None = None
-        self.time = 0
+        self.last: tuple[TelemetryBlock, int] | None = None  # and its time
 
     def add(self, block: TelemetryBlock) -> Sample | str:
         """A sample; or `first`, `repeated` or `restarted`."""
-        last = self.last
-        step = (block.life_counter - last.life_counter) % 2**32 if last is not None else 0
-        if last is None or step >= RESTARTED:
-            self.last, self.time = block, 0
-            return "first" if last is None else "restarted"
+        if self.last is None:
+            self.last = block, 0
+            return "first"
+        last, time = self.last
+        step = (block.life_counter - last.life_counter) % 2**32
         if step == 0:
             return "repeated"
+        if step >= RESTARTED:
+            self.last = block, 0
+            return "restarted"
         quaternion = block.quaternion
         if sum(now * before for now, before in zip(quaternion, last.quaternion)) < 0:
             quaternion = [-value for value in quaternion]
-        self.time += step * PERIOD
-        self.last = replace(block, quaternion=quaternion)
+        time += step * PERIOD
+        self.last = replace(block, quaternion=quaternion), time
         seconds = step * PERIOD / 1e9
 
         def rate(now: list[float], before: list[float]) -> list[float]:
             return [(a - b) / seconds for a, b in zip(now, before)]
 
         rates = rate(block.position, last.position), rate(quaternion, last.quaternion)
-        return Sample(self.time, step - 1, quaternion, *rates)
+        return Sample(time, step - 1, quaternion, *rates)

@@ -7,7 +7,6 @@ from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Item, Json, Refused
 from . import codec, timing
 
-MAX_PLACES = 16
 READING = (1, 2, 3, 4, 23)
 BITS = (1, 2)
 ECHO = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
@@ -32,9 +31,8 @@ class ClientConfig:
     def __post_init__(self) -> None:
         if self.timeout == 0 or 0 in (self.silence, self.stall):
             raise ValueError("a timeout, a silence or a stall of 0")  # FM-56
-        most = self.places if self.framing == "tcp" else 1
-        if not 1 <= self.places <= MAX_PLACES or not 1 <= self.in_flight <= most:
-            raise ValueError("places are 1 to 16, and requests in flight as many, or one without transactions")
+        if not 1 <= self.in_flight <= (self.places if self.framing == "tcp" else 1):
+            raise ValueError("requests in flight are 1 to as many as there are places, or one without transactions")
 
 
 class Stage(Enum):
@@ -164,7 +162,6 @@ class Client(Session):
             self.finish(request, "failed", reason="not_sent")
         for request in self.all_in(Stage.ENDED):
             request.is_late = False
-        self.forget()
         self.silent_at = self.quiet_until = None
         self.was_within = False
         self.replies = self.new_decoder()
@@ -229,7 +226,6 @@ class Client(Session):
         newest = max(late, key=lambda request: request.ended)
         newest.is_late = False
         self.report("stray", **stray, late=newest.ticket)
-        self.forget()
 
     def mismatch(self, request: Json, unit: int, reply: Json | None) -> Json | None:
         """Why a reply is none to this request (FM-44); None: it fits, or cannot be read."""
@@ -296,15 +292,13 @@ class Client(Session):
     def next_transaction(self) -> int:
         """FM-41"""
         used = {r.transaction for r in self.places if r is not None and (r.stage is Stage.IN_FLIGHT or r.is_late)}
-        number = (self.last_transaction + 1) % 0x10000
-        while number in used:
-            number = (number + 1) % 0x10000
+        number = self.last_transaction
+        while (number := (number + 1) % 0x10000) in used:
+            pass
         return number
 
     def deadline(self) -> int | None:
-        """FM-55"""
-        if not self.is_up:
-            return None
+        """FM-55; without a connection there is none of these times."""
         deadlines = [request.deadline for request in self.all_in(Stage.IN_FLIGHT)]
         times = [time for time in (self.silent_at, self.quiet_until, *deadlines) if time is not None]
         return min(times, default=None)

@@ -95,14 +95,7 @@ class Decoder(StreamDecoder):
             size = self.size_tcp(held) if self.is_tcp else self.size_rtu(held)
         except Corrupt as wrong:
             self.corruption = wrong.error
-            start = 1
-            if self.is_tcp:
-                length = int.from_bytes(held[4:6], "big")
-                start = 6 + length if length < MBAP_LENGTHS.stop else 1
-                if wrong.error["kind"] == "cut":
-                    self.corruption = None
-                    return len(held), None, wrong.error
-            size = self.extent_tcp(held, start) if self.is_tcp else self.extent_rtu(held, 1)
+            size = self.extent_tcp(held, self.skipped(held)) if self.is_tcp else self.extent_rtu(held, 1)
             if not self.in_noise:
                 self.corruption = None
             return size, None, wrong.error
@@ -126,6 +119,11 @@ class Decoder(StreamDecoder):
             raise self.more(held, 6 + length)
         return int(6 + length)
 
+    def skipped(self, held: bytes) -> int:
+        """From where on the next frame over TCP is looked for: a frame of another protocol, or one that is cut, is skipped whole."""
+        length = int.from_bytes(held[4:6], "big")
+        return 6 + length if length < MBAP_LENGTHS.stop else 1
+
     def more(self, held: bytes, expected: int) -> Exception:
         return Corrupt("cut", expected=expected, found=len(held)) if self.ended else Incomplete()
 
@@ -145,11 +143,8 @@ class Decoder(StreamDecoder):
                 if rtu_length(held[at + 6 :], self.sender) == length + 2:
                     return at
             except Incomplete:
-                if self.ended:
-                    continue
-                if len(held) < LOOKED_AT:
-                    raise
-                break  # behind a place that 520 bytes do not decide none is tried
+                if not self.ended:
+                    break  # behind a place that is not decided none is tried
         return self.extent_without_frame(held, TCP_EXTENT)
 
     def extent_without_frame(self, held: bytes, extent: int) -> int:
@@ -185,13 +180,14 @@ class Decoder(StreamDecoder):
 
     def extent_rtu(self, held: bytes, start: int) -> int:
         """How many bytes are before the next frame: the one that ends first (FM-30)."""
+        held = held[:LOOKED_AT]
         found: tuple[int, int] | None = None
-        for at in range(start, min(len(held), LOOKED_AT)):
+        for at in range(start, len(held)):
             try:
                 size = rtu_length(held[at:], self.sender)
             except Incomplete:
                 continue
-            if size is None or size > MAX_RTU or at + size > min(len(held), LOOKED_AT):
+            if size is None or size > MAX_RTU or at + size > len(held):
                 continue
             whole = held[at : at + size]
             if int.from_bytes(whole[-2:], "little") == crc(whole[:-2]) and (found is None or at + size < found[0]):
@@ -349,9 +345,10 @@ def decode_reply(data: bytes) -> Json:
 def encode(message: Json, sender: str = "client", options: Json | None = None) -> bytes:
     """Section 6."""
     pdu = encode_request(message) if sender == "client" else encode_reply(message)
-    if len(pdu) > MAX_PDU:
-        raise Refused(f"a PDU has up to {MAX_PDU} bytes, not {len(pdu)}")
-    is_rtu = (options or {}).get("framing", "tcp") == "rtu"
+    written = decode_request(pdu) if sender == "client" else decode_reply(pdu)
+    if message.keys() - {"transaction", "unit"} != written.keys():
+        raise Refused("a key that the message does not have")
+    is_rtu = (options or {}).get("framing") == "rtu"
     if is_rtu and "transaction" in message:
         raise Refused("a frame of RTU has no transaction")
     return wrap(pdu, integer(message["unit"], 0, 255, "unit"), None if is_rtu else u16(message["transaction"]))
@@ -382,8 +379,7 @@ def pack_bits(values: Any) -> bytes:
 
 
 def pack_registers(values: Any) -> bytes:
-    registers = integers(values, 0, 0xFFFF, range(len(values) + 1), "registers")
-    return struct.pack(f">{len(registers)}H", *registers)
+    return struct.pack(f">{len(values)}H", *map(u16, values))
 
 
 def counted(data: bytes) -> bytes:
@@ -399,16 +395,20 @@ def encode_single(message: Json) -> bytes:
     return struct.pack(">BHH", function, u16(message["address"]), value)
 
 
+def function_of(message: Json) -> int:
+    return integer(message["function"], 1, EXCEPTION - 1, "function")
+
+
 def encode_raw(message: Json) -> bytes:
     """A function that the table does not name."""
-    function = integer(message["function"], 1, EXCEPTION - 1, "function")
+    function = function_of(message)
     if function in NAMED:
         raise Refused(f"function {function} has a shape of its own")
     return bytes([function, *integers(message["data"], 0, 255, range(MAX_PDU), "data")])
 
 
 def encode_request(message: Json) -> bytes:
-    function = integer(message["function"], 0, 255, "function")
+    function = function_of(message)
     if "data" in message:
         return encode_raw(message)
     if function in (1, 2, 3, 4):
@@ -427,9 +427,8 @@ def encode_request(message: Json) -> bytes:
 
 
 def encode_reply(message: Json) -> bytes:
-    function = integer(message["function"], 0, 255, "function")
+    function = function_of(message)
     if "exception" in message:
-        integer(function, 1, EXCEPTION - 1, "function")
         return bytes([function + EXCEPTION, integer(message["exception"], 0, 255, "exception")])
     if "data" in message:
         return encode_raw(message)

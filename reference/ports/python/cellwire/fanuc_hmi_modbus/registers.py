@@ -7,6 +7,7 @@ from ..stream import Json
 
 Value = TypeVar("Value", bool, int)
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
+ADDRESSES = 0x10000
 
 
 class Refusal(Exception):
@@ -64,18 +65,25 @@ class Registers:
         raise Refusal(ILLEGAL_FUNCTION)
 
 
-def run(table: list[Value] | None, address: int, quantity: int) -> list[Value]:
-    """The values of a run."""
+def place(table: list[Value] | None, address: int, quantity: int) -> tuple[list[Value], slice]:
+    """The table, and the place of a run in it; raises Refusal (FM-64)."""
+    end = address + quantity
+    if end > ADDRESSES:
+        raise Refusal(ILLEGAL_ADDRESS)
     if table is None:
         raise Refusal(ILLEGAL_FUNCTION)
-    if address + quantity > len(table):
+    if end > len(table):
         raise Refusal(ILLEGAL_ADDRESS)
-    return table[address : address + quantity]
+    return table, slice(address, end)
+
+
+def run(table: list[Value] | None, address: int, quantity: int) -> list[Value]:
+    """The values of a run."""
+    found, where = place(table, address, quantity)
+    return found[where]
 
 
 def write(table: list[Value] | None, address: int, values: Sequence[Value]) -> None:
     """Puts values into a run."""
-    if table is None:
-        raise Refusal(ILLEGAL_FUNCTION)
-    run(table, address, len(values))
-    table[address : address + len(values)] = values
+    found, where = place(table, address, len(values))
+    found[where] = values

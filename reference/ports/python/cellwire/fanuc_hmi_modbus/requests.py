@@ -8,17 +8,15 @@ from . import codec
 
 @dataclass
 class Found:
-    """What stands at the beginning of the bytes: a frame of `size`, a reply of others, or more bytes are needed."""
+    """What stands at the beginning of the bytes: a frame of `size`, a reply of another unit too, or more bytes are needed."""
 
     size: int = 0
-    is_reply: bool = False
     waits: bool = False
 
 
-def find(held: bytes, unit: int | None, ended: bool, is_stream: bool) -> Found:
-    """The pseudocode of FM-82; `is_stream`: through TCP."""
-    is_ours = unit is None or held[:1] in (bytes([unit]), b"\0")
-    sizes: dict[str, int] = {}
+def find(held: bytes, is_ours: bool, ended: bool, is_stream: bool) -> Found:
+    """The pseudocode of FM-82; `is_ours`: only a request begins so; `is_stream`: through TCP."""
+    sizes: list[int] = []
     needs_more = False
     for sender in ["client"] if is_ours else ["client", "server"]:
         try:
@@ -27,15 +25,15 @@ def find(held: bytes, unit: int | None, ended: bool, is_stream: bool) -> Found:
             needs_more = True
             continue
         if size is not None and size <= codec.MAX_RTU:
-            sizes[sender] = size
+            sizes.append(size)
             needs_more |= size > len(held)
     if ended and codec.MIN_RTU <= len(held) <= codec.MAX_RTU and is_right(held) and not (is_stream and needs_more):
         return Found(len(held))
     if not ended and needs_more:
         return Found(waits=True)
-    right = [size for size in sizes.values() if size <= len(held) and is_right(held[:size])]
+    right = [size for size in sizes if size <= len(held) and is_right(held[:size])]
     if right:
-        return Found(max(right), is_reply=max(right) != sizes.get("client"))
+        return Found(max(right))
     return Found(waits=needs_more if ended else len(held) <= codec.MAX_RTU)
 
 
@@ -49,8 +47,4 @@ def fault_of(held: bytes) -> Json:
     decoder = codec.Decoder("client", {"framing": "rtu"})
     decoder.push(held)
     decoder.end()
-    try:
-        decoder.size_rtu(held)
-    except codec.Corrupt as wrong:
-        return wrong.error
-    return {"kind": "cut", "expected": codec.MIN_RTU, "found": len(held)}
+    return decoder.take()[2] or {}

@@ -7,26 +7,25 @@ from ..stream import Json, Refused
 from . import codec, timing
 from .registers import (
     DEVICE_FAILURE,
-    ILLEGAL_ADDRESS,
     ILLEGAL_FUNCTION,
     ILLEGAL_VALUE,
     Refusal,
     Registers,
 )
-from .requests import fault_of, find
+from .requests import Found, fault_of, find
 
-MAX_PLACES = 255
 HELD = 504  # FM-62
 LONGEST_STRETCH, LEFT = 1024, 256  # FM-63
 BROADCAST = 0
+ANY = "any"
 
 
 @dataclass
 class ServerConfig:
-    """FM-79. Times are in nanoseconds; None: the default, which depends on the framing, and no unit: every one."""
+    """FM-79. Times are in nanoseconds; None: the default, which depends on the framing. The unit `any` is every one."""
 
     framing: str = "tcp"
-    unit: int | None = None
+    unit: int | str | None = None
     broadcast: bool | None = None
     baud: int = 19200
     silence: int | None = None
@@ -36,12 +35,12 @@ class ServerConfig:
     def __post_init__(self) -> None:
         if self.broadcast is None:
             self.broadcast = self.framing != "tcp"
-        if self.unit is None and self.framing != "tcp":
-            self.unit = 1
+        if self.unit is None:
+            self.unit = ANY if self.framing == "tcp" else 1
         if self.unit == BROADCAST and self.broadcast:
             raise ValueError("a unit of 0, which is a broadcast")  # FM-67
-        if 0 in (self.silence, self.stall) or not 1 <= self.places <= MAX_PLACES:
-            raise ValueError("a silence or a stall of 0, or no place")
+        if 0 in (self.silence, self.stall):
+            raise ValueError("a silence or a stall of 0")
 
 
 class Server(Session):
@@ -55,7 +54,7 @@ class Server(Session):
         self.registers = registers or Registers()
         self.is_tcp, self.is_line = config.framing == "tcp", config.framing == "rtu"
         self.gap = timing.gap(config.framing, config.baud, config.silence, config.stall)
-        self.disconnected(0)
+        self.begin(False)
 
     def begin(self, is_up: bool) -> None:
         """FM-65"""
@@ -66,7 +65,7 @@ class Server(Session):
         self.is_dropping = False  # up to the next silence: no frame is behind corrupt bytes
         self.fault: Json | None = None  # of bytes that were dropped before the silence
         self.was_within = False  # corruption, when the read before ended (FM-81)
-        self.requests = codec.Decoder("client", {"framing": "tcp"})
+        self.requests = codec.Decoder("client")
 
     def connected(self, now: int) -> None:
         self.begin(True)
@@ -116,7 +115,7 @@ class Server(Session):
     def read_stream(self, ended: bool) -> None:
         """RTU over TCP (FM-82)."""
         while self.held and not self.is_dropping and not self.is_full():
-            found = find(bytes(self.held), self.config.unit, ended, True)
+            found = self.find(bytes(self.held), ended)
             if found.waits:
                 return
             if found.size == 0:
@@ -124,10 +123,12 @@ class Server(Session):
                 return
             frame = bytes(self.held[: found.size])
             del self.held[: found.size]
-            if not found.is_reply:
-                self.carry_out(frame)
+            self.carry_out(frame)
         if self.is_dropping:
             self.held.clear()
+
+    def find(self, held: bytes, ended: bool) -> Found:
+        return find(held, held[0] == BROADCAST or self.is_own(held[0]), ended, not self.is_line)
 
     def drop(self) -> None:
         """What is held is no frame."""
@@ -148,13 +149,13 @@ class Server(Session):
     def drop_long(self) -> None:
         """FM-63"""
         while len(self.held) > LEFT:
-            found = find(bytes(self.held), self.config.unit, False, False)
+            found = self.find(bytes(self.held), False)
             if found.size == 0:
                 self.fault = fault_of(bytes(self.held))
                 self.held.clear()
                 return
             unit, function = self.held[:2]
-            if not found.is_reply and unit in (BROADCAST, self.config.unit):
+            if unit == BROADCAST or self.is_own(unit):
                 self.report("refused", unit=unit, function=function)
             del self.held[: found.size]
 
@@ -163,32 +164,36 @@ class Server(Session):
         held, frames = bytes(self.held), []
         self.held.clear()
         while held:
-            found = find(held, self.config.unit, True, False)
+            found = self.find(held, True)
             if found.size == 0:
                 self.report("corrupt", error=fault_of(held))
                 return
-            frames.append((held[: found.size], found.is_reply))
+            frames.append(held[: found.size])
             held = held[found.size :]
-        for frame, is_reply in frames:
-            self.take(frame, is_reply, frame is not frames[-1][0])
+        for frame in frames:
+            self.take(frame, frame is not frames[-1])
 
-    def take(self, frame: bytes, is_reply: bool, is_followed: bool) -> None:
+    def take(self, frame: bytes, is_followed: bool) -> None:
         """A frame of a serial line (FM-62)."""
-        if is_reply:
-            return
-        is_broadcast = frame[0] == BROADCAST and self.config.broadcast
-        if frame[0] == self.config.unit and (is_followed or self.is_full()):
-            self.report("refused", unit=frame[0], function=frame[1])
-        elif frame[0] == self.config.unit or is_broadcast:
+        unit, function = frame[:2]
+        if not self.is_broadcast(unit) and self.is_own(unit) and (is_followed or self.is_full()):
+            self.report("refused", unit=unit, function=function)
+        else:
             self.carry_out(frame)
 
     # Requests
 
+    def is_broadcast(self, unit: int) -> bool:
+        return bool(self.config.broadcast) and unit == BROADCAST
+
+    def is_own(self, unit: int) -> bool:
+        return self.config.unit in (ANY, unit)
+
     def carry_out(self, frame: bytes) -> None:
         """FM-61"""
         header, pdu = codec.split(frame, self.is_tcp)
-        is_broadcast = self.config.broadcast and header["unit"] == BROADCAST
-        if not is_broadcast and self.config.unit not in (None, header["unit"]):
+        is_broadcast = self.is_broadcast(header["unit"])
+        if not is_broadcast and not self.is_own(header["unit"]):
             return
         try:
             reply, exception = self.reply_to(pdu), {}
@@ -206,15 +211,10 @@ class Server(Session):
             request = codec.decode_request(pdu)
         except codec.Wrong as wrong:
             raise Refusal(ILLEGAL_VALUE) from wrong
-        if is_beyond(request):
-            raise Refusal(ILLEGAL_ADDRESS)
         try:
-            reply = codec.encode_reply(self.registers.serve(request))
+            return codec.encode_reply(self.registers.serve(request))
         except Refused as refused:
             raise Refusal(DEVICE_FAILURE) from refused
-        if len(reply) > codec.MAX_PDU:
-            raise Refusal(DEVICE_FAILURE)
-        return reply
 
     # Times
 
@@ -238,7 +238,7 @@ class Server(Session):
         reply = self.replies.pop(0)
         if self.is_tcp:
             self.read_tcp()
-        elif not self.is_line and was_full:
+        elif was_full:
             if self.silent_at is not None and self.gap is not None:
                 self.silent_at = after(now, self.gap)  # FM-66
             self.read_stream(False)
@@ -247,11 +247,3 @@ class Server(Session):
     def deadline(self) -> int | None:
         """FM-66"""
         return None if not self.is_line and self.is_full() else self.silent_at
-
-
-def is_beyond(request: Json) -> bool:
-    """Whether a run ends beyond address 65535."""
-    values = len(request.get("values", []))
-    quantity = request.get("quantity", 0 if "write_address" in request else values)
-    ends = [request.get("address", 0) + quantity, request.get("write_address", 0) + values]
-    return any(end > 0x10000 for end in ends)

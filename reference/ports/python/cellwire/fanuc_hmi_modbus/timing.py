@@ -17,7 +17,7 @@ def silence(baud: int) -> int:
 
 def longest(baud: int) -> int:
     """256 characters (FM-77)."""
-    return 0 if baud == 0 else 2816 * SECOND // baud
+    return 2816 * SECOND // max(baud, 1)
 
 
 def gap(framing: str, baud: int, of_line: int | None, stall: int | None) -> int | None:

@@ -1,6 +1,7 @@
 """Values wider than a register, and what the registers are assigned to (section 4.3 of reference/fanuc-hmi-modbus.md)."""
 
 import math
+import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +9,8 @@ from dataclasses import dataclass
 from ..stream import Refused
 
 LOW_FIRST, HIGH_FIRST = "low_first", "high_first"
-LARGEST_ADDRESS, MAX_SLOTS, MAX_NAME = 16384, 80, 37
+LARGEST_ADDRESS, MAX_SLOTS = 16384, 80
+NAME = r"[ -&(-~]{1,37}"  # printable, without the quote
 TEXT, REAL = -1, 0  # of a slot's `multiply`
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.0001, 10000
 
@@ -38,15 +40,11 @@ def signed(bits: int, width: int) -> int:
 
 @dataclass(frozen=True)
 class Number:
-    """How a number is in registers: `int16`, `int32` times `multiply` (0: times one), or `float32`."""
+    """How a number is in registers: `int16` or `int32` times `multiply`, or `float32`."""
 
     kind: str
     multiply: float = 1.0
     order: str = LOW_FIRST
-
-    @property
-    def factor(self) -> float:
-        return self.multiply if self.multiply > 0 else 1.0
 
     def read(self, registers: Sequence[int]) -> float:
         """The value of its registers."""
@@ -54,7 +52,7 @@ class Number:
             (value,) = struct.unpack("<f", struct.pack("<I", join(registers, self.order)))
             return float(value)
         bits = signed(registers[0], 16) if self.kind == "int16" else signed(join(registers, self.order), 32)
-        return bits / self.factor
+        return bits / self.multiply
 
     def write(self, value: float) -> list[int]:
         """The registers of a value; raises Refused."""
@@ -63,7 +61,7 @@ class Number:
                 return split(int.from_bytes(struct.pack("<f", value), "little"), self.order)
             except OverflowError as wrong:
                 raise Refused(f"{value} is no real of 32 bits") from wrong
-        count, width = rounded(value * self.factor), 16 if self.kind == "int16" else 32
+        count, width = rounded(value * self.multiply), 16 if self.kind == "int16" else 32
         if not -(2 ** (width - 1)) <= count < 2 ** (width - 1):
             raise Refused(f"{value} does not fit {width} bits")
         return [count & 0xFFFF] if width == 16 else split(count & 0xFFFFFFFF, self.order)
@@ -101,7 +99,7 @@ def assign(slots: Sequence[Slot]) -> list[tuple[int, int]]:
         first, last = slot.address - 1, slot.address + slot.size - 2
         if not 0 <= first <= last < LARGEST_ADDRESS:
             raise Refused(f"{slot.var_name}: registers that are not there")
-        if not 1 <= len(slot.var_name) <= MAX_NAME or "'" in slot.var_name or not slot.var_name.isprintable():
+        if not re.fullmatch(NAME, slot.var_name):
             raise Refused(f"{slot.var_name}: no name of a variable")
         if slot.multiply not in (TEXT, REAL) and not SMALLEST_FACTOR <= slot.multiply <= LARGEST_FACTOR:
             raise Refused(f"{slot.var_name}: a factor of {slot.multiply}")

@@ -67,7 +67,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private order = 0;
   /** An error of the decoder was given since the last request was sent (FM-84). */
   private damaged = false;
-  private lastCorruption: FrameError | null = null;
+  /** The last read ended within corruption (FM-81). */
+  private wasLost = false;
   private readonly decoder;
   private readonly events = new Events<ModbusClientEvent>();
   private readonly config: ModbusClientConfig;
@@ -100,7 +101,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   connected(now: number): void {
     if (this.up) this.close();
     this.decoder.discard();
-    this.lastCorruption = null;
+    this.wasLost = false;
     this.up = true;
     this.silentAt = null;
     const { framing, timeout, settle } = this.config;
@@ -136,18 +137,20 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     this.read();
   }
 
+  /** One thing at a time, until nothing is left (FM-50). */
   timeout(now: number): void {
-    if (!this.up) return;
-    if (this.silentAt !== null && isDue(this.silentAt, now)) {
-      this.silentAt = null;
-      this.endInput();
-    }
-    if (this.quietUntil !== null && isDue(this.quietUntil, now)) this.quietUntil = null;
-    for (const place of this.inFlight()) {
-      if (!isDue(place.deadline, now)) continue;
-      place.stage = "timed_out";
-      place.order = this.nextOrder();
-      this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+    for (;;) {
+      if (this.silentAt !== null && isDue(this.silentAt, now)) {
+        this.silentAt = null;
+        this.endInput();
+      }
+      if (this.quietUntil !== null && isDue(this.quietUntil, now)) this.quietUntil = null;
+      const late = this.inFlight().filter((place) => isDue(place.deadline, now));
+      if (late.length === 0) return;
+      for (const place of late) {
+        place.stage = "timed_out";
+        this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+      }
       if (this.config.framing !== "tcp") this.quietUntil = now + this.config.settle;
     }
   }
@@ -283,8 +286,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     }
     if (this.config.framing !== "tcp") return;
     const { corruption } = this.decoder;
-    if (corruption !== null && corruption !== this.lastCorruption) this.events.push({ event: "out_of_step", error: corruption });
-    this.lastCorruption = corruption;
+    if (corruption !== null && !this.wasLost) this.events.push({ event: "out_of_step", error: corruption });
+    this.wasLost = corruption !== null;
   }
 
   /** A frame belongs to the request in flight with its transaction (FM-44). */

@@ -40,7 +40,8 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   private silentAt: number | null = null;
   private readonly replies: Uint8Array[] = [];
   private readonly decoder = new TcpFrameDecoder("client");
-  private lastCorruption: FrameError | null = null;
+  /** The last read ended within corruption (FM-81). */
+  private wasLost = false;
   /** Bytes of RTU frames. */
   private held: Uint8Array = new Uint8Array(0);
   /** Behind bytes that are no frame: everything is dropped up to the next silence. */
@@ -134,7 +135,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   private empty(): void {
     this.replies.length = 0;
     this.decoder.discard();
-    this.lastCorruption = null;
+    this.wasLost = false;
     this.held = new Uint8Array(0);
     this.dropping = false;
     this.burst = null;
@@ -161,8 +162,8 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     }
     if (this.isFull()) this.decoder.keep(MOST_KEPT);
     const { corruption } = this.decoder;
-    if (corruption !== null && corruption !== this.lastCorruption) this.events.push({ event: "out_of_step", error: corruption });
-    this.lastCorruption = corruption;
+    if (corruption !== null && !this.wasLost) this.events.push({ event: "out_of_step", error: corruption });
+    this.wasLost = corruption !== null;
   }
 
   /** RTU over TCP, as bytes come: frames from the beginning of what is held. */
@@ -236,7 +237,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
         return;
       }
       const [unit, code] = [byteAt(this.held, 0), byteAt(this.held, 1)];
-      if (!frame.skipped && (unit === 0 || unit === this.config.unit)) this.events.push({ event: "refused", unit, function: code });
+      if (!frame.skipped && (unit === 0 || this.isOwn(unit))) this.events.push({ event: "refused", unit, function: code });
       this.held = this.held.subarray(frame.length);
     }
   }
@@ -255,11 +256,15 @@ export class ModbusServer implements Session<ModbusServerEvent> {
 
   // Requests
 
+  private isOwn(unit: number): boolean {
+    return this.config.unit === null || unit === this.config.unit;
+  }
+
   /** A request; one that is followed by another frame is not carried out on a serial line (FM-61, FM-62). */
   private request({ transaction, unit, pdu }: Frame, followed = false): void {
     const code = byteAt(pdu, 0);
     const broadcast = unit === 0 && this.config.broadcast;
-    if (!broadcast && this.config.unit !== null && unit !== this.config.unit) return;
+    if (!broadcast && !this.isOwn(unit)) return;
     if (!broadcast && (followed || this.isFull())) {
       this.events.push({ event: "refused", unit, function: code });
       return;

@@ -20,7 +20,7 @@ export function silence(transport: Transport, baud: number): number {
   return { tcp: NEVER, rtu: silenceOf(baud), rtu_over_tcp: STALL }[transport];
 }
 
-/** The time of the longest frame on a serial line. */
+/** The time of the longest frame on a serial line; a rate of 0 is taken for 1 (FM-77). */
 export function longestFrame(baud: number): number {
-  return lineTime(256, baud, BITS);
+  return lineTime(256, Math.max(baud, 1), BITS);
 }

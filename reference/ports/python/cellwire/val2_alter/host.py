@@ -10,6 +10,8 @@ from .codec import AXES
 from .limiter import HIGHEST, Limiter
 from .line import CYCLE, Line, shortest_window, window
 
+# The outcomes of an ALTER: its end, and that of a stop.
+OUTCOMES = 2
 VELOCITY = [90, 90, 90, 150, 150, 150]
 ACCELERATION = [9, 9, 9, 15, 15, 15]
 
@@ -120,7 +122,7 @@ class Host(Line):
 
     def settle_exception(self, outcome: str | Json) -> None:
         if self.pending is not None:
-            self.report("exception", exception=self.pending[0], outcome=outcome)
+            self.settle("exception", exception=self.pending[0], outcome=outcome)
             self.pending = None
 
     def end_exception(self) -> None:
@@ -162,7 +164,7 @@ class Host(Line):
         """An ALTER is lost."""
         self.end_exception()
         if self.phase in ALTERING and not (self.phase is Phase.ACCEPTED and reason == "restart"):
-            self.report("lost", reason=reason)
+            self.settle("lost", reason=reason)
         self.phase = phase
         self.due = None
 
@@ -209,10 +211,13 @@ class Host(Line):
             self.due = self.start_due(now)
         elif kind == "motion":
             self.take_motion(now, message, item.length)
-        else:
+        elif self.phase in ALTERING:
             self.end_exception()
-            if self.phase is not Phase.IDLE:
-                self.phase, self.due = Phase.IDLE, None
+            self.phase, self.due = Phase.IDLE, None
+            self.settle(kind, message=message)
+            return
+        else:
+            self.phase, self.due = Phase.IDLE, None
         self.report(kind, message=message)
 
     def start_due(self, now: int) -> Due:
@@ -248,7 +253,7 @@ class Host(Line):
         self.judge_exception(now, message)
         if self.phase is Phase.STOPPING:
             if code == 0 and self.zeros_sent and not self.kept:
-                self.report("stopped")
+                self.settle("stopped")
                 self.phase = Phase.SILENT
                 return
             self.zeros_sent = False
@@ -320,6 +325,8 @@ class Host(Line):
             raise NotTaken("not_running")
         if self.pending is not None:
             raise NotTaken("exception_pending")
+        if not self.has_room(OUTCOMES + 1):
+            raise NotTaken("events_full")
         self.pending = (code, Sent.UNSENT)
 
     def stop(self) -> None:
@@ -330,7 +337,7 @@ class Host(Line):
             self.phase, self.due = Phase.IDLE, None
         elif self.phase is Phase.ACCEPTED:
             self.phase = Phase.SILENT
-            self.report("stopped")
+            self.settle("stopped")
         elif self.phase in (Phase.RUNNING, Phase.INTERRUPTED):
             self.phase = Phase.STOPPING
             self.zeros_sent = False
@@ -364,7 +371,9 @@ class Host(Line):
             return None
         if self.phase is Phase.REPEATING:
             return "repeat" if self.asked <= self.config.repeats and self.policy == "accept" else "refuse"
-        return "accept" if self.policy == "accept" and self.names_mode else "refuse"
+        if self.policy == "refuse" or not self.names_mode:
+            return "refuse"
+        return "accept" if self.has_room(OUTCOMES) else None
 
     def encode(self, message: Json) -> bytes:
         return codec.encode(message, "host", self.config.framing)

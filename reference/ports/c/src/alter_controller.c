@@ -257,9 +257,8 @@ void alter_controller_timeout(struct alter_controller *controller, uint64_t now)
     }
     if (!controller->is_hosts_turn || now < controller->closes)
         return;
-    end_bytes(controller, now);
-    if (controller->is_hosts_turn)
-        close_window(controller);
+    end_bytes(controller, now); /* only errors come of it */
+    close_window(controller);
 }
 
 /* AL-71 */

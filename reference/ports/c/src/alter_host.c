@@ -120,8 +120,7 @@ static void miss(struct alter_host *host)
         return;
     report(host, ALTER_HOST_MISSED);
     host->is_due = false;
-    if (is_replying(host))
-        alter_limiter_missed(&host->limiter);
+    alter_limiter_missed(&host->limiter);
 }
 
 /* An answer is due; its shortest form has `shortest` bytes (AL-60 to AL-62). */
@@ -312,8 +311,6 @@ void alter_host_timeout(struct alter_host *host, uint64_t now)
 
 void alter_host_set_target(struct alter_host *host, uint64_t now, const int16_t target[VAL2_ALTER_AXES])
 {
-    if (!takes_targets(host))
-        return;
     memcpy(host->target, target, sizeof host->target);
     host->is_fresh = true;
     host->fresh_until = after(now, host->config.target_timeout);

@@ -33,11 +33,11 @@ ALTERING = (Phase.STARTING, Phase.RUNNING, Phase.INTERRUPTED, Phase.ENDING)
 
 @dataclass
 class ControllerConfig:
-    """Section 8.1. Times are in nanoseconds; no gap: None."""
+    """Section 8.1. Times are in nanoseconds; no gap: `NEVER`."""
 
     framing: Json = field(default_factory=dict)
     baud: int = 38400
-    gap: int | None = 4 * MS
+    gap: int = 4 * MS
     mode: int = 23
     data: list[int] = field(default_factory=list)
     subroutine: bool = False
@@ -214,12 +214,10 @@ class Controller(Line):
 
     def timeout(self, now: int) -> None:
         self.end_gap(now)
-        if self.window is None or now < self.window.closes:
-            return
-        self.end_frame(now)  # AL-74
         closed = self.window
-        if closed is None:
+        if closed is None or now < closed.closes:
             return
+        self.end_frame(now)  # AL-74: only errors come of it
         self.window = None
         error = closed.fault or TIMEOUT
         self.report("bad_reply", error=error)
@@ -232,7 +230,7 @@ class Controller(Line):
 
     def transmit(self, now: int) -> bytes | None:
         self.timeout(now)
-        if self.phase not in ALTERING or self.window is not None or now < self.slot:
+        if self.phase not in ALTERING or now < self.slot:  # a slot is never before its window has closed
             return None
         frame = codec.encode(self.next_message(), "robot", self.config.framing)
         self.frames.clear()

@@ -45,7 +45,7 @@ class Sent(Enum):
 
 @dataclass
 class HostConfig:
-    """Section 7.1. Times are in nanoseconds; no gap: None."""
+    """Section 7.1. Times are in nanoseconds; no gap: `NEVER`."""
 
     framing: Json = field(default_factory=dict)
     baud: int = 38400
@@ -55,7 +55,7 @@ class HostConfig:
     policy: str = "accept"
     repeats: int = 2
     silence_cycles: int = 4
-    gap: int | None = 4 * MS
+    gap: int = 4 * MS
     target_timeout: int = 200 * MS
     reserve: int = 1 * MS
     max_delay: int = 10 * MS
@@ -156,7 +156,7 @@ class Host(Line):
 
     def follows_from(self, arrival: int) -> int:
         """AL-68"""
-        return max(after(arrival, 2 * CYCLE) - self.config.max_delay, 0)
+        return after(arrival, 2 * CYCLE) - self.config.max_delay
 
     # Inputs
 
@@ -221,9 +221,9 @@ class Host(Line):
         self.report(kind, message=message)
 
     def start_due(self, now: int) -> Due:
-        """AL-60, AL-62"""
+        """AL-60: no rate of AL-42 makes an answer longer than its window."""
         end_by = after(now, self.config.window)
-        return Due(now, max(end_by - self.config.span(self.framing.leading_dle + 5), now + 1), end_by)
+        return Due(now, end_by - self.config.span(self.framing.leading_dle + 5), end_by)
 
     def take_motion(self, now: int, message: Json, length: int) -> None:
         """Section 7.4"""
@@ -282,8 +282,7 @@ class Host(Line):
         """An answer was not sent in time."""
         self.report("missed")
         self.due = None
-        if self.phase in REPLYING:
-            self.limiter.missed()
+        self.limiter.missed()
 
     def timeout(self, now: int) -> None:
         self.end_gap(now)
@@ -300,10 +299,9 @@ class Host(Line):
             self.leave("silence", Phase.IDLE)
 
     def set_target(self, target: list[int]) -> None:
-        """How the arm is to move from now on, for `target_timeout`."""
-        if self.phase in TARGETED:
-            self.target = target
-            self.fresh_until = after(self.now, self.config.target_timeout)
+        """How the arm is to move from now on, for `target_timeout`; the next ALTER forgets it (AL-51)."""
+        self.target = target
+        self.fresh_until = after(self.now, self.config.target_timeout)
 
     def clear_target(self) -> None:
         """There is no target any more: the arm brakes."""
@@ -400,11 +398,10 @@ class Host(Line):
                 due.begin_by = now
                 return None
             for axis in range(AXES):
-                if values[axis] != 0 and axis not in axes and fits(axes | {axis}, self.config.reserve):
+                if values[axis] != 0 and fits(axes | {axis}, self.config.reserve):
                     axes.add(axis)
             for axis in set(range(AXES)) - axes:
-                if values[axis] != 0:
-                    limiter.hold(axis)
+                limiter.hold(axis)
         self.limiter = limiter
         moved = {axis for axis in axes if values[axis] != 0}
         is_unread = self.pending is not None and self.pending[1] is Sent.UNREAD
@@ -423,7 +420,6 @@ class Host(Line):
         """AL-86"""
         if self.phase is Phase.INTERRUPTED:
             limiter.missed()
-            return [0] * AXES if self.config.is_cumulative else limiter.position[:]
         is_fresh = self.phase is Phase.RUNNING and self.fresh_until is not None and now < self.fresh_until
         if self.config.is_cumulative:
             return limiter.speeds(self.target if is_fresh else [0] * AXES)

@@ -29,7 +29,7 @@ class Outcome(dict[str, Any]):
 class Line(Session):
     """One end of a line."""
 
-    def __init__(self, sender: str, framing: Json, gap: int | None) -> None:
+    def __init__(self, sender: str, framing: Json, gap: int) -> None:
         super().__init__()
         self.framing = codec.Framing(**framing)
         self.options, self.gap = framing, gap
@@ -65,7 +65,7 @@ class Line(Session):
         self.timeout(now)
         self.frames.push(data)
         self.read(now)
-        self.gap_at = after(now, self.gap) if self.gap is not None and self.frames.pending() > 0 else None
+        self.gap_at = after(now, self.gap) if self.frames.pending() > 0 else None
 
     def end_gap(self, now: int) -> None:
         """The line has been silent within a frame."""

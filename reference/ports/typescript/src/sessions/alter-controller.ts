@@ -123,7 +123,8 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
 
   transmit(now: number): Uint8Array | null {
     this.pass(now);
-    if (this.state.phase === "disconnected" || this.state.phase === "off" || this.turn !== null || now < this.slot) return null;
+    // A slot is never before its window has closed.
+    if (this.state.phase === "disconnected" || this.state.phase === "off" || now < this.slot) return null;
     const message = this.nextMessage();
     const bytes = encodeMessage(message, "robot", this.framing);
     this.discardBytes();
@@ -303,9 +304,11 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
   /** Everything that is due at `now` (AL-91): the gap first. */
   protected override pass(now: number): void {
     this.passGap(now);
-    if (this.turn === null || !isDue(this.turn.closes, now)) return;
+    const { turn } = this;
+    if (turn === null || !isDue(turn.closes, now)) return;
+    // Only errors come of it.
     this.endBytes(now);
-    if (this.turn !== null) this.windowClosed(this.turn.fault);
+    this.windowClosed(turn.fault);
   }
 
   /** No good answer came in the window (AL-75, AL-76). */

@@ -340,11 +340,11 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     this.state = { phase: "starting", right: message.mode === this.config.mode, answer: this.answerWindow(now) };
   }
 
-  /** When the answer to a start message has to begin and to end (AL-60, AL-62). */
+  /** When the answer to a start message has to begin and to end (AL-60); no rate of AL-42 makes it longer than its window. */
   private answerWindow(now: number): Window {
     const { mode, baud } = this.config;
     const endBy = now + windowOf(mode);
-    return { endBy, beginBy: Math.max(endBy - lineTime(this.framing.leading_dle + 5, baud), now + 1) };
+    return { endBy, beginBy: endBy - lineTime(this.framing.leading_dle + 5, baud) };
   }
 
   /** A corrupt frame, when it is found (AL-47, AL-68). */

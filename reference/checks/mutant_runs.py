@@ -337,7 +337,7 @@ class Command:
         with asked.open() as stdin, answered.open("w") as stdout:
             try:
                 done = subprocess.run(
-                    self.builder.command, cwd=self.copy, stdin=stdin, stdout=stdout, stderr=subprocess.DEVNULL, preexec_fn=limits, timeout=30, check=False
+                    self.builder.command, cwd=self.copy, stdin=stdin, stdout=stdout, stderr=subprocess.DEVNULL, preexec_fn=limits, timeout=300, check=False
                 )
             except subprocess.TimeoutExpired:
                 return None

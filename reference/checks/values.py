@@ -67,7 +67,10 @@ def whole(value):
 def units(amount):
     """A length or an angle of ALTER in units of its word; None: no number."""
     ((kind, value),) = amount.items()
-    return None if value is None else whole(value * (32 if kind == "mm" else 65536 / 360))
+    if value is None:
+        return None
+    # A million of either is outside of a word, and more would be no finite number.
+    return whole(max(-1e6, min(1e6, value)) * (32 if kind == "mm" else 65536 / 360))
 
 
 def word(amount):

@@ -1,9 +1,11 @@
 #include "cellwire/alter_controller.h"
 
-#include "session.h"
+#include "alter_events.h"
 
 #define CYCLE (28 * MS)
+/* The outcomes of an ALTER (how its start goes, an exception, its end), and those from an exception on. */
 #define OUTCOMES 3
+#define LAST_OUTCOMES 2
 #define FIELDS 2 /* the codes of section 4.6 */
 #define TOO_LONG 3
 #define TIMEOUT 6
@@ -11,16 +13,17 @@
 const struct alter_controller_config ALTER_CONTROLLER_DEFAULT = {
     .framing = {.leading_dle = 2}, .baud = 38400, .mode = 23, .attempts = 3, .has_gap = true, .gap = 4 * MS};
 
-static struct alter_controller_event *report(struct alter_controller *controller, enum alter_controller_kind kind)
+/* AL-96: outcomes, and notices. */
+static bool is_notice(enum alter_controller_kind kind)
 {
-    struct alter_controller_event *event = ADD_EVENT(controller);
-    event->kind = kind;
-    return event;
+    return kind == ALTER_CONTROLLER_REPLY || kind == ALTER_CONTROLLER_BAD_REPLY || kind >= ALTER_CONTROLLER_STRAY;
 }
 
-static bool has_room(const struct alter_controller *controller)
+static struct alter_controller_event *report(struct alter_controller *controller, enum alter_controller_kind kind)
 {
-    return controller->event_count + OUTCOMES <= ALTER_CONTROLLER_EVENTS;
+    struct alter_controller_event *event = ADD_ALTER_EVENT(controller, !is_notice(kind));
+    event->kind = kind;
+    return event;
 }
 
 static bool is_cumulative(const struct alter_controller *controller) { return controller->config.mode & 1; }
@@ -156,7 +159,7 @@ static void take_reply(struct alter_controller *controller, const struct val2_al
         note_fault(controller, FIELDS);
         return;
     }
-    if (reply->exception != 0 && !has_room(controller)) {
+    if (reply->exception != 0 && !HAS_ROOM(controller, LAST_OUTCOMES)) {
         note_fault(controller, TOO_LONG);
         return;
     }
@@ -227,16 +230,13 @@ static void read_items(struct alter_controller *controller, uint64_t now)
 
 size_t alter_controller_input(struct alter_controller *controller, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0;
     if (controller->phase == ALTER_CONTROLLER_DISCONNECTED) {
         report(controller, ALTER_CONTROLLER_UNEXPECTED);
         return size;
     }
     alter_controller_timeout(controller, now);
-    while (taken < size && controller->event_count < ALTER_CONTROLLER_EVENTS / 2) {
-        taken += val2_alter_push(&controller->decoder, data + taken, 1);
-        read_items(controller, now);
-    }
+    size_t taken = val2_alter_push(&controller->decoder, data, size);
+    read_items(controller, now);
     controller->has_gap = controller->config.has_gap && val2_alter_pending(&controller->decoder) > 0;
     controller->gap_at = after(now, controller->config.gap);
     return taken;
@@ -257,15 +257,14 @@ void alter_controller_timeout(struct alter_controller *controller, uint64_t now)
     }
     if (!controller->is_hosts_turn || now < controller->closes)
         return;
-    end_bytes(controller, now);
-    if (controller->is_hosts_turn)
-        close_window(controller);
+    end_bytes(controller, now); /* only errors come of it */
+    close_window(controller);
 }
 
 /* AL-71 */
 bool alter_controller_start(struct alter_controller *controller, uint64_t now)
 {
-    if (controller->phase != ALTER_CONTROLLER_OFF || !has_room(controller))
+    if (controller->phase != ALTER_CONTROLLER_OFF || !HAS_ROOM(controller, OUTCOMES))
         return false;
     controller->phase = ALTER_CONTROLLER_STARTING;
     controller->slot = now;
@@ -351,7 +350,7 @@ static struct val2_alter_message next_message(struct alter_controller *controlle
 size_t alter_controller_transmit(struct alter_controller *controller, uint64_t now, uint8_t *out, size_t size)
 {
     alter_controller_timeout(controller, now);
-    if (!is_active(controller) || controller->is_hosts_turn || now < controller->slot || !has_room(controller))
+    if (!is_active(controller) || controller->is_hosts_turn || now < controller->slot)
         return 0;
     if (controller->phase == ALTER_CONTROLLER_INTERRUPTED && controller->is_reported && controller->has_returned)
         controller->phase = ALTER_CONTROLLER_RUNNING;

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "alter_events.h"
 #include "alter_host_times.h"
 
 const struct alter_host_config ALTER_HOST_DEFAULT = {
@@ -25,11 +26,22 @@ static bool takes_targets(const struct alter_host *host)
 
 static bool has_target(const struct alter_host *host) { return takes_targets(host) && host->is_fresh; }
 
-static struct alter_host_event *report(struct alter_host *host, enum alter_host_kind kind)
+static struct alter_host_event *add_event(struct alter_host *host, enum alter_host_kind kind, bool is_outcome)
 {
-    struct alter_host_event *event = ADD_EVENT(host);
+    struct alter_host_event *event = ADD_ALTER_EVENT(host, is_outcome);
     event->kind = kind;
     return event;
+}
+
+/* A notice. */
+static struct alter_host_event *report(struct alter_host *host, enum alter_host_kind kind)
+{
+    return add_event(host, kind, false);
+}
+
+static struct alter_host_event *report_outcome(struct alter_host *host, enum alter_host_kind kind)
+{
+    return add_event(host, kind, true);
 }
 
 /* Section 7.6: the outcome of an exception, if there is one. */
@@ -37,7 +49,7 @@ static void settle_exception(struct alter_host *host, const char *outcome, const
 {
     if (host->exception == ALTER_HOST_NO_EXCEPTION)
         return;
-    struct alter_host_event *event = report(host, ALTER_HOST_EXCEPTION);
+    struct alter_host_event *event = report_outcome(host, ALTER_HOST_EXCEPTION);
     event->code = host->exception_code;
     event->text = outcome;
     event->reason = reason;
@@ -96,7 +108,7 @@ static void leave(struct alter_host *host, const char *reason, enum alter_host_p
 {
     end_exception(host);
     if (host->phase >= ALTER_HOST_ACCEPTED)
-        report(host, ALTER_HOST_LOST)->text = reason;
+        report_outcome(host, ALTER_HOST_LOST)->text = reason;
     host->phase = phase;
     host->is_due = false;
 }
@@ -108,8 +120,7 @@ static void miss(struct alter_host *host)
         return;
     report(host, ALTER_HOST_MISSED);
     host->is_due = false;
-    if (is_replying(host))
-        alter_limiter_missed(&host->limiter);
+    alter_limiter_missed(&host->limiter);
 }
 
 /* An answer is due; its shortest form has `shortest` bytes (AL-60 to AL-62). */
@@ -205,7 +216,7 @@ static void take_motion(struct alter_host *host, uint64_t now, const struct val2
     if (host->phase != ALTER_HOST_STOPPING) {
         host->phase = message->kind == VAL2_ALTER_RUNNING ? ALTER_HOST_RUNNING : ALTER_HOST_INTERRUPTED;
     } else if (message->code == 0 && host->zeros_sent && host->kept == 0) {
-        report(host, ALTER_HOST_STOPPED);
+        report_outcome(host, ALTER_HOST_STOPPED);
         host->phase = ALTER_HOST_SILENT;
         return;
     }
@@ -221,6 +232,7 @@ static void take_motion(struct alter_host *host, uint64_t now, const struct val2
 static void take_message(struct alter_host *host, uint64_t now, const struct val2_alter_item *item)
 {
     const struct val2_alter_message *message = &item->message;
+    bool is_outcome = message->kind == VAL2_ALTER_END && host->phase >= ALTER_HOST_ACCEPTED;
     if (message->kind == VAL2_ALTER_START) {
         miss(host);
         if (host->phase == ALTER_HOST_ACCEPTED)
@@ -235,7 +247,7 @@ static void take_message(struct alter_host *host, uint64_t now, const struct val
     } else {
         take_motion(host, now, message, item->length);
     }
-    report(host, ALTER_HOST_MESSAGE)->message = *message;
+    add_event(host, ALTER_HOST_MESSAGE, is_outcome)->message = *message;
 }
 
 static void read_items(struct alter_host *host, uint64_t now)
@@ -299,8 +311,6 @@ void alter_host_timeout(struct alter_host *host, uint64_t now)
 
 void alter_host_set_target(struct alter_host *host, uint64_t now, const int16_t target[VAL2_ALTER_AXES])
 {
-    if (!takes_targets(host))
-        return;
     memcpy(host->target, target, sizeof host->target);
     host->is_fresh = true;
     host->fresh_until = after(now, host->config.target_timeout);
@@ -311,6 +321,8 @@ void alter_host_clear_target(struct alter_host *host) { host->is_fresh = false; 
 bool alter_host_exception(struct alter_host *host, uint8_t code)
 {
     if (!host->subroutine || host->phase != ALTER_HOST_RUNNING || host->exception != ALTER_HOST_NO_EXCEPTION)
+        return false;
+    if (!HAS_ROOM(host, ALTER_HOST_OUTCOMES + 1))
         return false;
     host->exception = ALTER_HOST_UNSENT;
     host->exception_code = code;
@@ -327,7 +339,7 @@ void alter_host_stop(struct alter_host *host)
         host->is_due = false;
     } else if (host->phase == ALTER_HOST_ACCEPTED) {
         host->phase = ALTER_HOST_SILENT;
-        report(host, ALTER_HOST_STOPPED);
+        report_outcome(host, ALTER_HOST_STOPPED);
     } else if (host->phase == ALTER_HOST_RUNNING || host->phase == ALTER_HOST_INTERRUPTED) {
         host->phase = ALTER_HOST_STOPPING;
         host->zeros_sent = false;

@@ -1,6 +1,7 @@
 /* What the host of val2-alter sends: its answers to a start (AL-44 to AL-48), and its replies (AL-63 to AL-65). */
 #include <string.h>
 
+#include "alter_events.h"
 #include "alter_host_times.h"
 
 #define ALL_AXES 0x3F
@@ -25,8 +26,9 @@ static size_t transmit_start_reply(struct alter_host *host, uint64_t now, uint8_
         message.answer = 0x01;
     if (host->phase == ALTER_HOST_STARTING && accepts && host->names_mode)
         message.answer = 0x00;
+    bool has_room = message.answer != 0x00 || HAS_ROOM(host, ALTER_HOST_OUTCOMES);
     size_t length = 0;
-    if (host->policy != ALTER_HOST_IGNORE) {
+    if (host->policy != ALTER_HOST_IGNORE && has_room) {
         length = val2_alter_encode(&message, host->config.framing, out, size);
         if (after(now, span(host, length)) > host->end_by) {
             host->begin_by = now; /* AL-46 */

@@ -6,6 +6,8 @@
 #include "session.h"
 
 #define CYCLE (28 * MS)
+/* The outcomes of an ALTER: its end, and that of a stop. */
+#define ALTER_HOST_OUTCOMES 2
 
 static inline bool is_cumulative(const struct alter_host *host) { return host->config.mode & 1; }
 

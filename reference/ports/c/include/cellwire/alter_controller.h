@@ -8,8 +8,6 @@
 extern "C" {
 #endif
 
-#define ALTER_CONTROLLER_EVENTS 32
-
 /* AL-70: what a word means that a reply leaves out. */
 enum alter_controller_unselected { ALTER_CONTROLLER_BY_MODE, ALTER_CONTROLLER_HOLD, ALTER_CONTROLLER_ZERO };
 
@@ -51,6 +49,7 @@ enum alter_controller_kind {
 };
 
 struct alter_controller_event {
+    bool is_outcome; /* never dropped */
     enum alter_controller_kind kind;
     struct val2_alter_message message;
     int16_t values[VAL2_ALTER_AXES];
@@ -75,7 +74,7 @@ struct alter_controller {
     uint8_t segment_status;
     uint16_t segment, percent;
     int16_t transform[VAL2_ALTER_TRANSFORM];
-    struct alter_controller_event events[ALTER_CONTROLLER_EVENTS];
+    struct alter_controller_event events[VAL2_ALTER_EVENTS + 1]; /* the last one is no place of the queue */
     size_t event_count;
 };
 
@@ -87,7 +86,7 @@ void alter_controller_connected(struct alter_controller *controller, uint64_t no
 void alter_controller_disconnected(struct alter_controller *controller, uint64_t now);
 void alter_controller_timeout(struct alter_controller *controller, uint64_t now);
 
-/* Takes bytes; returns how many. Take the events, then give the rest. */
+/* Takes bytes, as many as fit; returns how many. Take the events, then give the rest. */
 size_t alter_controller_input(struct alter_controller *controller, uint64_t now, const uint8_t *data, size_t size);
 
 /* The robot's program; false: refused, nothing has changed. */

@@ -9,8 +9,6 @@
 extern "C" {
 #endif
 
-#define ALTER_HOST_EVENTS 128 /* more than one push of bytes can cause */
-
 enum alter_host_policy { ALTER_HOST_ACCEPT, ALTER_HOST_REFUSE, ALTER_HOST_IGNORE };
 
 /* Section 7.1; times in nanoseconds. */
@@ -59,6 +57,7 @@ enum alter_host_kind {
 };
 
 struct alter_host_event {
+    bool is_outcome; /* never dropped */
     enum alter_host_kind kind;
     struct val2_alter_message message;
     struct val2_alter_error error;
@@ -91,7 +90,7 @@ struct alter_host {
     uint64_t follows_until; /* a message is about the last reply */
     uint64_t unread_until;  /* the same for an exception that was not read */
     uint64_t settles_at;    /* where replies may be late */
-    struct alter_host_event events[ALTER_HOST_EVENTS];
+    struct alter_host_event events[VAL2_ALTER_EVENTS + 1]; /* the last one is no place of the queue */
     size_t event_count;
 };
 

@@ -14,6 +14,7 @@ extern "C" {
 #define VAL2_ALTER_AXES 6
 #define VAL2_ALTER_TRANSFORM 12
 #define VAL2_ALTER_MAX_LIST 14
+#define VAL2_ALTER_EVENTS 16 /* that wait at an end; of more, the oldest notice is dropped (AL-96) */
 
 enum val2_alter_side { VAL2_ALTER_CONTROLLER, VAL2_ALTER_HOST };
 

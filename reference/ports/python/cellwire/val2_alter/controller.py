@@ -13,8 +13,8 @@ from .line import CYCLE, Line, shortest_window, window
 CODES = {"checksum": 1, "too_long": 3, "incomplete": 4, "start_mark": 5, "end_mark": 5}  # section 4.6
 FIELDS, TOO_LONG, TIMEOUT = 2, 3, 6
 TRANSFORM = 12
-# Events that may wait for the owner, and those that an ALTER, or an exception, may need.
-ROOM, OUTCOMES = 16, 3
+# The outcomes of an ALTER (its start, an exception, its end), and those from an exception on.
+OUTCOMES, LAST_OUTCOMES = 3, 2
 
 
 class Phase(Enum):
@@ -33,11 +33,11 @@ ALTERING = (Phase.STARTING, Phase.RUNNING, Phase.INTERRUPTED, Phase.ENDING)
 
 @dataclass
 class ControllerConfig:
-    """Section 8.1. Times are in nanoseconds; no gap: None."""
+    """Section 8.1. Times are in nanoseconds; no gap: `NEVER`."""
 
     framing: Json = field(default_factory=dict)
     baud: int = 38400
-    gap: int | None = 4 * MS
+    gap: int = 4 * MS
     mode: int = 23
     data: list[int] = field(default_factory=list)
     subroutine: bool = False
@@ -85,7 +85,7 @@ class Controller(Line):
             raise NotTaken("not_connected")
         if self.phase is not Phase.OFF:
             raise NotTaken("already_started")
-        if not self.has_room():
+        if not self.has_room(OUTCOMES):
             raise NotTaken("events_full")
         self.phase, self.window = Phase.STARTING, None
         self.slot, self.following = self.now, after(self.now, CYCLE)
@@ -97,7 +97,7 @@ class Controller(Line):
             raise NotTaken("not_running")
         if self.phase is Phase.STARTING:
             self.phase, self.window = Phase.OFF, None
-            self.report("ended", error=0)
+            self.settle("ended", error=0)
         elif self.phase is not Phase.ENDING:
             self.end(0)
 
@@ -121,9 +121,6 @@ class Controller(Line):
         """Where the arm is: twelve words (section 4.2)."""
         self.transform = list(transform)
 
-    def has_room(self) -> bool:
-        return len(self.events) + OUTCOMES <= ROOM
-
     def begin_subroutine(self) -> None:
         self.phase = Phase.INTERRUPTED
         self.was_reported = self.has_returned = False
@@ -145,7 +142,7 @@ class Controller(Line):
 
     def leave(self, phase: Phase) -> None:
         if self.phase in ALTERING:
-            self.report("ended", error=TIMEOUT)
+            self.settle("ended", error=TIMEOUT)
         self.phase, self.window, self.gap_at = phase, None, None
         self.frames.clear()
 
@@ -181,12 +178,12 @@ class Controller(Line):
             is_accepted = message["reply"] == "accept"
             self.phase, self.window, self.error = Phase.RUNNING if is_accepted else Phase.OFF, None, 0
             self.words = [0] * AXES  # AL-70
-            self.report("started" if is_accepted else "refused")
+            self.settle("started" if is_accepted else "refused")
 
     def take(self, now: int, message: Json) -> None:
         """AL-77, AL-78, AL-82"""
         exception = message["exception"]
-        if exception and not self.has_room():
+        if exception and not self.has_room(LAST_OUTCOMES):
             self.fault(now, TOO_LONG)
             return
         self.window, self.error = None, 0
@@ -202,14 +199,14 @@ class Controller(Line):
                 self.begin_subroutine()
             else:
                 self.end(0)
-            self.report("exception" if self.config.subroutine else "aborted", exception=exception)
+            self.settle("exception" if self.config.subroutine else "aborted", exception=exception)
 
     def try_again(self, error: int) -> None:
         """AL-75"""
         self.window = None
         if self.attempts >= self.config.attempts:
             self.phase = Phase.OFF
-            self.report("gave_up")
+            self.settle("gave_up")
         else:
             self.error = error
 
@@ -217,12 +214,10 @@ class Controller(Line):
 
     def timeout(self, now: int) -> None:
         self.end_gap(now)
-        if self.window is None or now < self.window.closes:
-            return
-        self.end_frame(now)  # AL-74
         closed = self.window
-        if closed is None:
+        if closed is None or now < closed.closes:
             return
+        self.end_frame(now)  # AL-74: only errors come of it
         self.window = None
         error = closed.fault or TIMEOUT
         self.report("bad_reply", error=error)
@@ -235,14 +230,14 @@ class Controller(Line):
 
     def transmit(self, now: int) -> bytes | None:
         self.timeout(now)
-        if self.phase not in ALTERING or self.window is not None or now < self.slot:
+        if self.phase not in ALTERING or now < self.slot:  # a slot is never before its window has closed
             return None
         frame = codec.encode(self.next_message(), "robot", self.config.framing)
         self.frames.clear()
         self.gap_at = None
         if self.phase is Phase.ENDING:
             self.phase = Phase.OFF
-            self.report("ended", error=self.error)
+            self.settle("ended", error=self.error)
             return frame
         length = span(len(frame), self.config.baud)
         opens = after(now, length)  # AL-72

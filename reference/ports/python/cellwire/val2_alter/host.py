@@ -10,6 +10,8 @@ from .codec import AXES
 from .limiter import HIGHEST, Limiter
 from .line import CYCLE, Line, shortest_window, window
 
+# The outcomes of an ALTER: its end, and that of a stop.
+OUTCOMES = 2
 VELOCITY = [90, 90, 90, 150, 150, 150]
 ACCELERATION = [9, 9, 9, 15, 15, 15]
 
@@ -43,7 +45,7 @@ class Sent(Enum):
 
 @dataclass
 class HostConfig:
-    """Section 7.1. Times are in nanoseconds; no gap: None."""
+    """Section 7.1. Times are in nanoseconds; no gap: `NEVER`."""
 
     framing: Json = field(default_factory=dict)
     baud: int = 38400
@@ -53,7 +55,7 @@ class HostConfig:
     policy: str = "accept"
     repeats: int = 2
     silence_cycles: int = 4
-    gap: int | None = 4 * MS
+    gap: int = 4 * MS
     target_timeout: int = 200 * MS
     reserve: int = 1 * MS
     max_delay: int = 10 * MS
@@ -120,7 +122,7 @@ class Host(Line):
 
     def settle_exception(self, outcome: str | Json) -> None:
         if self.pending is not None:
-            self.report("exception", exception=self.pending[0], outcome=outcome)
+            self.settle("exception", exception=self.pending[0], outcome=outcome)
             self.pending = None
 
     def end_exception(self) -> None:
@@ -154,7 +156,7 @@ class Host(Line):
 
     def follows_from(self, arrival: int) -> int:
         """AL-68"""
-        return max(after(arrival, 2 * CYCLE) - self.config.max_delay, 0)
+        return after(arrival, 2 * CYCLE) - self.config.max_delay
 
     # Inputs
 
@@ -162,7 +164,7 @@ class Host(Line):
         """An ALTER is lost."""
         self.end_exception()
         if self.phase in ALTERING and not (self.phase is Phase.ACCEPTED and reason == "restart"):
-            self.report("lost", reason=reason)
+            self.settle("lost", reason=reason)
         self.phase = phase
         self.due = None
 
@@ -209,16 +211,19 @@ class Host(Line):
             self.due = self.start_due(now)
         elif kind == "motion":
             self.take_motion(now, message, item.length)
-        else:
+        elif self.phase in ALTERING:
             self.end_exception()
-            if self.phase is not Phase.IDLE:
-                self.phase, self.due = Phase.IDLE, None
+            self.phase, self.due = Phase.IDLE, None
+            self.settle(kind, message=message)
+            return
+        else:
+            self.phase, self.due = Phase.IDLE, None
         self.report(kind, message=message)
 
     def start_due(self, now: int) -> Due:
-        """AL-60, AL-62"""
+        """AL-60: no rate of AL-42 makes an answer longer than its window."""
         end_by = after(now, self.config.window)
-        return Due(now, max(end_by - self.config.span(self.framing.leading_dle + 5), now + 1), end_by)
+        return Due(now, end_by - self.config.span(self.framing.leading_dle + 5), end_by)
 
     def take_motion(self, now: int, message: Json, length: int) -> None:
         """Section 7.4"""
@@ -248,7 +253,7 @@ class Host(Line):
         self.judge_exception(now, message)
         if self.phase is Phase.STOPPING:
             if code == 0 and self.zeros_sent and not self.kept:
-                self.report("stopped")
+                self.settle("stopped")
                 self.phase = Phase.SILENT
                 return
             self.zeros_sent = False
@@ -277,8 +282,7 @@ class Host(Line):
         """An answer was not sent in time."""
         self.report("missed")
         self.due = None
-        if self.phase in REPLYING:
-            self.limiter.missed()
+        self.limiter.missed()
 
     def timeout(self, now: int) -> None:
         self.end_gap(now)
@@ -295,10 +299,9 @@ class Host(Line):
             self.leave("silence", Phase.IDLE)
 
     def set_target(self, target: list[int]) -> None:
-        """How the arm is to move from now on, for `target_timeout`."""
-        if self.phase in TARGETED:
-            self.target = target
-            self.fresh_until = after(self.now, self.config.target_timeout)
+        """How the arm is to move from now on, for `target_timeout`; the next ALTER forgets it (AL-51)."""
+        self.target = target
+        self.fresh_until = after(self.now, self.config.target_timeout)
 
     def clear_target(self) -> None:
         """There is no target any more: the arm brakes."""
@@ -320,6 +323,8 @@ class Host(Line):
             raise NotTaken("not_running")
         if self.pending is not None:
             raise NotTaken("exception_pending")
+        if not self.has_room(OUTCOMES + 1):
+            raise NotTaken("events_full")
         self.pending = (code, Sent.UNSENT)
 
     def stop(self) -> None:
@@ -330,7 +335,7 @@ class Host(Line):
             self.phase, self.due = Phase.IDLE, None
         elif self.phase is Phase.ACCEPTED:
             self.phase = Phase.SILENT
-            self.report("stopped")
+            self.settle("stopped")
         elif self.phase in (Phase.RUNNING, Phase.INTERRUPTED):
             self.phase = Phase.STOPPING
             self.zeros_sent = False
@@ -364,7 +369,9 @@ class Host(Line):
             return None
         if self.phase is Phase.REPEATING:
             return "repeat" if self.asked <= self.config.repeats and self.policy == "accept" else "refuse"
-        return "accept" if self.policy == "accept" and self.names_mode else "refuse"
+        if self.policy == "refuse" or not self.names_mode:
+            return "refuse"
+        return "accept" if self.has_room(OUTCOMES) else None
 
     def encode(self, message: Json) -> bytes:
         return codec.encode(message, "host", self.config.framing)
@@ -391,11 +398,10 @@ class Host(Line):
                 due.begin_by = now
                 return None
             for axis in range(AXES):
-                if values[axis] != 0 and axis not in axes and fits(axes | {axis}, self.config.reserve):
+                if values[axis] != 0 and fits(axes | {axis}, self.config.reserve):
                     axes.add(axis)
             for axis in set(range(AXES)) - axes:
-                if values[axis] != 0:
-                    limiter.hold(axis)
+                limiter.hold(axis)
         self.limiter = limiter
         moved = {axis for axis in axes if values[axis] != 0}
         is_unread = self.pending is not None and self.pending[1] is Sent.UNREAD
@@ -414,7 +420,6 @@ class Host(Line):
         """AL-86"""
         if self.phase is Phase.INTERRUPTED:
             limiter.missed()
-            return [0] * AXES if self.config.is_cumulative else limiter.position[:]
         is_fresh = self.phase is Phase.RUNNING and self.fresh_until is not None and now < self.fresh_until
         if self.config.is_cumulative:
             return limiter.speeds(self.target if is_fresh else [0] * AXES)

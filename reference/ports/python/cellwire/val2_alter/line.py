@@ -1,10 +1,13 @@
-"""What both ends of val2-alter share: the decoder, and the gap that ends a frame (AL-38, AL-52, AL-91 of reference/val2-alter.md)."""
+"""What both ends of val2-alter share: the decoder, the gap that ends a frame, and the queue of events (AL-38, AL-52, AL-91, AL-96)."""
+
+from typing import Any
 
 from ..session import MS, Session, after, span
 from ..stream import Item, Json
 from . import codec
 
 CYCLE = 28 * MS
+PLACES = 16  # of events that wait for the owner
 
 
 def window(mode: int) -> int:
@@ -19,16 +22,38 @@ def shortest_window(mode: int, framing: codec.Framing, baud: int) -> int:
     return min(window(mode), CYCLE - span(message, baud)) - span(reply, baud)
 
 
+class Outcome(dict[str, Any]):
+    """An event that is never dropped; all others are notices."""
+
+
 class Line(Session):
     """One end of a line."""
 
-    def __init__(self, sender: str, framing: Json, gap: int | None) -> None:
+    def __init__(self, sender: str, framing: Json, gap: int) -> None:
         super().__init__()
         self.framing = codec.Framing(**framing)
         self.options, self.gap = framing, gap
         self.frames = codec.Decoder(sender, framing)
         self.failures = 0  # of the decoder, that were looked at
         self.gap_at: int | None = None
+
+    def report(self, event: str, **fields: object) -> None:
+        """A notice."""
+        self.add({"event": event, **fields})
+
+    def settle(self, event: str, **fields: object) -> None:
+        """An outcome."""
+        self.add(Outcome(event=event, **fields))
+
+    def add(self, event: Json) -> None:
+        """AL-96: of too many notices the oldest is dropped."""
+        self.events.append(event)
+        if len(self.events) > PLACES:
+            del self.events[next(at for at, each in enumerate(self.events) if not isinstance(each, Outcome))]
+
+    def has_room(self, outcomes: int) -> bool:
+        """Whether so many more outcomes fit (AL-96)."""
+        return sum(isinstance(event, Outcome) for event in self.events) + outcomes <= PLACES
 
     def is_open(self) -> bool:
         raise NotImplementedError
@@ -40,7 +65,7 @@ class Line(Session):
         self.timeout(now)
         self.frames.push(data)
         self.read(now)
-        self.gap_at = after(now, self.gap) if self.gap is not None and self.frames.pending() > 0 else None
+        self.gap_at = after(now, self.gap) if self.frames.pending() > 0 else None
 
     def end_gap(self, now: int) -> None:
         """The line has been silent within a frame."""

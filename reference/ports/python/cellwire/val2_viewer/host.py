@@ -69,7 +69,7 @@ class Host(Session):
             if byte not in (ENQ, XON, XOFF):
                 self.report("unknown", byte=byte)
             elif self.link is Link.DISCONNECTED:
-                self.unexpected(self.link.name, {ENQ: "Enquiry", XON: "Xon", XOFF: "Xoff"}[byte])
+                self.unexpected(self.link.name, f"{byte:02X}")
             elif byte != ENQ:
                 self.flow.take(now, byte)
             elif self.link is Link.ASKED:

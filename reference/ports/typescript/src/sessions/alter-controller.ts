@@ -14,6 +14,7 @@ import {
 import {
   CYCLE,
   TIMEOUT,
+  TOO_LONG,
   WRONG_FIELDS,
   errorCode,
   hasTransform,
@@ -74,6 +75,9 @@ type Turn = { opens: number; closes: number; fault: number | null } | null;
 
 const AXES = 6;
 const TRANSFORM_WORDS = 12;
+/** The outcomes of an ALTER (how its start goes, an exception, its end), and those from an exception on. */
+const OUTCOMES = 3;
+const LAST_OUTCOMES = 2;
 
 export class AlterController extends AlterLine<HostMessage, AlterControllerEvent> implements Session<AlterControllerEvent> {
   private state: Phase = { phase: "disconnected" };
@@ -119,7 +123,8 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
 
   transmit(now: number): Uint8Array | null {
     this.pass(now);
-    if (this.state.phase === "disconnected" || this.state.phase === "off" || this.turn !== null || now < this.slot) return null;
+    // A slot is never before its window has closed.
+    if (this.state.phase === "disconnected" || this.state.phase === "off" || now < this.slot) return null;
     const message = this.nextMessage();
     const bytes = encodeMessage(message, "robot", this.framing);
     this.discardBytes();
@@ -145,6 +150,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
   start(now: number): void {
     if (this.state.phase === "disconnected") throw new Refused("not_connected");
     if (this.state.phase !== "off") throw new Refused("already_started");
+    if (!this.hasRoom(OUTCOMES)) throw new Refused("events_full");
     this.state = { phase: "starting", attempts: 0 };
     this.turn = null;
     this.error = 0;
@@ -157,7 +163,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
     switch (this.state.phase) {
       case "starting":
         this.off();
-        this.events.push({ event: "ended", error: 0 });
+        this.outcome({ event: "ended", error: 0 });
         break;
       case "running":
       case "interrupted":
@@ -203,7 +209,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
         return { kind: "start", mode: this.config.mode, data: this.config.data, ...(error === 0 ? {} : { error }) };
       case "ending": {
         this.off();
-        this.events.push({ event: "ended", error: state.error });
+        this.outcome({ event: "ended", error: state.error });
         return { kind: "end", error: state.error };
       }
       case "interrupted":
@@ -245,9 +251,10 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
   private answer(message: HostMessage, now: number): void {
     const { state } = this;
     if (!this.isAwaited(now)) {
-      this.events.push({ event: "stray", message });
+      this.notice({ event: "stray", message });
     } else if (message.kind === "reply") {
       if (state.phase === "starting") this.fault(WRONG_FIELDS);
+      else if (message.exception !== 0 && !this.hasRoom(LAST_OUTCOMES)) this.fault(TOO_LONG);
       else this.reply(message);
     } else if (state.phase !== "starting") {
       this.fault(WRONG_FIELDS);
@@ -256,10 +263,10 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
       this.error = 0;
       this.words.fill(0);
       this.state = { phase: "running" };
-      this.events.push({ event: "started" });
+      this.outcome({ event: "started" });
     } else if (message.reply === "refuse") {
       this.off();
-      this.events.push({ event: "refused" });
+      this.outcome({ event: "refused" });
     } else {
       this.startAgain(0);
     }
@@ -273,15 +280,15 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
     const moves = this.state.phase === "running" && usesInputs(mode);
     if (moves) this.words = message.values.map((value, axis) => value ?? this.unselected(axis));
     const values = moves || !isCumulative(mode) ? [...this.words] : new Array<number>(AXES).fill(0);
-    this.events.push({ event: "reply", message, values });
+    this.notice({ event: "reply", message, values });
     const { exception } = message;
     if (this.state.phase !== "running" || exception === 0) return;
     if (subroutine) {
       this.state = { phase: "interrupted", reported: false, returned: false };
-      this.events.push({ event: "exception", exception });
+      this.outcome({ event: "exception", exception });
     } else {
       this.endWith(0);
-      this.events.push({ event: "aborted", exception });
+      this.outcome({ event: "aborted", exception });
     }
   }
 
@@ -297,15 +304,17 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
   /** Everything that is due at `now` (AL-91): the gap first. */
   protected override pass(now: number): void {
     this.passGap(now);
-    if (this.turn === null || !isDue(this.turn.closes, now)) return;
+    const { turn } = this;
+    if (turn === null || !isDue(turn.closes, now)) return;
+    // Only errors come of it.
     this.endBytes(now);
-    if (this.turn !== null) this.windowClosed(this.turn.fault);
+    this.windowClosed(turn.fault);
   }
 
   /** No good answer came in the window (AL-75, AL-76). */
   private windowClosed(fault: number | null): void {
     const error = fault ?? TIMEOUT;
-    this.events.push({ event: "bad_reply", error });
+    this.notice({ event: "bad_reply", error });
     if (this.state.phase === "starting") {
       this.startAgain(error);
     } else if (fault === null) {
@@ -322,7 +331,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
     this.error = error;
     if (this.state.attempts < this.config.attempts) return;
     this.off();
-    this.events.push({ event: "gave_up" });
+    this.outcome({ event: "gave_up" });
   }
 
   /** The end message is sent in the next slot. */
@@ -338,7 +347,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
 
   /** The connection ends. */
   private close(): void {
-    if (this.state.phase !== "disconnected" && this.state.phase !== "off") this.events.push({ event: "ended", error: TIMEOUT });
+    if (this.state.phase !== "disconnected" && this.state.phase !== "off") this.outcome({ event: "ended", error: TIMEOUT });
     this.turn = null;
     this.discardBytes();
   }

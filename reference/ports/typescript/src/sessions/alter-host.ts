@@ -93,6 +93,8 @@ interface Exception {
 }
 
 const AXES = 6;
+/** The outcomes of an ALTER: its end, and that of a stop. */
+const OUTCOMES = 2;
 
 export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implements Session<AlterHostEvent> {
   private state: State = { phase: "disconnected" };
@@ -100,8 +102,9 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
   private subroutine: boolean;
   private target: { words: number[]; until: number } | null = null;
   private exception: Exception | null = null;
-  /** Until when a message follows the last reply directly (AL-68). */
+  /** Until when a message follows the last reply directly, and the same for an exception that was not read (AL-68). */
   private followsUntil = 0;
+  private unreadUntil = 0;
   private lastMotion = -NEVER;
   private now = 0;
   private readonly axes: AlterAxes;
@@ -218,6 +221,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     if (!this.subroutine) throw new Refused("no_subroutine");
     if (this.state.phase !== "running") throw new Refused("not_running");
     if (this.exception !== null) throw new Refused("exception_pending");
+    if (!this.hasRoom(OUTCOMES + 1)) throw new Refused("events_full");
     this.exception = { code, state: "unsent" };
   }
 
@@ -230,17 +234,17 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     if (state.phase === "repeating") {
       if (state.answer !== null && isDue(state.answer.beginBy, now)) {
         state.answer = null;
-        this.events.push({ event: "missed" });
+        this.notice({ event: "missed" });
       }
       if (isDue(state.forgetAt, now)) this.state = { phase: "idle" };
     } else if (state.phase === "starting" && isDue(state.answer.beginBy, now)) {
       this.state = { phase: "idle" };
-      this.events.push({ event: "missed" });
+      this.notice({ event: "missed" });
     } else if ("lostAt" in state) {
       if (state.request !== null && isDue(state.request.beginBy, now)) this.missed(state);
       if (this.target !== null && isDue(this.target.until, now)) {
         this.target = null;
-        this.events.push({ event: "target_stale" });
+        this.notice({ event: "target_stale" });
       }
       if (isDue(state.lostAt, now)) {
         this.close("silence");
@@ -253,7 +257,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     if (state.request === null) return;
     state.request = null;
     this.axes.missed();
-    this.events.push({ event: "missed" });
+    this.notice({ event: "missed" });
   }
 
   private isAltering(): boolean {
@@ -264,7 +268,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
   private close(reason: "disconnected" | "restart" | "silence"): void {
     if (!this.isAltering()) return;
     this.forget();
-    this.events.push({ event: "lost", reason });
+    this.outcome({ event: "lost", reason });
   }
 
   /** What belongs to an ALTER that is over. */
@@ -276,14 +280,14 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
 
   private decide(outcome: Outcome): void {
     if (this.exception === null) return;
-    this.events.push({ event: "exception", exception: this.exception.code, outcome });
+    this.outcome({ event: "exception", exception: this.exception.code, outcome });
     this.exception = null;
   }
 
   private silent(state: Altering): void {
     this.state = { ...state, phase: "silent", request: null };
     this.target = null;
-    this.events.push({ event: "stopped" });
+    this.outcome({ event: "stopped" });
   }
 
   private lostAt(now: number): number {
@@ -297,7 +301,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
       if ("error" in item) {
         if (item.error.kind === "start_mark") this.maybeMessage();
-        this.events.push({ event: "corrupt", error: item.error });
+        this.notice({ event: "corrupt", error: item.error });
       } else {
         this.message(item.message, item.length, now);
       }
@@ -308,22 +312,26 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     switch (message.kind) {
       case "start":
         this.start(message, now);
-        this.events.push({ event: "start", message });
+        this.notice({ event: "start", message });
         break;
       case "motion":
         this.motion(message, length, now);
-        this.events.push({ event: "motion", message });
+        this.notice({ event: "motion", message });
         break;
       case "end":
-        this.forget();
+        if (this.isAltering()) {
+          this.forget();
+          this.outcome({ event: "end", message });
+        } else {
+          this.notice({ event: "end", message });
+        }
         this.state = { phase: "idle" };
-        this.events.push({ event: "end", message });
     }
   }
 
   private start(message: Start, now: number): void {
     const { state } = this;
-    if (state.phase === "starting" || (state.phase === "repeating" && state.answer !== null)) this.events.push({ event: "missed" });
+    if (state.phase === "starting" || (state.phase === "repeating" && state.answer !== null)) this.notice({ event: "missed" });
     if ("lostAt" in state) {
       this.missed(state);
       if (state.phase === "accepted") this.forget();
@@ -332,11 +340,11 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     this.state = { phase: "starting", right: message.mode === this.config.mode, answer: this.answerWindow(now) };
   }
 
-  /** When the answer to a start message has to begin and to end (AL-60, AL-62). */
+  /** When the answer to a start message has to begin and to end (AL-60); no rate of AL-42 makes it longer than its window. */
   private answerWindow(now: number): Window {
     const { mode, baud } = this.config;
     const endBy = now + windowOf(mode);
-    return { endBy, beginBy: Math.max(endBy - lineTime(this.framing.leading_dle + 5, baud), now + 1) };
+    return { endBy, beginBy: endBy - lineTime(this.framing.leading_dle + 5, baud) };
   }
 
   /** A corrupt frame, when it is found (AL-47, AL-68). */
@@ -351,7 +359,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
   /** A message may have been among corrupt bytes. */
   private maybeMessage(): void {
     if (!this.isAltering()) return;
-    this.followsUntil = 0;
+    this.followsUntil = this.unreadUntil = 0;
     this.axes.corrupt();
   }
 
@@ -362,16 +370,15 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     if (state.phase === "silent") return;
     const interrupted = phase === "interrupted";
     this.missed(state);
-    if (state.phase !== "accepted" && now - this.lastMotion < CYCLE - config.max_delay) this.events.push({ event: "delayed" });
+    if (state.phase !== "accepted" && now - this.lastMotion < CYCLE - config.max_delay) this.notice({ event: "delayed" });
     this.lastMotion = now;
-    const follows = now < this.followsUntil;
     if (error > 0) {
-      this.events.push({ event: "rejected", error });
-      if (follows && !this.late) this.axes.rejected();
+      this.notice({ event: "rejected", error });
+      if (now < this.followsUntil && !this.late) this.axes.rejected();
       else this.axes.missed();
     }
     this.axes.message(error, interrupted, now);
-    this.judgeException(error, interrupted, follows, now);
+    this.judgeException(error, interrupted, now);
     if (state.phase === "stopping") {
       if (error === 0 && state.zerosSent && this.axes.kept.size === 0) {
         this.silent(state);
@@ -387,9 +394,10 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
   }
 
   /** What a standard message says about an exception (section 7.6). */
-  private judgeException(error: number, interrupted: boolean, follows: boolean, now: number): void {
+  private judgeException(error: number, interrupted: boolean, now: number): void {
     const { exception } = this;
     if (exception === null || exception.state === "unsent") return;
+    const follows = now < (exception.state === "sent" ? this.followsUntil : this.unreadUntil);
     if (this.late) {
       this.decide({ unknown: "out_of_sequence" });
     } else if (exception.state === "sent" && error === 0) {
@@ -398,7 +406,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
       this.decide({ unknown: "unclear" });
     } else if (exception.state === "sent") {
       exception.state = "unread";
-      this.followsUntil = follows ? now + 2 * CYCLE - this.config.max_delay : 0;
+      this.unreadUntil = follows ? now + 2 * CYCLE - this.config.max_delay : 0;
     } else if (!follows) {
       this.decide({ unknown: "out_of_sequence" });
     } else if (this.state.phase === "stopping") {
@@ -445,6 +453,10 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
       return null;
     }
     const accept = this.policy === "accept" && right;
+    if (accept && !this.hasRoom(OUTCOMES)) {
+      this.state = { phase: "idle" };
+      return null;
+    }
     const bytes = this.encode({ kind: "start_reply", reply: accept ? "accept" : "refuse" });
     if (!this.inWindow(window, bytes, now)) return null;
     if (!accept) {
@@ -475,11 +487,9 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
       request.beginBy = now;
       return null;
     }
-    const unread = this.exception?.state === "unread";
-    this.axes.reply(axes, chosen.axes, request.interrupted || unread);
+    this.axes.reply(axes, chosen.axes, request.interrupted || this.exception?.state === "unread");
     if (carries && this.exception !== null) this.exception.state = "sent";
-    // Of an exception that was not read, the message that said so has set it (section 7.6).
-    if (!unread) this.followsUntil = request.arrived + 2 * CYCLE - this.config.max_delay;
+    this.followsUntil = request.arrived + 2 * CYCLE - this.config.max_delay;
     state.request = null;
     const zeros = axes.every((axis, index) => !chosen.axes.has(index) || this.axes.valueOf(axis) === 0);
     state.zerosSent = state.phase === "stopping" && zeros && !this.axes.isMoving;

@@ -2,11 +2,14 @@
 
 import { AlterDecoder } from "../alter-decoder.js";
 import type { AlterMessage, Framing, Side } from "../val2-alter.js";
-import { Events, NEVER, isDue, type Unexpected } from "./session.js";
+import { NEVER, isDue, type Unexpected } from "./session.js";
+
+/** Reports that wait for the owner. */
+const PLACES = 16;
 
 export abstract class AlterLine<M extends AlterMessage, E> {
   protected readonly decoder: AlterDecoder<M>;
-  protected readonly events = new Events<E | Unexpected>();
+  private readonly waiting: { report: E | Unexpected; isOutcome: boolean }[] = [];
   /** When the silence ends a frame. */
   protected gapAt = NEVER;
 
@@ -29,7 +32,7 @@ export abstract class AlterLine<M extends AlterMessage, E> {
 
   input(bytes: Uint8Array, now: number): void {
     if (!this.isOpen()) {
-      this.events.push({ event: "unexpected" });
+      this.notice({ event: "unexpected" });
       return;
     }
     this.pass(now);
@@ -45,7 +48,29 @@ export abstract class AlterLine<M extends AlterMessage, E> {
   transmitted(): void {}
 
   event(): E | Unexpected | null {
-    return this.events.take();
+    return this.waiting.shift()?.report ?? null;
+  }
+
+  /** A report that may be dropped (AL-96). */
+  protected notice(report: E | Unexpected): void {
+    this.report(report, false);
+  }
+
+  /** A report that is never dropped. */
+  protected outcome(report: E): void {
+    this.report(report, true);
+  }
+
+  private report(report: E | Unexpected, isOutcome: boolean): void {
+    this.waiting.push({ report, isOutcome });
+    if (this.waiting.length <= PLACES) return;
+    const oldest = this.waiting.findIndex((each) => !each.isOutcome);
+    this.waiting.splice(oldest, 1);
+  }
+
+  /** Whether so many more outcomes fit (AL-96). */
+  protected hasRoom(outcomes: number): boolean {
+    return this.waiting.filter(({ isOutcome }) => isOutcome).length + outcomes <= PLACES;
   }
 
   /** The line has been silent within a frame, if the gap is due. */

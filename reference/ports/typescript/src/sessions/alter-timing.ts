@@ -45,13 +45,14 @@ export function shortestMessage(framing: Framing, mode: number): number {
 /** The error code of what the controller could not read; 6 is a timeout (section 4.6). */
 export const TIMEOUT = 6;
 export const WRONG_FIELDS = 2;
+export const TOO_LONG = 3;
 
 export function errorCode(error: AlterError): number {
   switch (error.kind) {
     case "checksum":
       return 1;
     case "too_long":
-      return 3;
+      return TOO_LONG;
     case "incomplete":
       return 4;
     case "start_mark":

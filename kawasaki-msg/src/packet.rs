@@ -49,6 +49,7 @@ impl Limits {
                             }
                             text.chars().count() + 1
                         }
+                        Field::Unused => "$".len(),
                         _ => "-2147483648$".len(),
                     };
                 }

@@ -31,10 +31,12 @@ pub const fn period(frame: usize, answer: usize, baud: u32, tick: Duration) -> D
     end_of_tick(transmission_time(frame + answer, baud), tick)
 }
 
-/// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then, has no length, or lies centuries ahead.
+/// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then or has no length, or `now` lies centuries ahead. A
+/// cycle of centuries ends never.
 pub const fn end_of_tick(now: Duration, tick: Duration) -> Duration {
     // A division of 128 bits is a kilobyte of a small processor's code.
-    let (Some(at), Some(length)) = (nanos(now), nanos(tick)) else { return now };
+    let Some(at) = nanos(now) else { return now };
+    let Some(length) = nanos(tick) else { return if at == 0 { now } else { Duration::MAX } };
     match at.checked_rem(length) {
         None | Some(0) => now,
         Some(over) => now.saturating_add(Duration::from_nanos(length - over)),

@@ -9,11 +9,20 @@ use cellwire_links::shadow::Kind;
 use super::told::stories;
 
 /// What a tap cannot know. Each of these is complained about, or its line goes.
-const UNSEEN: [(&str, u64, &str); 3] = [
+const UNSEEN: [(&str, u64, &str); 7] = [
     ("kawasaki-msg", 206, "the PC sends more jobs than the numbers tell apart: none of them counts as sent"),
     ("laser-eb90", 224, "the controller drops a byte that has passed the tap"),
     ("mmacell-proto", 158, "what is written has another dialect than what is accepted: a tap has one"),
+    ("val2-alter", 373, "the controller has no room to take a good reply"),
+    ("fanuc-hmi-modbus", 186, "the reply of another unit stands among the requests, and is read as one"),
+    ("fanuc-hmi-modbus", 187, "the reply of another unit stands among the requests, and is read as one"),
+    ("fanuc-hmi-modbus", 210, "a frame that is too long ends where the server ends it"),
 ];
+
+/// Whether what is said of our end in this story is wrong for that reason.
+pub fn is_unseen(link: &str, story: u64) -> bool {
+    UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link, story))
+}
 
 /// Our sessions keep the rules, whatever the other end does: no story is complained about for the end that is ours.
 #[test]
@@ -32,7 +41,7 @@ fn our_ends_are_never_complained_about() {
                 if it.end != story.end || !is_broken {
                     continue;
                 }
-                if UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link.name, story.id)) {
+                if is_unseen(link.name, story.id) {
                     unseen.insert((link.name, story.id));
                 } else {
                     let _ = writeln!(wrong, "{} {}: {} ({it:?})", link.name, story.id, story.comment);

@@ -20,7 +20,7 @@ const UNSEEN: [(&str, u64, &str); 7] = [
 ];
 
 /// Whether what is said of our end in this story is wrong for that reason.
-pub fn is_unseen(link: &str, story: u64) -> bool {
+pub(super) fn is_unseen(link: &str, story: u64) -> bool {
     UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link, story))
 }
 

@@ -212,7 +212,7 @@ fn a_check_says_what_a_start_would_do_with_the_store() {
     let text = std::fs::read_to_string(folder.path().join("site.toml")).unwrap();
     let line = |text: &str| check(folder.path(), text).1.lines().nth(1).unwrap().to_owned();
     let busy = line(&text);
-    assert!(busy.contains("is open in another process"), "{busy}");
+    assert!(busy.contains("in use by a running bridge"), "{busy}");
     assert_eq!(bridge.signal("-TERM"), Some(0));
     let same = line(&text);
     assert!(same.starts_with("{\"store\":\"FOLDER/s.redb\",\"records\":"), "{same}");

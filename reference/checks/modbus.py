@@ -22,8 +22,8 @@ LINK = "fanuc-hmi-modbus"
 # Errors that an implementation has to find too.
 FOUND_BY = {"tshark": {"crc"}, "pymodbus": {"crc", "protocol"}}
 LEFT_OUT = {
-    # Its function codes from 65 on, and those whose data it gives other names, are bytes to us.
-    "tshark": lambda message: "data" in message,
+    # Its function codes from 65 on, and those whose data it gives other names, are bytes to us. It shows no exception code of 0.
+    "tshark": lambda message: "data" in message or message.get("exception") == 0,
     "pymodbus": lambda message: False,
 }
 # Our names, in the order of the wire, and tshark's fields.

@@ -115,6 +115,8 @@ def write(given):
         except OverflowError:
             return "error"
     scaled, width = value * scale(number), 16 if number["kind"] == "int16" else 32
+    if not math.isfinite(scaled):
+        return "error"
     rounded = whole(scaled)
     if not -(2 ** (width - 1)) <= rounded < 2 ** (width - 1):
         return "error"
@@ -169,7 +171,7 @@ def assign(slots):
     for slot in slots:
         first, last = slot["address"] - 1, slot["address"] + slot["size"] - 2
         name, multiply = slot["var_name"], slot["multiply"]
-        wrong = not 0 <= first <= last < 16384 or not 1 <= len(name) <= 37 or "'" in name
+        wrong = not 0 <= first <= last < 16384 or not re.fullmatch("[ -&(-~]{1,37}", name)
         wrong |= multiply not in (0, -1) and not 0.0001 <= multiply <= 10000
         if wrong or any(first <= end and begin <= last for begin, end in ranges):
             return "error"

@@ -38,7 +38,7 @@ def python():
     interpreter = venv if venv.exists() else sys.executable
     cache = TARGET / "mypy"
     typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "testee_values.py", "cellwire", "tests", cwd=folder)
-    tested = passes(sys.executable, "-B", "-W", "error", "-m", "unittest", "-q", "tests.test_line", "tests.test_viewer", cwd=folder)
+    tested = passes(sys.executable, "-B", "-W", "error", "-m", "unittest", "-q", "tests.test_line", "tests.test_viewer", "tests.test_modbus", cwd=folder)
     return passes(*testee("python"), sys.executable, "-B", folder / "testee.py") and typed and tested
 
 

@@ -7,6 +7,7 @@ from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Item, Json, Refused
 from . import codec, timing
 
+MAX_PLACES = 16
 READING = (1, 2, 3, 4, 23)
 BITS = (1, 2)
 ECHO = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
@@ -31,8 +32,9 @@ class ClientConfig:
     def __post_init__(self) -> None:
         if self.timeout == 0 or 0 in (self.silence, self.stall):
             raise ValueError("a timeout, a silence or a stall of 0")  # FM-56
-        if not 1 <= self.in_flight <= (self.places if self.framing == "tcp" else 1):
-            raise ValueError("requests in flight are 1 to as many as there are places, or one without transactions")
+        most = self.places if self.framing == "tcp" else 1
+        if not 1 <= self.places <= MAX_PLACES or not 1 <= self.in_flight <= most:
+            raise ValueError("places are 1 to 16, and requests in flight as many, or one without transactions")
 
 
 class Stage(Enum):

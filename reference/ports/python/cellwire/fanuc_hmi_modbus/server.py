@@ -14,6 +14,7 @@ from .registers import (
 )
 from .requests import Found, fault_of, find
 
+MAX_PLACES = 255
 HELD = 504  # FM-62
 LONGEST_STRETCH, LEFT = 1024, 256  # FM-63
 BROADCAST = 0
@@ -39,8 +40,8 @@ class ServerConfig:
             self.unit = ANY if self.framing == "tcp" else 1
         if self.unit == BROADCAST and self.broadcast:
             raise ValueError("a unit of 0, which is a broadcast")  # FM-67
-        if 0 in (self.silence, self.stall):
-            raise ValueError("a silence or a stall of 0")
+        if 0 in (self.silence, self.stall) or not 1 <= self.places <= MAX_PLACES:
+            raise ValueError("a silence or a stall of 0, or no place")
 
 
 class Server(Session):

@@ -80,7 +80,7 @@ pub fn help(command: &str, arguments: &[String]) -> String {
         "alter" => Some(("alter", settings::list(operator::Settings::default()))),
         "simulate" => DEVICES
             .iter()
-            .find(|device| named(device.name) || device.link.is_some_and(named))
+            .find(|device| arguments.iter().any(|argument| device.is_called(argument)))
             .map(|it| (it.name, (it.settings)())),
         "demo" => link.map(|link| (link.name, demo::settings(link.name))),
         _ => link.map(|link| (link.name, (link.settings)())),

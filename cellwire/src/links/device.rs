@@ -33,6 +33,13 @@ pub struct Device {
     pub simulate: fn(&SimulateOptions) -> Result<()>,
 }
 
+impl Device {
+    /// Whether it has this name, or its link has and no other device.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name == name || self.link == Some(name)
+    }
+}
+
 /// The options of a simulator.
 #[derive(Debug)]
 pub struct SimulateOptions {

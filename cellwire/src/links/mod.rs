@@ -41,8 +41,7 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
 /// # Errors
 /// When there is none.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
-    let is_named = |device: &&Device| device.name == name || device.link == Some(name);
-    DEVICES.iter().find(is_named).with_context(|| format!("there is no device {name}"))
+    DEVICES.iter().find(|device| device.is_called(name)).with_context(|| format!("there is no device {name}"))
 }
 
 /// The parser of DEVICE on the command line.

@@ -44,11 +44,14 @@ pub struct Decoder<F: Framings = Framing> {
 /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
 pub(crate) const WINDOW: usize = 2 * Frame::MAX_LEN;
 
+/// The bytes of a header that are judged.
+const MBAP: usize = 6;
+
 /// The bytes that a header and the length of the message after it take, but one.
-const HEADER: usize = 6 + 10;
+const HEADER: usize = MBAP + 10;
 
 /// The bytes of the shortest TCP frame.
-const SHORTEST: usize = 6 + 2;
+const SHORTEST: usize = MBAP + 2;
 
 /// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
@@ -236,8 +239,9 @@ impl<F: Framings> Decoder<F> {
         if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {
             corruption.tried = tried;
             if self.framing.has_transactions() {
+                let shows = if is_placed(tried, from, start) { MBAP } else { SHORTEST };
                 // A full window decides without them.
-                self.wanted = (tried + SHORTEST).min(start + WINDOW);
+                self.wanted = (tried + shows).min(start + WINDOW);
             }
             return None;
         }
@@ -280,11 +284,8 @@ impl<F: Framings> Decoder<F> {
             let start = limit - data.len();
             let Some((six, message)) = data.split_first_chunk() else { return Err(start) };
             let Ok(len) = Frame::tcp_len(six) else { continue };
-            // After a frame of another protocol the next one begins in its place; elsewhere a header has to have the length of
-            // the message after it.
-            let is_placed = start == from && start > self.stream.start() + 1;
             match RtuLen::of(message, self.side) {
-                _ if is_placed => return Ok(start),
+                _ if is_placed(start, from, self.stream.start()) => return Ok(start),
                 RtuLen::Known(rtu) if 6 + rtu == len + 2 => return Ok(start),
                 RtuLen::AtLeast(_) if !self.stream.has_ended() => return Err(start),
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
@@ -387,6 +388,12 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
 #[inline]
 fn tcp(data: &[u8]) -> Result<usize, DecodeError> {
     data.first_chunk().map_or(Ok(6), Frame::tcp_len)
+}
+
+/// Whether the next frame begins at `at`, whatever its message: right after one of another protocol. Elsewhere a header has to have the
+/// length of the message after it.
+fn is_placed(at: usize, from: usize, start: usize) -> bool {
+    at == from && from > start + 1
 }
 
 /// What to skip of a frame whose header is bad: all of it, if its length can be one.

@@ -102,6 +102,21 @@ fn a_frame_of_another_protocol_hides_what_is_within_it() {
     assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(read.clone(), 12), (protocol, 38), (read, 50)]);
 }
 
+/// It is seen with its sixth byte, however the bytes come.
+#[test]
+fn a_header_right_after_a_frame_of_another_protocol_ends_its_error() {
+    let stream = [&[0, 1, 0, 1, 0, 6, 1, 3, 0, 0, 0, 37][..], &READ[..6]].concat();
+    for size in [1, 5, stream.len()] {
+        let mut decoder = Decoder::new(Framing::Tcp, Side::Client);
+        let mut errors = Vec::new();
+        for piece in stream.chunks(size) {
+            assert_eq!(decoder.push(piece), piece.len());
+            errors.extend(decoder.next_frame().map(|frame| frame.map(drop)));
+        }
+        assert_eq!((errors, decoder.position()), (vec![Err(DecodeError::Protocol { found: 1 })], 12));
+    }
+}
+
 /// The header that begins within the first frame has another length than the message after it.
 #[test]
 fn a_length_that_no_frame_has_costs_its_own_frame_alone() {

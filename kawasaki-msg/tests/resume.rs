@@ -153,6 +153,23 @@ fn a_robot_that_has_ended_the_order_says_how_far_it_came() {
     assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: drawn, complete: false });
 }
 
+/// It was killed before it had kept the end.
+#[test]
+fn an_order_of_which_all_is_executed_is_complete() {
+    for (executed, complete) in [(290, true), (300, true), (290, false)] {
+        let (whole, mut cell) = (picture(301), Cell::new());
+        let picture = &whole[..300];
+        let mut pc: PcEnd<'_> = Pc::new(PcConfig::TCP).unwrap();
+        pc.start(50, picture).unwrap();
+        cell.connect(&mut pc);
+        assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: 300, complete: true });
+        cell.disconnect();
+        let mut pc = next(if complete { picture } else { &whole }, (executed, 300));
+        cell.connect(&mut pc);
+        assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: 300, complete });
+    }
+}
+
 #[test]
 fn what_no_order_can_be_is_refused() {
     let picture = picture(3);
@@ -198,6 +215,6 @@ fn the_state_is_that_after_a_lost_connection() {
     }
     lost.on(2 * now, Input::Disconnected, &config).unwrap();
     let mut resumed = Machine::<1>::new();
-    resumed.on(now, Input::Resume { order: 50, executed: 2, sent: 4 }, &config).unwrap();
+    resumed.on(now, Input::Resume { order: 50, executed: 2, sent: 4, total: None }, &config).unwrap();
     assert_eq!(resumed, lost);
 }

@@ -68,25 +68,37 @@ pub(crate) fn robot<W: Work + Send + 'static>(
     connect: impl Fn() -> io::Result<Box<dyn Transport>>,
 ) -> Result<Vec<Job<W>>, Box<dyn Error>> {
     let (jobs, mut motion) = motion::boxed(64, config.max_number)?;
-    let (mut robot, mut executed) = (Robot::new(config, jobs)?, Vec::new());
+    let (mut robot, mut executed, mut is_over) = (Robot::new(config, jobs)?, Vec::new(), false);
     loop {
         // The session says when: at once, and some time after a connection was lost.
         while robot.poll_event() != Some(RobotEvent::Connect) {
             std::thread::sleep(robot.poll_timeout().unwrap_or_default().saturating_sub(now()));
             robot.handle_timeout(now());
         }
-        let Ok(mut transport) = connect() else {
-            robot.handle_disconnected(now());
-            continue;
+        let mut transport = match connect() {
+            Ok(transport) => transport,
+            Err(_) if is_over => return Ok(executed),
+            Err(_) => {
+                robot.handle_disconnected(now());
+                continue;
+            }
         };
         robot.handle_connected(now());
-        let mut driver = Driver::new(&mut *transport);
+        let (mut driver, mut since) = (Driver::new(&mut *transport), now());
         loop {
             // The motion task. On a controller it is a task of its own, and wakes the driver.
             let mut wait = None;
             while let Some(job) = motion.take() {
                 executed.push(job.complete());
                 wait = Some(Duration::ZERO);
+            }
+            if is_over {
+                // The PC learns of it with the next packet.
+                let until = since + 10 * kawasaki_msg::timing::EXCHANGE;
+                if now() >= until {
+                    return Ok(executed);
+                }
+                wait = Some(until.saturating_sub(now()));
             }
             let turn = driver.turn(&mut robot, wait, |_, event| match event {
                 RobotEvent::Disconnect => ControlFlow::Break(false),
@@ -96,15 +108,7 @@ pub(crate) fn robot<W: Work + Send + 'static>(
             match turn {
                 Ok(ControlFlow::Continue(())) => {}
                 Ok(ControlFlow::Break(kawasaki_msg::robot_session::Ended::ByHandler(true))) => {
-                    // The PC learns of it with the next packet.
-                    let until = now() + 10 * kawasaki_msg::timing::EXCHANGE;
-                    while now() < until {
-                        let wait = Some(until.saturating_sub(now()));
-                        if driver.turn(&mut robot, wait, |_, _| ControlFlow::<()>::Continue(())).is_err() {
-                            break;
-                        }
-                    }
-                    return Ok(executed);
+                    (is_over, since) = (true, now());
                 }
                 _ => break,
             }

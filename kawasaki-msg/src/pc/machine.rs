@@ -37,7 +37,9 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::Corrupt => self.on_corrupt(config),
             Input::ReadEnd { whole } => self.on_read_end(now, whole, config),
             Input::Start { order } => self.on_start(order, config),
-            Input::Resume { order, executed, sent } => self.on_resume(order, executed, sent, config),
+            Input::Resume { order, executed, sent, total } => {
+                self.on_resume(order, executed, sent, total, config)
+            }
             Input::Ahead { index } => self.on_ahead(index, config),
             Input::End => self.on_end(),
             Input::Interrupt => self.on_interrupt(config),
@@ -266,7 +268,14 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The state of a PC whose connection was lost after its last packet: the robot's status shows what became of the order.
-    fn on_resume(&mut self, order: u16, executed: u32, sent: u32, config: &Config) -> Option<Action> {
+    fn on_resume(
+        &mut self,
+        order: u16,
+        executed: u32,
+        sent: u32,
+        total: Option<u32>,
+        config: &Config,
+    ) -> Option<Action> {
         let in_flight = sent.checked_sub(executed)?;
         if self.order != Order::Idle || order == 0 || in_flight > config.window() {
             return None;
@@ -274,7 +283,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         self.order = Order::Running { number: order, stage: Stage::Active, left_at: Duration::MAX };
         // Nobody has kept whether corrupt bytes came.
         let is_unsure = !config.cumulative_acks && config.rules.keeps(Rule::DoubtCorrupt);
-        self.count = Count { executed, queued: executed, sent, is_unsure, ..Count::default() };
+        self.count = Count { executed, queued: executed, sent, total, is_unsure, ..Count::default() };
         Some(Action::Nothing)
     }
 

@@ -129,7 +129,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     pub fn resume(
         &mut self,
         order: u16,
-        source: S,
+        mut source: S,
         executed: u32,
         sent: u32,
         ahead: impl IntoIterator<Item = u32>,
@@ -144,7 +144,9 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             0 => SessionError::NotInFlight { executed, sent },
             active => SessionError::OrderActive { active },
         };
-        self.ask(Input::Resume { order, executed, sent }).map_err(|_| error)?;
+        // The robot may report the end before it asks for a job.
+        let total = matches!(source.job(sent), Supply::End).then_some(sent);
+        self.ask(Input::Resume { order, executed, sent, total }).map_err(|_| error)?;
         for index in ahead {
             let _always = self.ask(Input::Ahead { index });
         }

@@ -208,6 +208,8 @@ pub enum Input {
         executed: u32,
         /// How many may have been sent.
         sent: u32,
+        /// How many there are, if that is known.
+        total: Option<u32>,
     },
     /// The caller ends it after what is queued.
     End,

@@ -119,7 +119,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             Input::ReadEnd { whole: true },
             Input::ReadEnd { whole: false },
             Input::Start { order: OURS },
-            Input::Resume { order: OURS, executed: 2, sent: 4 },
+            Input::Resume { order: OURS, executed: 2, sent: 4, total: None },
             Input::Ahead { index: 3 },
             Input::End,
             Input::Interrupt,

@@ -93,6 +93,7 @@ class Pc(End):
         self.number, self.stage = order, Stage.ACTIVE
         self.executed = self.queued = executed
         self.sent = sent
+        self.total = sent if len(jobs) <= sent else None
         if not self.config.cumulative_acks:
             self.ahead = {self.numbering.number(place + 1) for place in ahead if executed <= place < sent}
         self.is_unsure = True

@@ -3,6 +3,7 @@
 mod config;
 mod event;
 mod held;
+mod input;
 pub mod machine;
 mod places;
 

@@ -1,0 +1,114 @@
+//! What happens to a client, and what it does.
+
+use super::places::Places;
+
+/// What happens to a client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Input {
+    /// A connection was made.
+    Connected,
+    /// The connection is lost.
+    Disconnected,
+    /// Time has passed. Given after what has arrived was read; one thing that came due is done with each.
+    Timeout,
+    /// The caller makes a request.
+    Request {
+        /// To all units.
+        broadcast: bool,
+    },
+    /// The caller has taken the outcome of the request in this place.
+    Taken {
+        /// The place.
+        place: u8,
+    },
+    /// Bytes have arrived. Given before they are decoded.
+    Received,
+    /// They held a well-formed frame.
+    Reply {
+        /// Its transaction; 0 where frames have none.
+        transaction: u16,
+        /// Whether it can be the reply to the request that [`ClientMachine::expects`](super::machine::ClientMachine::expects) names.
+        fit: Fit,
+    },
+    /// They held something that is no frame.
+    Corrupt,
+    /// The request that was due is sent.
+    Sent(Due),
+}
+
+/// Whether a frame can be the reply to a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Fit {
+    /// It answers what was asked, and is longer than its own data: no part of it looks like it.
+    Whole,
+    /// It is an exception, short enough to be data of another reply.
+    Exception,
+    /// It cannot be the reply.
+    Misfit,
+}
+
+/// The request that a client sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Due {
+    /// Its place.
+    pub place: u8,
+    /// Its transaction; 0 where frames have none.
+    pub transaction: u16,
+}
+
+/// What a client does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Nothing.
+    Nothing,
+    /// It keeps a new request in this place.
+    Keep {
+        /// The place.
+        place: u8,
+    },
+    /// The request that was sent waits for its reply.
+    Sent,
+    /// It reports that the request of this place was sent to all units.
+    Announced {
+        /// The place.
+        place: u8,
+    },
+    /// It reports the reply, which is kept in this place.
+    Replied {
+        /// The place.
+        place: u8,
+    },
+    /// It reports that the reply with the request's transaction is none.
+    Refused {
+        /// The place.
+        place: u8,
+    },
+    /// It reports a reply that no request in flight has.
+    Stray {
+        /// The place of the request that timed out before.
+        late: Option<u8>,
+    },
+    /// It reports requests that have timed out.
+    TimedOut(Places),
+    /// It reports requests that were in flight and others that were not sent.
+    Reset {
+        /// In flight: whether they were carried out is unknown.
+        lost: Places,
+        /// Not sent.
+        not_sent: Places,
+    },
+    /// What the decoder holds will not be continued.
+    Cut,
+}
+
+robot_session::inputs!(
+    Input: Request { broadcast: false } as "Request",
+    Request { broadcast: true } as "Request(broadcast)",
+    Taken,
+    Received,
+    Reply { fit: Fit::Whole } as "Reply",
+    Reply { fit: Fit::Exception } as "Reply(exception)",
+    Reply { fit: Fit::Misfit } as "Reply(misfit)",
+    Corrupt,
+    Sent,
+);

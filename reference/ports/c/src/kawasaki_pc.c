@@ -62,7 +62,8 @@ bool kawasaki_pc_resume(struct kawasaki_pc *pc, uint16_t order, const struct kaw
     begin(pc, order, jobs);
     pc->stage = KAWASAKI_PC_ACTIVE;
     pc->executed = pc->queued = reached->executed;
-    pc->sent = reached->sent;
+    pc->sent = pc->total = reached->sent;
+    pc->has_total = !jobs->is_open && jobs->count <= pc->sent;
     for (size_t i = 0; pc->config.individual_acks && i < reached->ahead_count; i++)
         if (reached->ahead[i] >= pc->executed && reached->ahead[i] < pc->sent)
             include(pc->ahead, number_at(&pc->end, reached->ahead[i] + 1));

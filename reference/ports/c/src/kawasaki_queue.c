@@ -78,7 +78,6 @@ static void advance(const struct kawasaki_end *end, struct kawasaki_robot_order 
 void kawasaki_order_queued(struct kawasaki_robot_order *order)
 {
     order->queued++;
-    order->was_queued = true;
     order->gap = KAWASAKI_CLOSED;
     order->waits = false;
 }

@@ -69,7 +69,7 @@ static void start(struct kawasaki_robot *robot, uint64_t now, uint16_t named, in
     if (order->stage != KAWASAKI_IDLE) {
         bool is_repeated = named == order->number;
         robot->start = named;
-        if (!is_repeated || order->was_queued || number != 1)
+        if (!is_repeated || order->queued > 0 || number != 1)
             refuse_start(robot, is_repeated && robot->config.refuse_repeated_start ? 0 : order->number, named);
     } else if (named != 0 && number != 1) {
         robot->start = 0;

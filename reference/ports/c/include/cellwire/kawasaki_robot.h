@@ -63,7 +63,7 @@ struct kawasaki_robot_order {
     enum kawasaki_gap gap;
     uint64_t held_until;
     unsigned failures;
-    bool waits, is_reported, was_queued;
+    bool waits, is_reported;
     uint64_t waits_until, reported_at;
     uint64_t queued, executed, acknowledged;                     /* counts */
     uint8_t ahead[KAWASAKI_NUMBERS], unacked[KAWASAKI_NUMBERS]; /* sets of numbers */

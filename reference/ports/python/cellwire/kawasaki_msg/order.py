@@ -94,7 +94,6 @@ class Order:
         self.held_until = self.failures = self.queued = self.executed = 0
         self.waits_until: int | None = None  # the recovery
         self.reported_at: int | None
-        self.was_queued = False  # a job of it, ever
         self.acks.begin()
 
     def phase(self) -> int:
@@ -113,7 +112,6 @@ class Order:
     def queue_job(self) -> None:
         """The next job is queued."""
         self.queued += 1
-        self.was_queued = True
         self.gap, self.waits_until = Gap.CLOSED, None
 
     def job_done(self, number: int) -> bool:

@@ -197,7 +197,7 @@ class Robot(End):
         order = self.order
         if order.stage is not Stage.IDLE:
             is_repeated = named == order.number
-            if is_repeated and not order.was_queued and number == 1:
+            if is_repeated and order.queued == 0 and number == 1:
                 self.replies.start = named
                 return
             self.replies.start = 0 if is_repeated and self.config.refuse_repeated_start else order.number

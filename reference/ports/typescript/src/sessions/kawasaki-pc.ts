@@ -235,6 +235,7 @@ export class KawasakiPc implements Session<KawasakiPcEvent> {
   resume({ order, jobs, open = false, executed = 0, sent = executed, ahead: done = [] }: ResumeRequest): void {
     if (sent < executed || sent - executed > this.window) throw new Refused("not_in_flight");
     this.begin(order, jobs, open, executed, sent);
+    if (!open && jobs.length <= sent) this.total = sent;
     for (const index of done) if (!this.config.cumulative_acks && index >= executed && index < sent) this.ahead.add(index + 1);
     this.unsure = !this.config.cumulative_acks;
     this.order = { phase: "running", number: order, stage: "active", leftAt: null };

@@ -47,7 +47,7 @@ class Port:
 
     folder: Path
     suffixes: tuple[str, ...]
-    runs: mutant_runs.Python | mutant_runs.Command
+    runs: mutant_runs.Python | mutant_runs.TypeScript | mutant_runs.Command
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
@@ -70,8 +70,7 @@ def c() -> Port:
 
 def typescript() -> Port:
     folder = PORTS / "typescript"
-    compiler = lambda copy: mutant_runs.TypeScript(copy, TARGET / "node_modules")
-    return Port(folder, (".ts",), mutant_runs.Command(folder, TARGET / "mutants/typescript", compiler))
+    return Port(folder, (".ts",), mutant_runs.TypeScript(folder, TARGET / "node_modules"))
 
 
 def equivalent(port: str) -> dict[tuple[str, str, str, str], str]:
@@ -112,6 +111,9 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
         link = mutant_runs.Link(cases)
         loaded = port.runs.prepare(link, traced)
         count = counts[name] = Counter()
+        if isinstance(port.runs, mutant_runs.TypeScript):
+            taken = port.runs.valid([(path, mutant.changed(path.read_bytes())) for path, mutant in mutants])
+            mutants = [each for each, is_taken in zip(mutants, taken) if is_taken]
         for path, mutant in mutants:
             if str(path) not in loaded:
                 continue

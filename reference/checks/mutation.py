@@ -65,7 +65,7 @@ LANGUAGES = {
     ".ts": Language(
         "tree_sitter_typescript language_typescript", "true", "false",
         {"expression_statement", "return_statement", "throw_statement", "break_statement", "continue_statement"},
-        ";", {"Refused", "require"},
+        ";", {"Refused", "require", "integer"},
     ),
 }  # fmt: skip
 LANGUAGES[".h"] = LANGUAGES[".c"]

@@ -32,7 +32,8 @@ bool laser_controller_init(struct laser_controller *controller, const struct las
     memset(controller, 0, sizeof *controller);
     controller->config = *config;
     laser_eb90_init(&controller->decoder, config->profile);
-    return laser_words_are_valid(&config->words) && config->batch >= 1 && config->batch <= UINT8_MAX;
+    return laser_eb90_profile_is_valid(&config->profile) && laser_words_are_valid(&config->words) && config->batch >= 1 &&
+           config->batch <= UINT8_MAX;
 }
 
 static bool is_partial(const struct laser_controller *controller) { return controller->decoder.length > 0; }

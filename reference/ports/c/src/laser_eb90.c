@@ -40,6 +40,16 @@ static bool find_type(const struct laser_eb90_profile *profile, uint8_t tag, enu
     return false;
 }
 
+bool laser_eb90_profile_is_valid(const struct laser_eb90_profile *profile)
+{
+    for (int i = 0; i < LASER_EB90_TYPES; i++) {
+        enum laser_eb90_type first;
+        if (find_type(profile, profile->tags[i], &first) && first != (enum laser_eb90_type)i)
+            return false;
+    }
+    return true;
+}
+
 static bool is_tail(const struct laser_eb90_profile *profile, uint8_t byte)
 {
     return (byte == 0x82 && profile->tail != LASER_EB90_ETX) || (byte == 0x83 && profile->tail != LASER_EB90_PRINTED);

@@ -46,7 +46,8 @@ bool laser_host_init(struct laser_host *host, const struct laser_host_config *co
     memset(host, 0, sizeof *host);
     host->config = *config;
     laser_eb90_init(&host->decoder, config->profile);
-    return laser_words_are_valid(&config->words) && config->baud > 0 && config->batch >= 1 && config->batch <= LASER_HOST_BATCH;
+    return laser_eb90_profile_is_valid(&config->profile) && laser_words_are_valid(&config->words) && config->baud > 0 &&
+           config->batch >= 1 && config->batch <= LASER_HOST_BATCH;
 }
 
 /* How long the controller executes before it answers (LE-48). */

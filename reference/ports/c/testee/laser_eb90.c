@@ -7,6 +7,12 @@
 static const char *const TYPES[] = {"f32", "i16", "u8", "char"};
 static struct laser_eb90_decoder decoder;
 
+/* A number that may be left out. */
+static void read_number(const struct json *value, int64_t most, int64_t *number)
+{
+    is_out_of_range |= value != NULL && !json_integer(value, 0, most, number);
+}
+
 void read_laser_profile(const struct json *options, struct laser_eb90_profile *profile)
 {
     const struct json *tags = json_get(options, "tags");
@@ -17,7 +23,7 @@ void read_laser_profile(const struct json *options, struct laser_eb90_profile *p
     profile->first_tag = json_is(json_get(options, "flag"), "first_tag");
     for (int type = 0; type < LASER_EB90_TYPES; type++) {
         int64_t tag = profile->tags[type];
-        json_integer(json_get(tags, TYPES[type]), 0, UINT8_MAX, &tag);
+        read_number(json_get(tags, TYPES[type]), UINT8_MAX, &tag);
         profile->tags[type] = (uint8_t)tag;
     }
     if (json_is(checksum, "u16_le"))
@@ -39,8 +45,8 @@ void read_laser_words(const struct json *object, struct laser_words *words)
          at != NULL && words->command_count < LASER_WORDS_MAX_RANGES; at = at->next) {
         int64_t first = 0, last = 0;
         int class = LASER_WORDS_INTERPRETED;
-        json_integer(json_get(at, "first"), 0, UINT16_MAX, &first);
-        json_integer(json_get(at, "last"), 0, UINT16_MAX, &last);
+        read_number(json_get(at, "first"), UINT16_MAX, &first);
+        read_number(json_get(at, "last"), UINT16_MAX, &last);
         while (class < LASER_WORDS_QUERY && !json_is(json_get(at, "class"), CLASSES[class]))
             class++;
         words->commands[words->command_count].first = (uint16_t)first;
@@ -50,7 +56,7 @@ void read_laser_words(const struct json *object, struct laser_words *words)
     is_out_of_range |= commands != NULL && commands->count > LASER_WORDS_MAX_RANGES;
     for (int error = 0; error < LASER_WORDS_NO_ERROR; error++) {
         int64_t word = words->errors[error];
-        json_integer(json_get(errors, laser_words_name((enum laser_words_error)error)), 0, UINT16_MAX, &word);
+        read_number(json_get(errors, laser_words_name((enum laser_words_error)error)), UINT16_MAX, &word);
         words->errors[error] = (uint16_t)word;
     }
 }
@@ -186,7 +192,9 @@ static size_t encode(const struct json *message, uint8_t *out, size_t size)
     static struct laser_eb90_payload payload;
     const struct json *items = json_get(message, "items");
     payload = (struct laser_eb90_payload){.profile = &decoder.profile};
-    for (const struct json *item = items == NULL ? NULL : items->child; item != NULL; item = item->next)
+    if (items == NULL || message->count != 1)
+        return 0;
+    for (const struct json *item = items->child; item != NULL; item = item->next)
         if (!put_laser_item(&payload, item))
             return 0;
     return laser_eb90_encode(&payload, out, size);

@@ -75,15 +75,13 @@ export class AlterDecoder<M extends AlterMessage = AlterMessage> implements Item
   next(): Item<M, AlterError> | null {
     for (;;) {
       const atMark = this.seek();
-      if (atMark && this.readBefore > 0 && this.error !== null) {
-        // A second reading is judged by the corrupt frame's own bytes alone (AL-84).
-        if (this.read(this.held.subarray(0, this.readBefore), false).kind === "error") {
-          this.skip(1);
-          continue;
-        }
+      // A second reading is judged by the corrupt frame's own bytes alone (AL-84); of a first one there are none.
+      if (this.read(this.held.subarray(0, this.readBefore), false).kind === "error") {
+        this.skip(1);
+        continue;
       }
       if (atMark || this.ended) {
-        const error = this.takeSkipped(atMark);
+        const error = this.takeSkipped();
         if (error !== null) return error;
       }
       if (!atMark) {
@@ -112,11 +110,7 @@ export class AlterDecoder<M extends AlterMessage = AlterMessage> implements Item
   }
 
   /** The error that covers the bytes that were skipped, if there are any. */
-  private takeSkipped(atMark: boolean): Item<M, AlterError> | null {
-    if (!atMark) {
-      this.skipped += this.spare;
-      this.spare = 0;
-    }
+  private takeSkipped(): Item<M, AlterError> | null {
     const [offset, length] = [this.position, this.skipped];
     if (length === 0) return null;
     const error: AlterError = this.error ?? { kind: "start_mark", offset, length };
@@ -164,7 +158,6 @@ export class AlterDecoder<M extends AlterMessage = AlterMessage> implements Item
 
   /** Removes DLEs that a start mark does not need; a lent one is not counted. */
   private setAside(count: number): void {
-    if (count === 0) return;
     this.spare += count - this.lentBytes;
     this.lent = false;
     this.remove(count);

@@ -11,6 +11,8 @@ export const DATA_BYTES = 8;
 export const MAX_PACKET = 259;
 
 const HEADER = 3;
+/** The header of a packet of values. */
+const VALUES_HEADER = [0x08, 0xf8, 0x5d];
 
 export type Status = "fresh" | "old" | "reserved";
 
@@ -46,20 +48,19 @@ export function encodePacket(packet: BallPacket): Uint8Array {
   const ab = { fresh: 0x00, old: 0x80, reserved: 0x08 }[oneOf(packet.status, ["fresh", "old", "reserved"])];
   const values = [...integers(packet.force, -128, 127, 3), ...integers(packet.moment, -128, 127, 3)];
   const data = [ab | (type << 4) | sensor, ...values.map((value) => value & 0xff), integer(packet.keys, 0, 255)];
-  const n = data.length;
-  return Uint8Array.of(n, -n & 0xff, n ^ 0x55, ...data, checksumOf(n, data));
+  return Uint8Array.of(...VALUES_HEADER, ...data, checksumOf(DATA_BYTES, data));
 }
 
 function decodeData(data: Uint8Array): BallPacket {
   if (data.length !== DATA_BYTES) return { data: [...data] };
   const id = byteAt(data, 0);
-  const signed = [...data.subarray(1, 7)].map((value) => (value << 24) >> 24);
+  const signed = [...data].map((value) => (value << 24) >> 24);
   return {
     sensor_type: (id >> 4) & 7,
     sensor: id & 7,
     status: (id & 0x08) !== 0 ? "reserved" : (id & 0x80) !== 0 ? "old" : "fresh",
-    force: signed.slice(0, 3),
-    moment: signed.slice(3, 6),
+    force: signed.slice(1, 4),
+    moment: signed.slice(4, 7),
     keys: byteAt(data, 7),
   };
 }

@@ -149,12 +149,11 @@ function readCheck(bytes: Uint8Array, profile: Profile): number {
   return profile.checksum === "u8" ? first : profile.checksum === "u16_le" ? first | (second << 8) : (first << 8) | second;
 }
 
-/** The place of the first head in bytes, whole or cut off by their end. */
-function findHead(bytes: Uint8Array, from = 0): number | null {
-  for (let place = from; place < bytes.length; place += 1) {
-    if (HEAD.every((byte, index) => place + index >= bytes.length || bytes[place + index] === byte)) return place;
-  }
-  return null;
+/** The place of the first head in bytes, whole or cut off by their end; that end, where there is none. */
+function findHead(bytes: Uint8Array, from = 0): number {
+  let place = from;
+  while (!HEAD.every((byte, index) => place + index >= bytes.length || bytes[place + index] === byte)) place += 1;
+  return place;
 }
 
 /** The decoder of either direction (LE-27 to LE-35). */
@@ -178,7 +177,7 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
 
   protected read(): Found<LaserFrame, LaserError> | null {
     const { held } = this;
-    const head = findHead(held) ?? held.length;
+    const head = findHead(held);
     if (head > 0) return this.noHead(head);
     let place = HEAD.length;
     if (this.profile.flag === "separate") {
@@ -264,9 +263,9 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
     }
   }
 
-  /** An error goes on at the first head among the bytes that were examined (LE-30). */
+  /** An error goes on at the first head behind its own, among the bytes that were examined (LE-30). */
   private fail(error: LaserError, examined: number): Found<LaserFrame, LaserError> {
-    return { length: findHead(this.held.subarray(0, examined), 1) ?? examined, error };
+    return { length: findHead(this.held.subarray(0, examined), HEAD.length), error };
   }
 
   private more(): Found<LaserFrame, LaserError> | null {

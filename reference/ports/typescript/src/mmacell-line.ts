@@ -120,5 +120,5 @@ export class LineReader {
 }
 
 function signed(negative: boolean, value: number): number {
-  return negative && value !== 0 ? -value : value;
+  return negative ? 0 - value : value; // no -0
 }

@@ -81,7 +81,7 @@ export function countsOf(axes: unknown): number[] {
 
 /** Coordinates in millimetres and radians. */
 export function axesOf(counts: number[]): number[] {
-  return counts.map((count, axis) => count / scaleOf(counts.length, axis) + 0); // no -0
+  return counts.map((count, axis) => 0 + count / scaleOf(counts.length, axis)); // no -0
 }
 
 // Encoding
@@ -179,11 +179,8 @@ abstract class LineDecoder<M> extends Decoder<M, CellError> {
 
   protected read(): Found<M, CellError> | null {
     const { held } = this;
-    let end = 0;
-    for (let place = 0; place < held.length && end === 0; place += 1) {
-      const cr = place > 0 ? held[place - 1] === CR : this.afterCr;
-      if (held[place] === LF && (cr || this.dialect.lone_lf)) end = place + 1;
-    }
+    const isCr = (place: number): boolean => (place < 0 ? this.afterCr : held[place] === CR);
+    const end = held.findIndex((byte, place) => byte === LF && (this.dialect.lone_lf || isCr(place - 1))) + 1;
     const length = this.dropped + (end > 0 ? end : held.length);
     if (end > 0 ? length > MAX_LINE : this.ended && length >= MAX_LINE) {
       this.afterCr = false;

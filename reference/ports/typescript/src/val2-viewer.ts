@@ -1,7 +1,7 @@
 /** VAL II viewer: a workstation asks a host for the pose of its arm, which it draws. */
 
 import { fields, integer, integers } from "./check.js";
-import { Decoder, byteAt, bytesOf, latin1, type Found } from "./stream.js";
+import { Decoder, bytesOf, latin1, type Found } from "./stream.js";
 
 /** ENQ, the request (VV-8). */
 export const REQUEST = 0x05;
@@ -37,11 +37,11 @@ export function isWholeLine(error: ViewerError): boolean {
 export function encodePose(message: Pose): Uint8Array {
   fields(message, "count", "pose");
   const numbers = [integer(message.count, 0, 0xffff), ...integers(message.pose, -0x8000, 0x7fff, WORDS)];
-  const line = `${HEAD}${numbers.map((number) => (number === 0 ? "0" : String(number))).join(",")}`;
+  const line = `${HEAD}${numbers.join(",")}`;
   return bytesOf(`${line}*${hex(xor(bytesOf(line.slice(1))))}\r\n`);
 }
 
-/** Reads a line that ends with LF, from left to right (VV-12). */
+/** Reads a line that ends with LF, from left to right (VV-12); nothing behind it is looked at. */
 function decodeLine(line: Uint8Array): { message: Pose } | { error: ViewerError } {
   const text = latin1(line);
   let at = 0;
@@ -73,8 +73,7 @@ function decodeLine(line: Uint8Array): { message: Pose } | { error: ViewerError 
   if (text[at] !== "\r") return format();
   at += 1;
   if (text[at] !== "\n") return format();
-  const [count = 0, ...pose] = numbers;
-  return { message: { count, pose } };
+  return { message: { count: numbers[0] as number, pose: numbers.slice(1) } };
 }
 
 function xor(bytes: Uint8Array): number {
@@ -94,9 +93,9 @@ export class ViewerDecoder extends Decoder<Pose, ViewerError> {
     const begun = held[0] === DOLLAR;
     const stop = window.findIndex((byte, place) => byte === LF || (byte === DOLLAR && place > 0));
     let length = window.length;
-    if (stop >= 0 && byteAt(held, stop) === LF) {
-      return { length: stop + 1, ...decodeLine(held.subarray(0, stop + 1)) };
-    } else if (stop >= 0) {
+    if (window[stop] === LF) {
+      return { length: stop + 1, ...decodeLine(window) };
+    } else if (stop !== -1) {
       length = stop;
     } else if (window.length === MAX_LINE) {
       if (begun) return { length, error: { kind: "too_long", limit: MAX_LINE } };

@@ -30,6 +30,9 @@ struct laser_eb90_profile {
 
 extern const struct laser_eb90_profile LASER_EB90_DEFAULT;
 
+/* Whether the tags are four different ones (LE-16). */
+bool laser_eb90_profile_is_valid(const struct laser_eb90_profile *profile);
+
 enum laser_eb90_kind {
     LASER_EB90_FRAME,      /* payload: items, to be read by laser_eb90_item */
     LASER_EB90_NO_HEAD,    /* found: the bytes skipped */

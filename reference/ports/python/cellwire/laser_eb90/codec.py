@@ -26,6 +26,10 @@ class Profile:
     checksum_with_flag: bool = False
     byte_order: str = "little"
 
+    def __post_init__(self) -> None:
+        if len(set(self.tags.values())) != len(SIZES) or not all(0 <= tag <= 0xFF for tag in self.tags.values()):
+            raise ValueError("the tags are four different bytes (LE-16)")
+
     @property
     def sum_size(self) -> int:
         """The bytes of the check."""
@@ -168,6 +172,8 @@ def decode_values(name: str, data: bytes, count: int, profile: Profile) -> Any:
 def encode(message: Json, sender: str = "host", options: Json | None = None) -> bytes:
     """Section 6."""
     profile = Profile(**(options or {}))
+    if message.keys() != {"items"}:
+        raise Refused("a frame has items, and nothing else")
     payload = b"".join(encode_item(item, profile) for item in message["items"])
     if not 0 < len(payload) <= MAX_PAYLOAD:
         raise Refused(f"a payload has 1 to {MAX_PAYLOAD} bytes, not {len(payload)}")

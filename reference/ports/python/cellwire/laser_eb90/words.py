@@ -31,6 +31,9 @@ class Words:
         is_double = any(one["first"] <= other["last"] and other["first"] <= one["last"] for one, other in combinations(self.commands, 2))
         if is_double or len(self.commands) > MAX_RANGES:
             raise ValueError("a command word has one class, and there are up to 32 ranges of them")
+        numbers = codes.union(*((words["first"], words["last"]) for words in self.commands))
+        if not all(0 <= number <= 0xFFFF for number in numbers):
+            raise ValueError("a word has two bytes")
         if len(codes) < len(self.errors) or any(self.class_of(code) for code in codes):
             raise ValueError("an error code must not be a command word or another error code")
 

@@ -6,10 +6,10 @@ import { AT_REST, MAX_WORD, brake, positions, speeds, takenBack, type AxisState,
 /** What moves an arm: `hold` is an interruption, `none` a target that is missing or stale. */
 export type Aim = { target: number[] } | "none" | "hold" | "zero";
 
-const AXES = [0, 1, 2, 3, 4, 5];
+const AXES = 6;
 
 export class AlterAxes {
-  private axes: AxisState[] = AXES.map(() => AT_REST);
+  private axes = atRest();
   /** Axes for which the controller may hold a word that is not zero. */
   kept = new Set<number>();
   private sent = new Set<number>();
@@ -28,7 +28,7 @@ export class AlterAxes {
 
   /** ALTER is accepted: everything is at zero and at rest (AL-51). */
   reset(now: number): void {
-    this.axes = AXES.map(() => AT_REST);
+    this.axes = atRest();
     this.kept = new Set();
     this.sent = new Set();
     this.settlesAt = now + 2 * (this.settles + CYCLE);
@@ -99,6 +99,10 @@ export class AlterAxes {
     }
     this.sent = this.late ? union(this.sent, sent) : sent;
   }
+}
+
+function atRest(): AxisState[] {
+  return Array.from({ length: AXES }, () => AT_REST);
 }
 
 function union(one: Set<number>, other: Set<number>): Set<number> {

@@ -152,7 +152,6 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
     if (this.state.phase !== "off") throw new Refused("already_started");
     if (!this.hasRoom(OUTCOMES)) throw new Refused("events_full");
     this.state = { phase: "starting", attempts: 0 };
-    this.turn = null;
     this.error = 0;
     this.slot = now;
     this.following = now + CYCLE;
@@ -206,7 +205,7 @@ export class AlterController extends AlterLine<HostMessage, AlterControllerEvent
     switch (state.phase) {
       case "starting":
         state.attempts += 1;
-        return { kind: "start", mode: this.config.mode, data: this.config.data, ...(error === 0 ? {} : { error }) };
+        return { kind: "start", mode: this.config.mode, data: this.config.data, error };
       case "ending": {
         this.off();
         this.outcome({ event: "ended", error: state.error });

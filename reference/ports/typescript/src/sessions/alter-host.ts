@@ -275,7 +275,6 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
   private forget(): void {
     if (this.exception !== null) this.decide(this.exception.state === "unsent" ? "not_done" : { unknown: "ended" });
     this.target = null;
-    this.lastMotion = -NEVER;
   }
 
   private decide(outcome: Outcome): void {
@@ -358,7 +357,6 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
 
   /** A message may have been among corrupt bytes. */
   private maybeMessage(): void {
-    if (!this.isAltering()) return;
     this.followsUntil = this.unreadUntil = 0;
     this.axes.corrupt();
   }
@@ -464,10 +462,6 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
       return bytes;
     }
     this.state = { phase: "accepted", lostAt: this.lostAt(now), request: null, zerosSent: false };
-    this.target = null;
-    this.exception = null;
-    this.followsUntil = 0;
-    this.lastMotion = -NEVER;
     this.axes.reset(now);
     return bytes;
   }

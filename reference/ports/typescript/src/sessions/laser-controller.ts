@@ -300,5 +300,5 @@ export class LaserController implements Session<LaserControllerEvent> {
 function beginsAsFrame(error: LaserError, begun: boolean): boolean {
   if (error.kind === "no_head" || error.kind === "flag") return false;
   if (error.kind === "tag" && error.offset === 0) return false;
-  return error.kind !== "incomplete" || begun;
+  return begun;
 }

@@ -322,7 +322,7 @@ export class LaserHost implements Session<LaserHostEvent> {
       const quiet =
         state.phase === "awaiting" ? this.settledIfTaken(now) : Math.max(state.phase === "resending" ? state.notBefore : state.until, now + settle);
       this.unknown(batch, { other_word: { expected: batch.word, found: word } }, quiet);
-    } else if (state.phase === "awaiting") {
+    } else {
       this.errorCode(batch, error, now);
     }
   }
@@ -408,16 +408,16 @@ export class LaserHost implements Session<LaserHostEvent> {
     switch (state.phase) {
       case "awaiting":
         this.unknown(state.batch, "disconnected", this.settledIfTaken(now));
-        return true;
+        break;
       case "resending":
         this.unknown(state.batch, "disconnected", state.notBefore);
-        return true;
+        break;
       case "awaiting_rest":
         this.unknown(state.batch, "disconnected", state.until);
-        return true;
+        break;
       default:
-        return state.phase === "held" || state.phase === "disconnected_held";
     }
+    return this.state.phase === "held" || this.state.phase === "disconnected_held";
   }
 }
 

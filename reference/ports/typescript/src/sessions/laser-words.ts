@@ -47,12 +47,12 @@ export class WordTable {
     this.words = { commands: given.commands ?? DEFAULT_WORDS.commands, errors: { ...DEFAULT_WORDS.errors, ...given.errors } };
     const { commands, errors } = this.words;
     require(commands.length <= MOST_RANGES, "more than 32 ranges of command words");
-    require(commands.every(({ first, last }) => isInteger(first, 0, last) && isInteger(last, 0, 0xffff)), "a range that is none");
+    require(commands.every(({ first, last }) => isWord(first) && isWord(last)), "a range of words that there are not");
     const overlap = commands.some((one, index) => commands.slice(index + 1).some((other) => one.first <= other.last && other.first <= one.last));
     require(!overlap, "a command word of two classes");
     const codes = Object.values(errors);
     require(new Set(codes).size === codes.length, "two error codes are equal");
-    require(codes.every((code) => isInteger(code, 0, 0xffff) && this.classOf(code) === null), "an error code is a command word");
+    require(codes.every((code) => isWord(code) && this.classOf(code) === null), "an error code is a command word");
   }
 
   /** The class of a command word; null, if it is none. */
@@ -71,10 +71,14 @@ export class WordTable {
   }
 }
 
+function isWord(value: number): boolean {
+  return isInteger(value, 0, 0xffff);
+}
+
 /** The word that an item is: one short, read as unsigned (LE-18); null, if it is none. */
 export function wordOf(item: LaserItem | undefined): number | null {
-  if (item === undefined || !("i16" in item) || item.i16.length !== 1) return null;
-  return (item.i16[0] ?? 0) & 0xffff;
+  const [word, ...more] = item !== undefined && "i16" in item ? item.i16 : [];
+  return word === undefined || more.length > 0 ? null : word & 0xffff;
 }
 
 /** The item of a word, whose value is signed. */

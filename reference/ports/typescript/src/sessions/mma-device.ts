@@ -98,7 +98,6 @@ export class MmaDevice implements Session<DeviceEvent> {
     this.read();
     if (this.link.phase === "down" || this.reads || this.decoder.pending <= MOST_KEPT) return;
     this.link = { phase: "ended" };
-    this.decoder.discard();
     this.events.push({ event: "closed", reason: "overrun" });
   }
 
@@ -111,7 +110,6 @@ export class MmaDevice implements Session<DeviceEvent> {
     const { link } = this;
     if (link.phase === "leaving") {
       this.link = { phase: "ended" };
-      this.decoder.discard();
       this.events.push({ event: "closed", reason: "agreed" });
       return encodeReply({ reply: "ok" }, this.device, this.writes);
     }

@@ -1,6 +1,6 @@
 /** kawasaki-msg: the text messages between a Kawasaki robot and a PC. What they mean is in kawasaki-dialect.ts. */
 
-import { Refused, fields } from "./check.js";
+import { Refused } from "./check.js";
 import { Decoder, byteAt, bytesOf, latin1, type Found } from "./stream.js";
 
 /** The most bytes of a message, its marks included (KM-14). */
@@ -13,6 +13,8 @@ const INT32 = 0x8000_0000;
 
 /** `ascii`: a byte above 7Fh is no character; `latin1`: every byte is one (KM-16). */
 export type Charset = "ascii" | "latin1";
+
+export const LAST_CHARACTER: Readonly<Record<Charset, string>> = { ascii: "\x7f", latin1: "\xff" };
 
 /** Every value exactly as it is transmitted. */
 export interface Message {
@@ -32,15 +34,13 @@ export type MessageError =
 
 /** A number on the wire: 32 bits with a sign, zeros before it and blanks around it allowed (KM-17); null if it is none. */
 export function readNumber(text: string): number | null {
-  const digits = /^[ \t\n\f\r]*(-?[0-9]+)[ \t\n\f\r]*$/.exec(text)?.[1];
-  if (digits === undefined) return null;
-  const value = Number(digits);
+  if (!/^[ \t\n\f\r]*-?[0-9]+[ \t\n\f\r]*$/.test(text)) return null;
+  const value = Number(text);
   return value >= -INT32 && value < INT32 ? value + 0 : null;
 }
 
 /** The bytes of a message (KM-39, KM-41). */
 export function encodeMessage(message: Message, charset: Charset = "ascii"): Uint8Array {
-  fields(message, "name", "header", "fields");
   const { name, header } = message;
   if (![[name], header, message.fields].every((list) => Array.isArray(list) && list.every((value) => typeof value === "string"))) {
     throw new Refused("message", "a value is no text");
@@ -51,9 +51,8 @@ export function encodeMessage(message: Message, charset: Charset = "ascii"): Uin
   const text = `<${[name, ...header, dataLength].join("$")}#${data}#>`;
   const length = [...text].length;
   if (length > MAX_MESSAGE) throw new Refused("too_long", `${length} bytes`);
-  const most = charset === "ascii" ? 0x7f : 0xff;
   for (const character of [name, ...header, ...message.fields].join("")) {
-    if ((character.codePointAt(0) ?? 0) > most) throw new Refused("character", `the character ${character}`);
+    if (character > LAST_CHARACTER[charset]) throw new Refused("character", `the character ${character}`);
     if ("<>$#".includes(character)) throw new Refused("forbidden", `the mark ${character}`);
   }
   return bytesOf(text);
@@ -70,12 +69,12 @@ export class MessageDecoder extends Decoder<Message, MessageError> {
 
   constructor(charset: Charset = "ascii") {
     super();
-    this.last = charset === "ascii" ? 0x7f : 0xff;
+    this.last = LAST_CHARACTER[charset].charCodeAt(0);
   }
 
-  /** Whether the beginning of a message is held in which nothing is wrong so far. */
+  /** Whether the beginning of a message is held in which nothing is wrong so far: what is corrupt is not held. */
   get half(): boolean {
-    return this.failed === null && this.dropped === 0 && this.held[0] === START;
+    return this.held.length > 0;
   }
 
   override discard(): void {

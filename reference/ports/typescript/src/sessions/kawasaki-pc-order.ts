@@ -25,7 +25,7 @@ interface Contents {
 export const LATEST_DATAGRAM = 1e9;
 
 /** What the session of a PC is built on. */
-export abstract class PcOrder {
+export class PcOrder {
   protected contents: Contents = { status: false, jobsFrom: null };
   /** The order that the robot said it is in on this connection. */
   protected robot: number | null = null;

@@ -30,7 +30,7 @@ export const CYCLE = 2 * MS;
 const MOST_ENDED = 16;
 
 /** What the session of a robot is built on. */
-export abstract class RobotOrder {
+export class RobotOrder {
   protected order: Order = null;
   protected queued = 0;
   protected executed = 0;

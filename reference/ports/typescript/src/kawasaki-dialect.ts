@@ -1,7 +1,7 @@
 /** What the messages of kawasaki-msg mean: the table of messages, and the layout of a job (sections 4 and 5.2). */
 
 import { Refused } from "./check.js";
-import { encodeMessage, readNumber, type Charset, type Message } from "./kawasaki-msg.js";
+import { LAST_CHARACTER, encodeMessage, readNumber, type Charset, type Message } from "./kawasaki-msg.js";
 
 export type Role =
   | "order_start"
@@ -133,13 +133,9 @@ export interface GivenDialect {
 }
 
 /** As JobField, where the range of a decimal may be a text with its decimals. */
-export interface GivenJobField {
-  name: string;
-  kind: JobField["kind"];
-  places?: number;
-  range?: [number | string, number | string];
-  length?: [number, number];
-}
+export type GivenJobField =
+  | { name: string; kind: "whole" | "decimal"; places?: number; range: [number | string, number | string] }
+  | Extract<JobField, { kind: "text" }>;
 
 /** A plant's messages (KM-27, KM-28). */
 export class Dialect {
@@ -215,9 +211,8 @@ export class Dialect {
     if (entry === undefined) return null;
     const text = (field: TableField): string[] => {
       if (field === "work") return job === undefined ? [""] : this.writeJob(job);
-      if (field === "unused") return [""];
       if (field.startsWith("=")) return [field.slice(1)];
-      const value = values[field as NumberField];
+      const value = values[field as NumberField]; // an unused field has none
       return [value === null || value === undefined ? "" : String(value)];
     };
     return { name: entry.name, header: (entry.header ?? []).flatMap(text), fields: entry.fields.flatMap(text) };
@@ -302,10 +297,9 @@ export class Dialect {
   private faultOf(field: JobField, value: number | string | undefined): FieldFault | null {
     if (value === undefined) return { kind: "missing" };
     if (field.kind === "text") {
-      const most = this.charset === "ascii" ? 0x7f : 0xff;
       for (const character of String(value)) {
         if ("<>$#".includes(character)) return { kind: "reserved", found: character };
-        if ((character.codePointAt(0) ?? 0) > most) return { kind: "character", found: character };
+        if (character > LAST_CHARACTER[this.charset]) return { kind: "character", found: character };
       }
       return lengthFault(String(value), field.length);
     }
@@ -322,7 +316,7 @@ export class Dialect {
 
 /** Reads a field of the table into values; or says how its error is made of its place. */
 function readField(field: TableField, text: string, values: Values): ((place: number) => MeaningError) | null {
-  if (field === "unused" || field === "work") return null;
+  if (field === "unused") return null;
   if (field.startsWith("=")) return text === field.slice(1) ? null : (place) => ({ kind: "not_the_constant", field: place });
   const name = field as NumberField;
   if (text === "" && MAY_BE_EMPTY.includes(name)) {
@@ -337,11 +331,12 @@ function readField(field: TableField, text: string, values: Values): ((place: nu
   return null;
 }
 
-function jobField({ name, kind, places = 0, range = [0, 0], length = [0, 0] }: GivenJobField): JobField {
-  if (kind === "text") return { name, kind, length };
-  const counts = range.map((limit) => (typeof limit === "string" ? Math.round(Number(limit) * 10 ** places) : limit));
-  const [min = 0, max = 0] = counts;
-  return kind === "decimal" ? { name, kind, places, range: [min, max] } : { name, kind, range: [min, max] };
+function jobField(field: GivenJobField): JobField {
+  if (field.kind === "text") return field;
+  const { name, kind, places = 0 } = field;
+  const count = (end: number | string): number => (typeof end === "string" ? Math.round(Number(end) * 10 ** places) : end);
+  const range: [number, number] = [count(field.range[0]), count(field.range[1])];
+  return kind === "decimal" ? { name, kind, places, range } : { name, kind, range };
 }
 
 /** A count of the last decimal, with exactly so many decimals. */
@@ -393,7 +388,12 @@ export function ahead(count: number, number: number, max: number): number {
 
 /** The number of the job of a count; null for none (KM-42). */
 export function numberOf(count: number, max: number): number | null {
-  return count === 0 ? null : ((count - 1) % max) + 1;
+  return count === 0 ? null : numberAfter(count - 1, max);
+}
+
+/** The number of the job after that of a count. */
+export function numberAfter(count: number, max: number): number {
+  return (count % max) + 1;
 }
 
 /** What both ends are given. */

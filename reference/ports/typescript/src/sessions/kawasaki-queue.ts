@@ -61,8 +61,4 @@ export class JobQueue {
   clear(): void {
     this.jobs = this.jobs.filter(({ taken, freed }) => taken && !freed);
   }
-
-  empty(): void {
-    this.jobs = [];
-  }
 }

@@ -43,7 +43,7 @@ bool alter_controller_init(struct alter_controller *controller, const struct alt
     controller->segment = 1;
     val2_alter_init(&controller->decoder, VAL2_ALTER_HOST, config->framing);
     uint64_t frame = config->framing.leading_dle + 4u, message = config->mode & 4 ? 30 : 6, reply = 4;
-    return config->attempts > 0 && config->baud > 0 && config->list_len <= VAL2_ALTER_MAX_LIST &&
+    return config->attempts > 0 && config->list_len <= VAL2_ALTER_MAX_LIST &&
            line_time(frame + reply, config->baud) <= window(controller, frame + message);
 }
 
@@ -217,7 +217,7 @@ static void read_items(struct alter_controller *controller, uint64_t now)
         bool is_there = val2_alter_next(decoder, &item);
         if (decoder->failures != controller->failures) { /* AL-38 */
             controller->failures = decoder->failures;
-            take_corrupt(controller, now, decoder->has_error ? decoder->error.kind : item.error.kind);
+            take_corrupt(controller, now, decoder->error.kind);
         }
         if (!is_there)
             return;
@@ -271,7 +271,6 @@ bool alter_controller_start(struct alter_controller *controller, uint64_t now)
     controller->following = after(now, CYCLE);
     controller->attempts = 0;
     controller->code = 0;
-    controller->is_hosts_turn = false;
     return true;
 }
 
@@ -326,7 +325,7 @@ bool alter_controller_event(struct alter_controller *controller, struct alter_co
 
 static struct val2_alter_message next_message(struct alter_controller *controller)
 {
-    struct val2_alter_message message = {.kind = VAL2_ALTER_RUNNING, .code = controller->code, .marked = true};
+    struct val2_alter_message message = {.kind = VAL2_ALTER_RUNNING, .code = controller->code};
     if (controller->phase == ALTER_CONTROLLER_ENDING) {
         message.kind = VAL2_ALTER_END;
     } else if (controller->phase == ALTER_CONTROLLER_STARTING) {

@@ -301,10 +301,8 @@ void alter_host_timeout(struct alter_host *host, uint64_t now)
         host->is_fresh = false;
         report(host, ALTER_HOST_STALE);
     }
-    if (host->phase == ALTER_HOST_REPEATING && now >= host->forget_at) {
+    if (host->phase == ALTER_HOST_REPEATING && now >= host->forget_at)
         host->phase = ALTER_HOST_IDLE;
-        host->is_due = false;
-    }
     if (host->phase >= ALTER_HOST_ACCEPTED && now >= host->lost_at)
         leave(host, "silence", ALTER_HOST_IDLE);
 }

@@ -10,11 +10,8 @@
 static void restart(struct alter_host *host)
 {
     memset(&host->limiter, 0, sizeof host->limiter);
-    memset(host->target, 0, sizeof host->target);
     host->is_fresh = false;
     host->kept = host->sent = 0;
-    host->exception = ALTER_HOST_NO_EXCEPTION;
-    host->follows_until = host->unread_until = host->settles_at = 0;
 }
 
 /* AL-44 to AL-48 */
@@ -36,7 +33,7 @@ static size_t transmit_start_reply(struct alter_host *host, uint64_t now, uint8_
         }
     }
     host->is_due = false;
-    if (length > 0 && message.answer == 0x01)
+    if (message.answer == 0x01)
         return length;
     host->phase = ALTER_HOST_IDLE;
     if (length > 0 && message.answer == 0x00) {
@@ -57,7 +54,7 @@ static void next_values(const struct alter_host *host, uint64_t now, struct alte
     if (host->phase == ALTER_HOST_INTERRUPTED) {
         alter_limiter_missed(limiter);
         for (int axis = 0; axis < VAL2_ALTER_AXES; axis++)
-            values[axis] = (int16_t)(is_cumulative(host) ? 0 : limiter->position[axis]);
+            values[axis] = (int16_t)limiter->position[axis]; /* cumulative: 0 */
     } else if (is_cumulative(host)) {
         alter_limiter_speeds(limiter, limits, is_fresh ? host->target : ZERO, values);
     } else {

@@ -16,7 +16,7 @@ static inline uint64_t window(const struct alter_host *host) { return (is_cumula
 
 static inline uint64_t span(const struct alter_host *host, uint64_t length)
 {
-    return line_time(length, host->config.baud > 0 ? host->config.baud : 1);
+    return line_time(length, host->config.baud);
 }
 
 static inline uint64_t silence(const struct alter_host *host, uint64_t now)

@@ -23,8 +23,7 @@ static int32_t braking(int32_t a, int32_t way)
         return 0;
     while ((int64_t)(n + 1) * (n + 2) / 2 <= way / a)
         n++;
-    int32_t speed = n * a + (int32_t)((way - (int64_t)a * n * (n + 1) / 2) / (n + 1));
-    return speed < INT16_MAX ? speed : INT16_MAX;
+    return n * a + (int32_t)((way - (int64_t)a * n * (n + 1) / 2) / (n + 1));
 }
 
 void alter_limiter_speeds(struct alter_limiter *limiter, const struct alter_limits *limits, const int16_t *target,

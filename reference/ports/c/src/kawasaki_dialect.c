@@ -1,3 +1,4 @@
+#include "bytes.h"
 #include "kawasaki.h"
 
 #define TEXT(string) {(const uint8_t *)(string), sizeof(string) - 1}
@@ -176,7 +177,8 @@ static size_t longest_list(const struct kawasaki_dialect *dialect, const struct 
 static size_t longest(const struct kawasaki_dialect *dialect, const struct kawasaki_entry *entry)
 {
     size_t data = longest_list(dialect, entry->fields, entry->field_count);
-    size_t digits = data < 10 ? 1 : data < 100 ? 2 : data < 1000 ? 3 : 4;
+    char text[MAX_DIGITS];
+    size_t digits = put_decimal(text, (uint32_t)data, 1);
     size_t header = entry->header_count > 0 ? 1 + longest_list(dialect, entry->header, entry->header_count) : 0;
     return 1 + entry->name.length + header + 1 + digits + 1 + data + 2;
 }

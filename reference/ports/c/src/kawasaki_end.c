@@ -6,8 +6,6 @@ bool kawasaki_end_init(struct kawasaki_end *end, const struct kawasaki_dialect *
     end->dialect = *dialect;
     end->largest = largest;
     end->packet = limits->packet;
-    end->datagrams = datagrams;
-    kawasaki_msg_init(&end->decoder, dialect->is_latin1);
     return kawasaki_check(dialect, limits, largest, datagrams);
 }
 

@@ -2,7 +2,6 @@
 #include "kawasaki.h"
 
 #define MAX_OWN 1022 /* KM-36 */
-#define MAX_PLACES 9
 
 static bool is_blank(uint8_t byte)
 {

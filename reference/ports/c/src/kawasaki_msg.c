@@ -1,9 +1,6 @@
 #include "cellwire/kawasaki_msg.h"
 
-
 #include "bytes.h"
-
-#define NOWHERE SIZE_MAX
 
 enum outcome { MORE, MESSAGE, WRONG };
 
@@ -22,17 +19,16 @@ static enum outcome more(const struct kawasaki_msg_decoder *decoder, struct kawa
 }
 
 /* Where the next `#` is, MESSAGE; another mark, or what is no character, is WRONG. */
-static enum outcome find_mark(const struct kawasaki_msg_decoder *decoder, size_t start, size_t *at,
-                              struct kawasaki_msg_error *error)
+static enum outcome find_mark(struct kawasaki_msg_decoder *decoder, struct kawasaki_msg_error *error)
 {
-    for (*at = start; *at < decoder->length; ++*at) {
-        uint8_t byte = decoder->held[*at];
+    for (; decoder->looked < decoder->length; decoder->looked++) {
+        uint8_t byte = decoder->held[decoder->looked];
         if (byte == '#')
             return MESSAGE;
         if (byte == '<' || byte == '>')
-            return wrong(error, KAWASAKI_MSG_MARK, *at, 0, byte);
+            return wrong(error, KAWASAKI_MSG_MARK, decoder->looked, 0, byte);
         if (byte > 0x7F && !decoder->is_latin1)
-            return wrong(error, KAWASAKI_MSG_NOT_ASCII, *at, 0, byte);
+            return wrong(error, KAWASAKI_MSG_NOT_ASCII, decoder->looked, 0, byte);
     }
     return more(decoder, error);
 }
@@ -62,46 +58,59 @@ static bool read_length(struct kawasaki_msg_text text, size_t *length)
     return text.length > (size_t)negative && (!negative || value == 0);
 }
 
-/* The message at the beginning of what is held: section 5.1. */
-static enum outcome read_message(const struct kawasaki_msg_decoder *decoder, struct kawasaki_msg_item *item,
+/* Where the data part begins, which is behind the `#` at `p`, and its length. */
+static enum outcome read_header(struct kawasaki_msg_decoder *decoder, size_t p, struct kawasaki_msg_error *error)
+{
+    const uint8_t *m = decoder->held;
+    size_t last = p;
+    while (last > 0 && m[last] != '$')
+        last--;
+    if (last == 0)
+        return wrong(error, KAWASAKI_MSG_NO_LENGTH, p, 0, 0);
+    struct kawasaki_msg_text digits = {m + last + 1, p - last - 1};
+    if (!read_length(digits, &decoder->data_len))
+        return wrong(error, KAWASAKI_MSG_NO_LENGTH, last + 1, 0, 0);
+    if (m[1] == '$')
+        return wrong(error, KAWASAKI_MSG_NO_NAME, 1, 0, 0);
+    if (p + 1 + decoder->data_len + 2 > KAWASAKI_MSG_MAX_LEN)
+        return wrong(error, KAWASAKI_MSG_TOO_LONG, 1, 0, 0);
+    decoder->header_len = last;
+    decoder->data_at = decoder->looked = p + 1;
+    return MESSAGE;
+}
+
+/* The message at the beginning of what is held: section 5.1. What was looked at is not looked at again. */
+static enum outcome read_message(struct kawasaki_msg_decoder *decoder, struct kawasaki_msg_item *item,
                                  struct kawasaki_msg_error *error)
 {
     const uint8_t *m = decoder->held;
-    size_t p, q, length, first = NOWHERE, last = NOWHERE;
-    enum outcome outcome = find_mark(decoder, 1, &p, error);
-    if (outcome != MESSAGE)
-        return outcome;
-    for (size_t at = p; at-- > 1;) {
-        if (m[at] == '$') {
-            first = at;
-            last = last == NOWHERE ? at : last;
-        }
+    enum outcome outcome = MESSAGE;
+    if (decoder->looked == 0)
+        decoder->looked = 1; /* the `<` */
+    if (decoder->data_at == 0) {
+        outcome = find_mark(decoder, error);
+        if (outcome == MESSAGE)
+            outcome = read_header(decoder, decoder->looked, error);
     }
-    if (last == NOWHERE)
-        return wrong(error, KAWASAKI_MSG_NO_LENGTH, p, 0, 0);
-    struct kawasaki_msg_text digits = {m + last + 1, p - last - 1};
-    if (!read_length(digits, &length))
-        return wrong(error, KAWASAKI_MSG_NO_LENGTH, last + 1, 0, 0);
-    if (first == 1)
-        return wrong(error, KAWASAKI_MSG_NO_NAME, 1, 0, 0);
-    if (p + 1 + length + 2 > KAWASAKI_MSG_MAX_LEN)
-        return wrong(error, KAWASAKI_MSG_TOO_LONG, 1, 0, 0);
-    outcome = find_mark(decoder, p + 1, &q, error);
+    if (outcome == MESSAGE)
+        outcome = find_mark(decoder, error);
     if (outcome != MESSAGE)
         return outcome;
-    size_t found = q - (p + 1);
-    if (found != length)
-        return wrong(error, KAWASAKI_MSG_LENGTH, p + 1, length, found);
+    size_t q = decoder->looked, found = q - decoder->data_at, first = 1, last = decoder->header_len;
+    if (found != decoder->data_len)
+        return wrong(error, KAWASAKI_MSG_LENGTH, decoder->data_at, decoder->data_len, found);
     if (decoder->length == q + 1)
         return more(decoder, error);
     if (m[q + 1] != '>')
         return wrong(error, m[q + 1] == '<' ? KAWASAKI_MSG_MARK : KAWASAKI_MSG_NO_END_MARK, q + 1, 0, m[q + 1]);
     memcpy(item->bytes, m, q + 2);
+    while (m[first] != '$')
+        first++;
     item->length = q + 2;
     item->name = (struct kawasaki_msg_text){item->bytes + 1, first - 1};
     item->has_header = first < last;
     item->header = (struct kawasaki_msg_text){item->bytes + first + 1, item->has_header ? last - first - 1 : 0};
-    item->fields = (struct kawasaki_msg_text){item->bytes + p + 1, length};
+    item->fields = (struct kawasaki_msg_text){item->bytes + decoder->data_at, found};
     return MESSAGE;
 }
 
@@ -145,8 +154,11 @@ static bool take(struct kawasaki_msg_decoder *decoder, struct kawasaki_msg_item 
             outcome = read_message(decoder, item, &decoder->pending);
         else
             wrong(&decoder->pending, KAWASAKI_MSG_GARBAGE, 0, 0, 0);
-        if (outcome != WRONG)
-            return outcome == MESSAGE;
+        if (outcome == MORE)
+            return false;
+        decoder->looked = decoder->data_at = 0;
+        if (outcome == MESSAGE)
+            return true;
         decoder->pending.offset += decoder->position;
         decoder->is_pending = true;
     }

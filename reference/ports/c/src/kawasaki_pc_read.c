@@ -264,7 +264,6 @@ static void read_messages(struct kawasaki_pc *pc, uint64_t now)
         }
         pc->silent_at = after(now, pc->config.silence);
         pc->is_receiving = true;
-        pc->is_due = false;
         kawasaki_pc_settle_commands(pc, true);
         if (reading == MESSAGE) {
             take_message(pc, now, &found);

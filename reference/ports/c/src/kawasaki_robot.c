@@ -36,8 +36,6 @@ bool kawasaki_robot_init(struct kawasaki_robot *robot, const struct kawasaki_rob
     robot->queue.jobs = config->jobs;
     robot->queue.capacity = config->slot_count;
     robot->queue.job_size = job_size;
-    for (size_t i = 0; i < config->slot_count; i++)
-        config->slots[i].state = KAWASAKI_FREE;
     bool is_number = config->slot_count >= 1 && config->slot_count < config->max_number;
     return is_number && config->jobs_size / config->slot_count >= job_size &&
            (config->individual_acks ? kawasaki_has(dialect, KAWASAKI_JOB_ACK) : config->acks > 0);

@@ -30,11 +30,10 @@ static uint8_t checksum(const uint8_t *data, size_t length, bool negated)
     return (uint8_t)(negated ? 0x100 - (sum & 0xFF) : sum);
 }
 
-static bool wrong(struct reading *reading, enum val2_alter_kind kind, size_t expected, size_t found)
+static void wrong(struct reading *reading, enum val2_alter_kind kind, size_t expected, size_t found)
 {
     reading->outcome = WRONG;
     reading->error = (struct val2_alter_error){kind, 0, expected, found};
-    return false;
 }
 
 static void get_words(const uint8_t *data, int16_t *words, size_t count)
@@ -44,22 +43,24 @@ static void get_words(const uint8_t *data, int16_t *words, size_t count)
 }
 
 /* The fields of a message from the controller (AL-29). */
-static bool decode_controller(const uint8_t *data, size_t length, struct reading *reading)
+static void decode_controller(const uint8_t *data, size_t length, struct reading *reading)
 {
     static const enum val2_alter_kind KINDS[] = {VAL2_ALTER_RUNNING, VAL2_ALTER_START, VAL2_ALTER_INTERRUPTED,
                                                  VAL2_ALTER_END};
     struct val2_alter_message *message = &reading->message;
-    if (length == 0)
-        return wrong(reading, VAL2_ALTER_LENGTH, 0, 0);
+    if (length == 0) {
+        wrong(reading, VAL2_ALTER_LENGTH, 0, 0);
+        return;
+    }
     message->kind = KINDS[data[0] >> 5 & 3];
     message->marked = data[0] >> 7;
     message->code = data[0] & 7;
     bool is_start = message->kind == VAL2_ALTER_START, is_end = message->kind == VAL2_ALTER_END;
-    if ((data[0] & 0x18) != 0 || (!message->marked && !is_start))
-        return wrong(reading, VAL2_ALTER_CONTROL, 0, data[0]);
-    if (is_start ? length % 2 != 0 : length != 6 && length != 30 && !(is_end && length == 1))
-        return wrong(reading, VAL2_ALTER_LENGTH, 0, length);
-    if (is_start) {
+    if ((data[0] & 0x18) != 0 || (!message->marked && !is_start)) {
+        wrong(reading, VAL2_ALTER_CONTROL, 0, data[0]);
+    } else if (is_start ? length % 2 != 0 : length != 6 && length != 30 && !(is_end && length == 1)) {
+        wrong(reading, VAL2_ALTER_LENGTH, 0, length);
+    } else if (is_start) {
         message->mode = data[1];
         message->list_len = (uint8_t)(length / 2 - 1);
         get_words(data + 2, message->list, message->list_len);
@@ -71,31 +72,37 @@ static bool decode_controller(const uint8_t *data, size_t length, struct reading
         if (message->has_transform)
             get_words(data + 6, message->transform, VAL2_ALTER_TRANSFORM);
     }
-    return true;
 }
 
 /* The fields of a message from the host (AL-29). */
-static bool decode_host(const uint8_t *data, size_t length, bool ignore_spare_select, struct reading *reading)
+static void decode_host(const uint8_t *data, size_t length, bool ignore_spare_select, struct reading *reading)
 {
     struct val2_alter_message *message = &reading->message;
-    if (length == 0)
-        return wrong(reading, VAL2_ALTER_LENGTH, 0, 0);
+    if (length == 0) {
+        wrong(reading, VAL2_ALTER_LENGTH, 0, 0);
+        return;
+    }
     if (length == 1) {
         message->kind = VAL2_ALTER_START_REPLY;
         message->answer = data[0];
-        bool is_answer = data[0] == 0x00 || data[0] == 0x01 || data[0] == 0xFF;
-        return is_answer || wrong(reading, VAL2_ALTER_ANSWER, 0, data[0]);
+        if (data[0] != 0x00 && data[0] != 0x01 && data[0] != 0xFF)
+            wrong(reading, VAL2_ALTER_ANSWER, 0, data[0]);
+        return;
     }
-    if ((data[1] & 0xC0) != 0 && !ignore_spare_select)
-        return wrong(reading, VAL2_ALTER_SELECT, 0, data[1]);
+    if ((data[1] & 0xC0) != 0 && !ignore_spare_select) {
+        wrong(reading, VAL2_ALTER_SELECT, 0, data[1]);
+        return;
+    }
     message->kind = VAL2_ALTER_REPLY;
     message->exception = data[0];
     message->select = data[1] & 0x3F;
     size_t expected = 2;
     for (size_t axis = 0; axis < VAL2_ALTER_AXES; axis++)
         expected += message->select >> axis & 1 ? 2 : 0;
-    if (length != expected)
-        return wrong(reading, VAL2_ALTER_REPLY_LENGTH, expected, length);
+    if (length != expected) {
+        wrong(reading, VAL2_ALTER_REPLY_LENGTH, expected, length);
+        return;
+    }
     size_t at = 2;
     for (size_t axis = 0; axis < VAL2_ALTER_AXES; axis++) {
         if (message->select >> axis & 1) {
@@ -103,7 +110,6 @@ static bool decode_host(const uint8_t *data, size_t length, bool ignore_spare_se
             at += 2;
         }
     }
-    return true;
 }
 
 /* AL-25 */
@@ -150,9 +156,7 @@ static struct reading read_frame(const struct val2_alter_decoder *decoder, const
     size_t count = 0, at = 0;
     while (at < length && frame[at] == DLE)
         at++;
-    if (at >= length)
-        return reading;
-    at++;
+    at++; /* STX; no byte, as below, where it is cut off */
     for (;;) {
         bool is_dle = at < length && frame[at] == DLE;
         if (at + is_dle >= length)
@@ -250,8 +254,7 @@ static bool seek(struct val2_alter_decoder *decoder)
 /* Whether what is held is a second reading, and wrong within the bytes that were read before (AL-84). */
 static bool is_wrong_again(const struct val2_alter_decoder *decoder)
 {
-    size_t size = decoder->read_before < decoder->length ? decoder->read_before : decoder->length;
-    return size > 0 && decoder->has_error && read_frame(decoder, decoder->held, size, false).outcome == WRONG;
+    return decoder->has_error && read_frame(decoder, decoder->held, decoder->read_before, false).outcome == WRONG;
 }
 
 static void give_error(struct val2_alter_decoder *decoder, struct val2_alter_item *item)
@@ -282,8 +285,7 @@ static void give_message(struct val2_alter_decoder *decoder, const struct readin
         decoder->held[0] = DLE;
         decoder->length++;
         decoder->lent = true;
-        if (decoder->read_before < 1)
-            decoder->read_before = 1;
+        decoder->read_before = 1; /* a message ends behind what was read before */
     }
     decoder->position += item->length;
 }
@@ -321,10 +323,6 @@ bool val2_alter_next(struct val2_alter_decoder *decoder, struct val2_alter_item 
         if (at_mark && is_wrong_again(decoder)) {
             skip(decoder, 1);
             continue;
-        }
-        if (!at_mark && decoder->ended) {
-            decoder->skipped += decoder->spare;
-            decoder->spare = 0;
         }
         if ((at_mark || decoder->ended) && decoder->skipped > 0) {
             give_error(decoder, item);

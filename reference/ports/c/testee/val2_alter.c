@@ -140,7 +140,7 @@ static bool read_controller(const struct json *object, struct val2_alter_message
     const struct json *list = json_get(object, "data"), *transform = json_get(object, "transform");
     int64_t value = 0, status, segment, percent;
     /* Only a start message may leave it out. */
-    if ((code != NULL || !json_is(kind, "start")) && !json_integer(code, 0, 7, &value))
+    if ((code != NULL || !json_is(kind, "start")) && !json_integer(code, 0, UINT8_MAX, &value))
         return false;
     message->code = (uint8_t)value;
     if (json_is(kind, "end")) {
@@ -149,12 +149,11 @@ static bool read_controller(const struct json *object, struct val2_alter_message
     }
     if (json_is(kind, "start")) {
         message->kind = VAL2_ALTER_START;
-        if (list == NULL || list->count > VAL2_ALTER_MAX_LIST || !read_words(list, list->count, message->list) ||
-            !json_integer(json_get(object, "mode"), 0, UINT8_MAX, &value))
+        if (list == NULL || list->count > UINT8_MAX || !json_integer(json_get(object, "mode"), 0, UINT8_MAX, &value))
             return false;
         message->mode = (uint8_t)value;
         message->list_len = (uint8_t)list->count;
-        return true;
+        return list->count > VAL2_ALTER_MAX_LIST || read_words(list, list->count, message->list);
     }
     bool is_interrupted = json_is(json_get(object, "phase"), "interrupted");
     message->kind = is_interrupted ? VAL2_ALTER_INTERRUPTED : VAL2_ALTER_RUNNING;

@@ -58,7 +58,6 @@ struct kawasaki_end {
     struct kawasaki_dialect dialect;
     uint16_t largest; /* of the numbers of jobs */
     size_t packet;
-    bool datagrams;
     struct kawasaki_msg_decoder decoder;
     struct kawasaki_msg_item item;
     struct kawasaki_event events[KAWASAKI_EVENTS];

@@ -51,6 +51,8 @@ struct kawasaki_msg_decoder {
     bool is_latin1; /* KM-16 */
     uint8_t held[KAWASAKI_MSG_MAX_LEN];
     size_t length;
+    size_t looked;                        /* how many bytes of a message were looked at; 0: none */
+    size_t header_len, data_at, data_len; /* of a message whose first `#` was found; else `data_at` is 0 */
     uint64_t dropped; /* bytes of the pending error that are no longer held */
     uint64_t position;
     bool ended, is_pending;

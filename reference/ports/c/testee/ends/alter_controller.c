@@ -12,7 +12,8 @@ static bool begin(const struct json *object)
     const struct json *gap = json_get(object, "gap"), *list = json_get(object, "data"), *word = json_get(object, "unselected");
     unsigned baud = config.baud, mode = config.mode;
     int64_t values[VAL2_ALTER_MAX_LIST];
-    config.framing = read_alter_framing(json_get(object, "framing"));
+    if (json_get(object, "framing") != NULL)
+        config.framing = read_alter_framing(json_get(object, "framing"));
     read_unsigned(object, "baud", UINT32_MAX, &baud);
     read_unsigned(object, "mode", UINT8_MAX, &mode);
     read_unsigned(object, "attempts", UINT8_MAX, &config.attempts);
@@ -22,8 +23,10 @@ static bool begin(const struct json *object)
     config.unselected = json_is(word, "hold")   ? ALTER_CONTROLLER_HOLD
                         : json_is(word, "zero") ? ALTER_CONTROLLER_ZERO
                                                 : ALTER_CONTROLLER_BY_MODE;
-    config.has_gap = gap == NULL || gap->type != 'n';
-    read_time(object, "gap", &config.gap);
+    if (gap != NULL && gap->type == 'n')
+        config.has_gap = false;
+    else
+        read_time(object, "gap", &config.gap);
     if (list != NULL && list->count <= VAL2_ALTER_MAX_LIST && read_list(list, list->count, INT16_MIN, INT16_MAX, values)) {
         config.list_len = (uint8_t)list->count;
         for (size_t i = 0; i < list->count; i++)

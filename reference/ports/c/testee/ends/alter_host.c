@@ -28,7 +28,8 @@ static bool begin(const struct json *object)
     struct alter_host_config config = ALTER_HOST_DEFAULT;
     const struct json *limits = json_get(object, "limits"), *gap = json_get(object, "gap");
     unsigned baud = config.baud, mode = config.mode, cycles = config.silence_cycles;
-    config.framing = read_alter_framing(json_get(object, "framing"));
+    if (json_get(object, "framing") != NULL)
+        config.framing = read_alter_framing(json_get(object, "framing"));
     read_unsigned(object, "baud", UINT32_MAX, &baud);
     read_unsigned(object, "mode", UINT8_MAX, &mode);
     read_unsigned(object, "silence_cycles", UINT32_MAX, &cycles);
@@ -40,8 +41,10 @@ static bool begin(const struct json *object)
     read_limit(json_get(limits, "acceleration"), config.limits.acceleration);
     config.subroutine = json_true(json_get(object, "subroutine"));
     read_policy(json_get(object, "policy"), &config.policy);
-    config.has_gap = gap == NULL || gap->type != 'n';
-    read_time(object, "gap", &config.gap);
+    if (gap != NULL && gap->type == 'n')
+        config.has_gap = false;
+    else
+        read_time(object, "gap", &config.gap);
     read_time(object, "target_timeout", &config.target_timeout);
     read_time(object, "reserve", &config.reserve);
     read_time(object, "max_delay", &config.max_delay);

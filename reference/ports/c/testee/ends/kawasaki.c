@@ -125,7 +125,7 @@ static bool read_job_field(const struct json *spec, struct kawasaki_job_field *f
     const struct json *kind = json_get(spec, "kind");
     unsigned places_of = 0;
     long length = json_utf8(json_get(spec, "name"), name, sizeof names[0] - 1);
-    read_unsigned(spec, "places", 9, &places_of);
+    read_unsigned(spec, "places", UINT8_MAX, &places_of);
     *field = (struct kawasaki_job_field){.name = name, .places = (uint8_t)places_of};
     field->kind = json_is(kind, "text") ? KAWASAKI_TEXT : json_is(kind, "decimal") ? KAWASAKI_DECIMAL : KAWASAKI_WHOLE;
     const struct json *range = json_get(spec, field->kind == KAWASAKI_TEXT ? "length" : "range");

@@ -47,7 +47,7 @@ export class WordTable {
     this.words = { commands: given.commands ?? DEFAULT_WORDS.commands, errors: { ...DEFAULT_WORDS.errors, ...given.errors } };
     const { commands, errors } = this.words;
     require(commands.length <= MOST_RANGES, "more than 32 ranges of command words");
-    require(commands.every(({ first, last }) => isInteger(first, 0, last) && isInteger(last, 0, 0xffff)), "a range that is none");
+    require(commands.every(({ first, last }) => isInteger(first, 0, 0xffff) && isInteger(last, 0, 0xffff)), "a command word is no number of 16 bits");
     const overlap = commands.some((one, index) => commands.slice(index + 1).some((other) => one.first <= other.last && other.first <= one.last));
     require(!overlap, "a command word of two classes");
     const codes = Object.values(errors);

@@ -31,7 +31,6 @@ bool laser_controller_init(struct laser_controller *controller, const struct las
 {
     memset(controller, 0, sizeof *controller);
     controller->config = *config;
-    laser_eb90_init(&controller->decoder, config->profile);
     return laser_eb90_profile_is_valid(&config->profile) && laser_words_are_valid(&config->words) && config->batch >= 1 &&
            config->batch <= UINT8_MAX;
 }
@@ -94,9 +93,8 @@ static void refuse(struct laser_controller *controller, uint64_t now, enum laser
 static void take_error(struct laser_controller *controller, const struct laser_eb90_result *result, bool has_head)
 {
     bool is_listening = controller->work == LASER_CONTROLLER_LISTENING;
-    bool is_headless = result->kind == LASER_EB90_NO_HEAD || result->kind == LASER_EB90_FLAG ||
-                       (result->kind == LASER_EB90_TAG && result->error_offset == 0) ||
-                       (result->kind == LASER_EB90_INCOMPLETE && !has_head);
+    bool is_headless = !has_head || result->kind == LASER_EB90_FLAG ||
+                       (result->kind == LASER_EB90_TAG && result->error_offset == 0);
     struct laser_controller_event *event = report(controller, LASER_CONTROLLER_CORRUPT);
     event->error = result->kind;
     event->error_offset = result->error_offset;
@@ -200,7 +198,7 @@ static void take_frame(struct laser_controller *controller, uint64_t now)
     const struct laser_eb90_result *frame = &controller->frame;
     size_t at = 0, count = 0;
     uint16_t word;
-    if (controller->has_fault && controller->fault_len >= SHORTEST_FRAME) { /* LE-112 */
+    if (controller->fault_len >= SHORTEST_FRAME) { /* LE-112 */
         controller->is_fault_answered = true;
         controller->work = LASER_CONTROLLER_LISTENING;
         controller->rest = false;
@@ -255,17 +253,18 @@ static void read_items(struct laser_controller *controller, uint64_t now)
 /* LE-74, LE-80 */
 size_t laser_controller_input(struct laser_controller *controller, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0, more = 1;
+    size_t taken = 0, more;
     if (controller->line == LASER_CONTROLLER_DISCONNECTED) {
         report(controller, LASER_CONTROLLER_UNEXPECTED);
         return size;
     }
     controller->line = LASER_CONTROLLER_BYTES;
     controller->silent_at = after(now, controller->config.silence);
-    for (; taken < size && more > 0; taken += more) {
+    do {
         more = laser_eb90_push(&controller->decoder, data + taken, size - taken);
+        taken += more;
         read_items(controller, now);
-    }
+    } while (more > 0);
     return size;
 }
 

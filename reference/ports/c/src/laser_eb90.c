@@ -89,7 +89,7 @@ static bool take_no_head(const struct laser_eb90_decoder *decoder, struct laser_
     size_t begin = find_head(decoder->held, decoder->length);
     if (begin > LASER_EB90_MAX_PAYLOAD)
         begin = LASER_EB90_MAX_PAYLOAD;
-    bool is_whole = begin > 0 && decoder->length - begin >= HEAD_LEN;
+    bool is_whole = decoder->length - begin >= HEAD_LEN;
     if (!is_whole && begin < LASER_EB90_MAX_PAYLOAD)
         return incomplete(decoder, result);
     result->kind = LASER_EB90_NO_HEAD;
@@ -278,11 +278,10 @@ size_t laser_eb90_encode(const struct laser_eb90_payload *payload, uint8_t *out,
     out[at++] = MARK;
     out[at++] = profile->tail == LASER_EB90_ETX ? 0x83 : 0x82;
     uint16_t check = check_of(profile, payload->bytes, payload->length);
-    if (profile->checksum == LASER_EB90_SUM_U8)
-        out[at] = (uint8_t)check;
-    else if (profile->checksum == LASER_EB90_SUM_U16_BE)
-        put_u16_be(out + at, check);
-    else
-        put_u16_le(out + at, check);
+    if (profile->checksum == LASER_EB90_SUM_U16_BE)
+        out[at++] = (uint8_t)(check >> 8);
+    out[at++] = (uint8_t)(check & 0xFF);
+    if (profile->checksum == LASER_EB90_SUM_U16_LE)
+        out[at] = (uint8_t)(check >> 8);
     return length;
 }

@@ -22,8 +22,7 @@ static struct laser_host_event *report(struct laser_host *host, enum laser_host_
 
 struct laser_host_config laser_host_default(uint32_t baud)
 {
-    uint64_t usual = line_time(ANSWER_LEN, REFERENCE_BAUD), slow = line_time(ANSWER_LEN, baud);
-    uint64_t e = slow > usual ? slow - usual : 0;
+    uint64_t usual = line_time(ANSWER_LEN, REFERENCE_BAUD), e = later(line_time(ANSWER_LEN, baud), usual) - usual;
     return (struct laser_host_config){
         .profile = LASER_EB90_DEFAULT,
         .words = LASER_WORDS_DEFAULT,
@@ -45,7 +44,6 @@ bool laser_host_init(struct laser_host *host, const struct laser_host_config *co
 {
     memset(host, 0, sizeof *host);
     host->config = *config;
-    laser_eb90_init(&host->decoder, config->profile);
     return laser_eb90_profile_is_valid(&config->profile) && laser_words_are_valid(&config->words) && config->baud > 0 &&
            config->batch >= 1 && config->batch <= LASER_HOST_BATCH;
 }
@@ -85,10 +83,10 @@ static struct laser_host_event *finish(struct laser_host *host, enum laser_host_
     return event;
 }
 
-/* LE-63 */
+/* LE-63; what AwaitingRest waits for is settled if taken, or past when there is a connection again. */
 void laser_host_disconnected(struct laser_host *host, uint64_t now)
 {
-    bool is_sent_again = host->state == LASER_HOST_RESENDING || host->state == LASER_HOST_AWAITING_REST;
+    bool is_sent_again = host->state == LASER_HOST_RESENDING;
     if (host->batch.count > 0)
         finish(host, LASER_HOST_UNKNOWN, "disconnected", is_sent_again ? host->until : settled_if_taken(host, now));
     bool is_held = host->state == LASER_HOST_HELD || host->state == LASER_HOST_DISCONNECTED_HELD;

@@ -12,13 +12,10 @@ bool laser_words_are_valid(const struct laser_words *words)
 {
     if (words->command_count > LASER_WORDS_MAX_RANGES)
         return false;
-    for (size_t i = 0; i < words->command_count; i++) {
-        if (words->commands[i].first > words->commands[i].last)
-            return false;
+    for (size_t i = 0; i < words->command_count; i++)
         for (size_t j = 0; j < i; j++)
             if (words->commands[i].first <= words->commands[j].last && words->commands[j].first <= words->commands[i].last)
                 return false;
-    }
     for (size_t i = 0; i < LASER_WORDS_NO_ERROR; i++)
         if (laser_words_class(words, words->errors[i]) != LASER_WORDS_NO_CLASS || laser_words_error(words, words->errors[i]) != i)
             return false;

@@ -163,7 +163,7 @@ size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, 
         if (room == 0) {
             restart(device, MMACELL_DEVICE_ENDED);
             report(device, MMACELL_DEVICE_OVERRUN);
-            break;
+            return size;
         }
         part = size - taken < room ? size - taken : room;
         memcpy(device->kept + device->kept_len, data + taken, part);

@@ -69,7 +69,6 @@ static bool integer(struct line *line, int32_t *value)
 {
     size_t begin = line->at;
     char sign;
-    *value = 0;
     if (!character(line, "+-", "sign", &sign))
         return false;
     if (line->dialect.blank && line->content[line->at] == ' ')
@@ -268,7 +267,7 @@ static bool take(struct mmacell_proto_decoder *decoder, struct mmacell_proto_ite
 
 bool mmacell_proto_next(struct mmacell_proto_decoder *decoder, struct mmacell_proto_item *item)
 {
-    item->offset = decoder->position;
+    *item = (struct mmacell_proto_item){.offset = decoder->position};
     if (!take(decoder, item)) {
         decoder->ended = false;
         return false;
@@ -306,7 +305,6 @@ static bool put_coordinate(char *line, int32_t count, unsigned decimals)
     end += put_decimal(end, (uint32_t)(size / scale), 6 - decimals);
     *end++ = '.';
     end += put_decimal(end, (uint32_t)(size % scale), decimals);
-    *end = '\0';
     return true;
 }
 
@@ -330,7 +328,6 @@ static bool put_integer(char *line, int32_t value, struct mmacell_proto_dialect 
     if (dialect.blank)
         *end++ = ' ';
     end += put_decimal(end, (uint32_t)size, 5);
-    *end = '\0';
     return true;
 }
 
@@ -386,7 +383,7 @@ static bool put_content(char *line, const struct mmacell_proto_message *message,
 size_t mmacell_proto_encode(const struct mmacell_proto_message *message, struct mmacell_proto_dialect dialect,
                             uint8_t *out, size_t size)
 {
-    char line[CONTENT_SIZE] = "";
+    char line[CONTENT_SIZE] = {0}; /* what is put at its end has one */
     if (!put_content(line, message, dialect))
         return 0;
     strcat(line, dialect.lone_lf ? "\n" : "\r\n");

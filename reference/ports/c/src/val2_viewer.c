@@ -1,15 +1,14 @@
 #include "cellwire/val2_viewer.h"
 
-
 #include "bytes.h"
 
 static const char HEAD[] = "$POSE,";
 static const char HEX[] = "0123456789ABCDEF";
 
-/* A line that is read from left to right (VV-12); `error` is the first failure. */
+/* A line that is read from left to right (VV-12); `error` is the first failure. It ends with LF, so that reading stops there. */
 struct line {
     const uint8_t *bytes;
-    size_t length, at;
+    size_t at;
     enum val2_viewer_kind error; /* VAL2_VIEWER_POSE: none */
     size_t error_offset;
 };
@@ -24,12 +23,12 @@ static bool fail(struct line *line, enum val2_viewer_kind error, size_t offset)
 static bool expect(struct line *line, const char *expected)
 {
     for (; *expected != '\0'; expected++, line->at++)
-        if (line->at >= line->length || line->bytes[line->at] != (uint8_t)*expected)
+        if (line->bytes[line->at] != (uint8_t)*expected)
             return fail(line, VAL2_VIEWER_FORMAT, line->at);
     return true;
 }
 
-/* A number in its one form (VV-5). The line ends with LF, so that reading stops there. */
+/* A number in its one form (VV-5). */
 static bool number(struct line *line, int32_t low, int32_t high, int32_t *value)
 {
     const uint8_t *bytes = line->bytes;
@@ -51,8 +50,7 @@ static bool hex_digits(struct line *line, uint8_t *value)
 {
     *value = 0;
     for (int i = 0; i < 2; i++, line->at++) {
-        uint8_t byte = line->at < line->length ? line->bytes[line->at] : 0;
-        const char *digit = byte == 0 ? NULL : strchr(HEX, byte);
+        const char *digit = memchr(HEX, line->bytes[line->at], sizeof HEX - 1);
         if (digit == NULL)
             return fail(line, VAL2_VIEWER_FORMAT, line->at);
         *value = (uint8_t)(*value << 4 | (uint8_t)(digit - HEX));
@@ -69,23 +67,24 @@ static uint8_t checksum(const uint8_t *line, size_t end)
     return sum;
 }
 
-static bool decode_line(struct line *line, struct val2_viewer_item *item)
+static void decode_line(struct line *line, struct val2_viewer_item *item)
 {
-    int32_t value = 0;
+    int32_t value;
     if (!expect(line, HEAD) || !number(line, 0, UINT16_MAX, &value))
-        return false;
+        return;
     item->pose.count = (uint16_t)value;
     for (size_t word = 0; word < VAL2_VIEWER_WORDS; word++) {
         if (!expect(line, ",") || !number(line, INT16_MIN, INT16_MAX, &value))
-            return false;
+            return;
         item->pose.words[word] = (int16_t)value;
     }
     item->expected = checksum(line->bytes, line->at);
     if (!expect(line, "*") || !hex_digits(line, &item->found))
-        return false;
+        return;
     if (item->found != item->expected)
-        return fail(line, VAL2_VIEWER_CHECKSUM, 0);
-    return expect(line, "\r\n");
+        fail(line, VAL2_VIEWER_CHECKSUM, 0);
+    else
+        expect(line, "\r\n");
 }
 
 void val2_viewer_init(struct val2_viewer_decoder *decoder) { memset(decoder, 0, sizeof *decoder); }
@@ -108,7 +107,7 @@ static bool take(const struct val2_viewer_decoder *decoder, struct val2_viewer_i
     while (stop < length && held[stop] != '\n' && (held[stop] != '$' || stop == 0))
         stop++;
     if (stop < length && held[stop] == '\n') {
-        struct line line = {held, stop + 1, 0, VAL2_VIEWER_POSE, 0};
+        struct line line = {held, 0, VAL2_VIEWER_POSE, 0};
         decode_line(&line, item);
         item->kind = line.error;
         item->error_offset = line.error_offset;
@@ -137,7 +136,6 @@ bool val2_viewer_next(struct val2_viewer_decoder *decoder, struct val2_viewer_it
 
 size_t val2_viewer_encode(const struct val2_viewer_pose *pose, uint8_t *out, size_t size)
 {
-    static const char HEX[] = "0123456789ABCDEF";
     char line[VAL2_VIEWER_MAX_LEN];
     size_t length = sizeof HEAD - 1;
     memcpy(line, HEAD, length);

@@ -53,7 +53,8 @@ void read_laser_words(const struct json *object, struct laser_words *words)
         words->commands[words->command_count].last = (uint16_t)last;
         words->commands[words->command_count++].word_class = (enum laser_words_class)class;
     }
-    is_out_of_range |= commands != NULL && commands->count > LASER_WORDS_MAX_RANGES;
+    if (commands != NULL)
+        words->command_count = commands->count;
     for (int error = 0; error < LASER_WORDS_NO_ERROR; error++) {
         int64_t word = words->errors[error];
         read_number(json_get(errors, laser_words_name((enum laser_words_error)error)), UINT16_MAX, &word);

@@ -46,7 +46,7 @@ static bool begin(const struct json *object)
     unsigned size = 8;
     read_laser_profile(json_get(object, "profile"), &config.profile);
     read_laser_words(json_get(object, "words"), &config.words);
-    read_unsigned(object, "batch", UINT8_MAX, &config.batch);
+    read_unsigned(object, "batch", UINT16_MAX, &config.batch);
     read_unsigned(object, "queue", MAX_QUEUE, &size);
     read_time(object, "tick", &config.tick);
     read_time(object, "silence", &config.silence);
@@ -75,7 +75,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
     for (const struct json *item = argument->child; item != NULL; item = item->next)
         if (!put_laser_item(&values, item))
             return false;
-    return laser_controller_answer(&session, now, &values);
+    return laser_controller_answer(&session, now, values.length == 0 && !values.is_refused ? NULL : &values);
 }
 
 static void print_parameters(const uint8_t *parameters, size_t length)

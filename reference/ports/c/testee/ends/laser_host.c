@@ -15,7 +15,7 @@ static bool begin(const struct json *object)
     struct laser_host_config config = laser_host_default(baud);
     read_laser_profile(json_get(object, "profile"), &config.profile);
     read_laser_words(json_get(object, "words"), &config.words);
-    read_unsigned(object, "batch", LASER_HOST_BATCH, &config.batch);
+    read_unsigned(object, "batch", UINT16_MAX, &config.batch);
     read_unsigned(object, "resends", UINT8_MAX, &config.resends);
     read_unsigned(object, "longest_frame", LASER_EB90_MAX_LEN, &config.longest_frame);
     config.resend_on_silence = json_true(json_get(object, "resend_on_silence"));

@@ -64,7 +64,7 @@ static size_t encode(const struct json *message, uint8_t *out, size_t size)
     int found = 0;
     while (found < 3 && !json_is(status, STATUSES[found]))
         found++;
-    if (found == 3 || !json_integer(json_get(message, "sensor_type"), 0, 255, &type) ||
+    if (message->count != 6 || found == 3 || !json_integer(json_get(message, "sensor_type"), 0, 255, &type) ||
         !json_integer(json_get(message, "sensor"), 0, 255, &sensor) ||
         !json_integer(json_get(message, "keys"), 0, 255, &keys) ||
         !read_list(json_get(message, "force"), 3, INT8_MIN, INT8_MAX, force) ||

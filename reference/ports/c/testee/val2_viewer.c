@@ -67,7 +67,8 @@ static size_t encode(const struct json *message, uint8_t *out, size_t size)
 {
     struct val2_viewer_pose pose;
     int64_t count;
-    if (!json_integer(json_get(message, "count"), 0, UINT16_MAX, &count) || !read_viewer_words(json_get(message, "pose"), pose.words))
+    if (message->count != 2 || !json_integer(json_get(message, "count"), 0, UINT16_MAX, &count) ||
+        !read_viewer_words(json_get(message, "pose"), pose.words))
         return 0;
     pose.count = (uint16_t)count;
     return val2_viewer_encode(&pose, out, size);

@@ -112,8 +112,7 @@ fn a_sleeping_reader_misses_nothing() {
         let jobs = Arc::new(Counter::default());
         let event = Arc::new(Notify::new());
         let wake = event.clone();
-        let (mut writer, mut reader) =
-            boxed_with::<Job, _, _>(2, 9, move || wake.notify(), NoWake).unwrap();
+        let (mut writer, mut reader) = boxed_with::<Job, _, _>(2, 9, move || wake.notify(), NoWake).unwrap();
         let reader = thread::spawn(move || {
             let mut numbers = Vec::new();
             loop {

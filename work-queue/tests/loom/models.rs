@@ -294,11 +294,7 @@ fn batches_and_a_reset(reset: fn(&mut Writer<'_, Job>), next: u16) {
                 match reader.take_batch(2) {
                     Some(mut batch) => {
                         for (number, job) in batch.iter_mut() {
-                            assert_eq!(
-                                (job.value, job.copy),
-                                (number, number),
-                                "torn, or of another number"
-                            );
+                            assert_eq!((job.value, job.copy), (number, number), "torn, or of another number");
                             job.copy = 0; // nobody else has it
                             numbers.push(number);
                         }

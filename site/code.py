@@ -105,8 +105,9 @@ def cargo(words: list[str], where: str) -> None:
         added = next((it for it in packages.values() if Path(it["manifest_path"]).parent == Path(folder)), None)
         if not added or added["name"] != words[1]:
             wrong.append(f"{where}: {words[1]} is not in {given['--path']}")
-        elif "--features" in given and given["--features"] not in added["features"]:
-            wrong.append(f"{where}: {words[1]} has no feature {given['--features']}")
+        for feature in given.get("--features", "").split(",") if added else ():
+            if feature and feature not in added["features"]:
+                wrong.append(f"{where}: {words[1]} has no feature {feature}")
     if words[0] == "run" and "--" in words and package and package["name"] in TOOLS:
         parses(package["name"], words[words.index("--") + 1:], where)
 

@@ -5,15 +5,12 @@ use super::*;
 /// The writer leaves: the reader finds everything that was queued before, and then knows that nothing will come.
 #[test]
 fn writer_leaves_then_drain() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(2, 9).unwrap();
+    model_of(2, |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || assert_eq!(execute_all(&mut reader), [1, 2]));
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         drop(writer);
         reader.join().unwrap();
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -41,11 +38,9 @@ fn writer_leaves_then_drain_inline() {
 /// The reader leaves: the writer sees it, and all that the reader did.
 #[test]
 fn reader_leaves() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(2, 9).unwrap();
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+    model_of(2, |jobs, mut writer, mut reader| {
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         let world = World::new();
         let robot = world.clone();
         let reader = thread::spawn(move || {
@@ -58,27 +53,23 @@ fn reader_leaves() {
         assert_eq!((world.look(), writer.free()), (vec![1], 1));
         drop(writer);
         reader.join().unwrap();
-        jobs.assert_each_dropped_once();
     });
 }
 
 /// Both leave at once: whoever is second drops what is left, and sees all of it.
 #[test]
 fn both_leave() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+    model_of(3, |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
             if let Some(job) = reader.take_where(|number, _| number == 2) {
                 job.complete();
             }
             let _ = reader.take();
         });
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         drop(writer);
         reader.join().unwrap();
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -135,10 +126,8 @@ fn a_sleeping_reader_misses_nothing() {
 /// A job stays in its slot as long as its guard lives, whatever the writer does.
 #[test]
 fn held_while_the_writer_goes_on() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(2, 9).unwrap();
-        queue_next(&mut writer, &jobs);
+    model_of(2, |jobs, mut writer, mut reader| {
+        queue_next(&mut writer, jobs);
         let reader = thread::spawn(move || {
             if let Some(job) = reader.take() {
                 thread::yield_now();
@@ -146,12 +135,11 @@ fn held_while_the_writer_goes_on() {
             } // not completed: it waits again, unless a reset discards it
             execute_all(&mut reader)
         });
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         assert!(writer.claim().is_err() || writer.free() > 0);
         writer.clear();
         drop(writer);
         let numbers = reader.join().unwrap();
         assert!([&[][..], &[1], &[1, 2]].contains(&&*numbers), "{numbers:?}");
-        jobs.assert_each_dropped_once();
     });
 }

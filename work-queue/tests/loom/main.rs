@@ -86,6 +86,27 @@ fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static
     builder.check(run);
 }
 
+/// A model of a queue of this capacity, and of its two ends: each job is dropped once when both are gone.
+fn model_of(
+    capacity: usize,
+    run: impl Fn(&Arc<Counter>, Writer<'static, Job>, Reader<'static, Job>) + Send + Sync + 'static,
+) {
+    model_of_with(None, capacity, run);
+}
+
+fn model_of_with(
+    preemptions: Option<usize>,
+    capacity: usize,
+    run: impl Fn(&Arc<Counter>, Writer<'static, Job>, Reader<'static, Job>) + Send + Sync + 'static,
+) {
+    model_with(preemptions, move || {
+        let jobs = Arc::new(Counter::default());
+        let (writer, reader) = boxed::<Job>(capacity, 9).unwrap();
+        run(&jobs, writer, reader);
+        jobs.assert_each_dropped_once();
+    });
+}
+
 fn queue_next<R: Wake>(writer: &mut Writer<'_, Job, R>, jobs: &Arc<Counter>) {
     loop {
         if let Ok(claim) = writer.claim() {

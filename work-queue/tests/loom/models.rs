@@ -3,9 +3,7 @@
 use super::*;
 
 fn publish_and_release(capacity: usize, count: u16) {
-    model_with((capacity > 1).then_some(3), move || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
+    model_of_with((capacity > 1).then_some(3), capacity, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
             for number in 1..=count {
                 assert_eq!(execute_next(&mut reader), number);
@@ -13,12 +11,10 @@ fn publish_and_release(capacity: usize, count: u16) {
             assert_eq!(execute(&mut reader), None);
         });
         for _ in 0..count {
-            queue_next(&mut writer, &jobs);
+            queue_next(&mut writer, jobs);
         }
         reader.join().unwrap();
         assert_eq!(writer.free(), capacity);
-        drop(writer);
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -40,11 +36,9 @@ fn publish_and_release_capacity_3() {
 /// The writer finds the queue full, and fills again at the low-water mark.
 #[test]
 fn full_then_low_water() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(2, 9).unwrap();
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+    model_of(2, |jobs, mut writer, mut reader| {
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         let world = World::new();
         let robot = world.clone();
         let reader = thread::spawn(move || {
@@ -59,7 +53,7 @@ fn full_then_low_water() {
             thread::yield_now();
         }
         assert_eq!(world.look(), [1, 2], "a drained queue means executed jobs");
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         assert_eq!(
             execute_all(&mut {
                 drop(writer);
@@ -67,15 +61,12 @@ fn full_then_low_water() {
             }),
             [3]
         );
-        jobs.assert_each_dropped_once();
     });
 }
 
 /// The second job overtakes the first; its slot is filled again only behind that of the first.
 fn out_of_order(capacity: usize, count: u16) {
-    model_with((capacity > 2).then_some(3), move || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
+    model_of_with((capacity > 2).then_some(3), capacity, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
             let mut numbers = Vec::new();
             while numbers.len() < count.into() {
@@ -96,12 +87,10 @@ fn out_of_order(capacity: usize, count: u16) {
             assert!(numbers.into_iter().eq(1..=count), "each job once");
         });
         for _ in 0..count {
-            queue_next(&mut writer, &jobs);
+            queue_next(&mut writer, jobs);
         }
         reader.join().unwrap();
         assert_eq!(writer.free(), capacity);
-        drop(writer);
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -117,9 +106,7 @@ fn out_of_order_capacity_3() {
 
 /// Two jobs, a reset, a third job: the reset comes before, during and after the execution of each of the first two.
 fn abort(capacity: usize) {
-    model(move || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
+    model_of(capacity, move |jobs, mut writer, mut reader| {
         let world = World::new();
         let robot = world.clone();
         let reader = thread::spawn(move || {
@@ -138,9 +125,9 @@ fn abort(capacity: usize) {
                 }
             }
         });
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         if capacity > 1 {
-            queue_next(&mut writer, &jobs);
+            queue_next(&mut writer, jobs);
         }
         let after = writer.next_number();
         writer.clear();
@@ -149,13 +136,12 @@ fn abort(capacity: usize) {
         }
         let executed = world.look(); // nothing from before runs any more: loom would see it
         assert_eq!(writer.free(), capacity);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         drop(writer);
         let mut numbers = reader.join().unwrap();
         assert_eq!(numbers.pop(), Some(after), "a job queued after the reset is kept");
         assert_eq!(numbers, executed, "nothing from before the reset starts after it has settled");
         assert!((1..).zip(&numbers).all(|(expected, number)| expected == *number), "in order");
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -172,47 +158,40 @@ fn abort_capacity_2() {
 /// A job queued after the reset, without waiting for it to settle: kept, and nothing older starts after it.
 #[test]
 fn queued_behind_a_reset() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+    model_of(3, |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || execute_all(&mut reader));
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         writer.reset();
         writer.claim().unwrap().commit_with(1, || jobs.job(1)).unwrap();
         drop(writer);
         let numbers = reader.join().unwrap();
         assert!([&[1][..], &[1, 1], &[1, 2, 1]].contains(&&*numbers), "{numbers:?}");
-        jobs.assert_each_dropped_once();
     });
 }
 
 /// Two jobs, a reset, a third job: a reader that has seen the third looks for a job.
 fn look_after_a_reset(look: fn(&mut Reader<'_, Job>) -> Option<u16>) {
-    model(move || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+    model_of(3, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
             while !reader.iter().any(|(number, _)| number == 3) {
                 thread::yield_now();
             }
             assert_eq!(look(&mut reader), Some(3), "what a reset has discarded is not executed");
         });
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         writer.clear();
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         reader.join().unwrap();
         assert!(writer.is_settled(), "a look lets a reset settle");
         assert_eq!(writer.free(), 3);
-        drop(writer);
-        jobs.assert_each_dropped_once();
     });
 }
 
 #[test]
 fn take_after_a_reset() {
-    look_after_a_reset(|reader| execute(reader));
+    look_after_a_reset(execute);
 }
 
 #[test]
@@ -236,11 +215,9 @@ fn find_after_a_reset() {
 /// A job completed out of order and a reset: the discarded one before it is not discarded twice, nor the overtaker at all.
 #[test]
 fn out_of_order_across_a_reset() {
-    model_with(Some(3), || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+    model_of_with(Some(3), 3, |jobs, mut writer, mut reader| {
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         let reader = thread::spawn(move || {
             let mut numbers = Vec::new();
             if let Some(job) = reader.take_where(|number, _| number == 2) {
@@ -253,40 +230,34 @@ fn out_of_order_across_a_reset() {
             numbers
         });
         writer.clear();
-        queue_next(&mut writer, &jobs);
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
+        queue_next(&mut writer, jobs);
         drop(writer);
         let numbers = reader.join().unwrap();
         assert_eq!(numbers.iter().filter(|&&number| number > 2).count(), 2, "{numbers:?}");
         assert!(numbers.iter().all(|number| numbers.iter().filter(|n| *n == number).count() == 1));
-        jobs.assert_each_dropped_once();
     });
 }
 
 /// Two resets, one behind the other.
 #[test]
 fn two_resets() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(2, 9).unwrap();
+    model_of(2, |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || execute_all(&mut reader));
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         writer.clear();
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         writer.clear();
         drop(writer);
         let numbers = reader.join().unwrap();
         assert!([&[][..], &[1], &[2], &[1, 2]].contains(&&*numbers), "{numbers:?}");
-        jobs.assert_each_dropped_once();
     });
 }
 
 /// Batches on both sides, a reset in the middle of one: what was published before is executed or discarded, in order; what is
 /// published afterwards is kept; each job has its number.
 fn batches_and_a_reset(reset: fn(&mut Writer<'_, Job>), next: u16) {
-    model(move || {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+    model_of(3, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
             let mut numbers = Vec::new();
             loop {
@@ -322,7 +293,6 @@ fn batches_and_a_reset(reset: fn(&mut Writer<'_, Job>), next: u16) {
         let mut numbers = reader.join().unwrap();
         assert_eq!(numbers.pop(), Some(next), "a job queued after the reset is kept");
         assert!([&[][..], &[1], &[1, 2]].contains(&&*numbers), "{numbers:?}");
-        jobs.assert_each_dropped_once();
     });
 }
 
@@ -339,18 +309,15 @@ fn batches_and_a_restart_of_the_numbers() {
 /// A reset that the reader may never see is followed by another one: the numbers still are those of the jobs.
 #[test]
 fn numbers_after_two_resets() {
-    model(|| {
-        let jobs = Arc::new(Counter::default());
-        let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+    model_of(3, |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || execute_all(&mut reader));
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         writer.reset();
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         writer.clear();
-        queue_next(&mut writer, &jobs);
+        queue_next(&mut writer, jobs);
         drop(writer);
         let numbers = reader.join().unwrap();
         assert!([&[2][..], &[1, 2], &[1, 1, 2]].contains(&&*numbers), "{numbers:?}");
-        jobs.assert_each_dropped_once();
     });
 }

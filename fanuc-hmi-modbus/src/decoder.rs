@@ -286,7 +286,7 @@ impl<F: Framings> Decoder<F> {
             let Ok(len) = Frame::tcp_len(six) else { continue };
             match RtuLen::of(message, self.side) {
                 _ if is_placed(start, from, self.stream.start()) => return Ok(start),
-                RtuLen::Known(rtu) if 6 + rtu == len + 2 => return Ok(start),
+                RtuLen::Known(rtu) if MBAP + rtu == len + 2 => return Ok(start),
                 RtuLen::AtLeast(_) if !self.stream.has_ended() => return Err(start),
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
             }
@@ -387,7 +387,7 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
 /// The length of the TCP frame that begins here, or how many bytes show it.
 #[inline]
 fn tcp(data: &[u8]) -> Result<usize, DecodeError> {
-    data.first_chunk().map_or(Ok(6), Frame::tcp_len)
+    data.first_chunk().map_or(Ok(MBAP), Frame::tcp_len)
 }
 
 /// Whether the next frame begins at `at`, whatever its message: right after one of another protocol. Elsewhere a header has to have the
@@ -400,7 +400,7 @@ fn is_placed(at: usize, from: usize, start: usize) -> bool {
 fn foreign_len(data: &[u8]) -> usize {
     let length = data.get(4..6).and_then(<[u8]>::first_chunk);
     let length = length.map_or(usize::MAX, |length| usize::from(u16::from_be_bytes(*length)));
-    if length <= 254 { 6 + length } else { 1 }
+    if length <= 254 { MBAP + length } else { 1 }
 }
 
 /// The length of the RTU frame that begins here, or how many bytes show it.

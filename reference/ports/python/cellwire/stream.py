@@ -82,6 +82,12 @@ class StreamDecoder:
         raise NotImplementedError
 
 
+def fields(value: Json, names: set[str]) -> None:
+    """Raises Refused, unless these are the fields of the value."""
+    if value.keys() != names:
+        raise Refused(f"the fields are {', '.join(sorted(names))}, not {', '.join(sorted(value)) or 'none'}")
+
+
 def integer(value: Any, low: int, high: int, name: str) -> int:
     """The value, if it is an integer in low..=high."""
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:

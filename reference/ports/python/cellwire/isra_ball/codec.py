@@ -6,6 +6,7 @@ from ..stream import (
     Refused,
     StreamDecoder,
     error,
+    fields,
     integer,
     integers,
     one_of,
@@ -15,7 +16,6 @@ POLL = 0x05
 HEADER_MASK = 0x55
 MAX_LEN = 259  # IB-8
 DATA_LEN = 8
-FIELDS = {"sensor_type", "sensor", "status", "force", "moment", "keys"}
 STATUSES = {(0, 0): "fresh", (1, 0): "old", (0, 1): "reserved", (1, 1): "reserved"}  # (ab1, ab0)
 
 
@@ -86,8 +86,7 @@ def encode(message: Json, sender: str | None = None, options: Json | None = None
     """Section 6."""
     if "data" in message:
         raise Refused("only packets with eight data bytes are written")
-    if message.keys() != FIELDS:
-        raise Refused(f"a packet has {', '.join(sorted(FIELDS))}, and nothing else")
+    fields(message, {"sensor_type", "sensor", "status", "force", "moment", "keys"})
     status = one_of(message["status"], set(STATUSES.values()), "status")
     ab1, ab0 = next(bits for bits, name in STATUSES.items() if name == status)
     sensor_type, sensor = (

@@ -5,7 +5,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer
+from ..stream import Incomplete, Json, Refused, StreamDecoder, error, fields, integer
 
 HEAD = bytes([0xEB, 0x90, 0x82])
 FLAG, MARK = 0xF0, 0x90
@@ -172,8 +172,7 @@ def decode_values(name: str, data: bytes, count: int, profile: Profile) -> Any:
 def encode(message: Json, sender: str = "host", options: Json | None = None) -> bytes:
     """Section 6."""
     profile = Profile(**(options or {}))
-    if message.keys() != {"items"}:
-        raise Refused("a frame has items, and nothing else")
+    fields(message, {"items"})
     payload = b"".join(encode_item(item, profile) for item in message["items"])
     if not 0 < len(payload) <= MAX_PAYLOAD:
         raise Refused(f"a payload has 1 to {MAX_PAYLOAD} bytes, not {len(payload)}")

@@ -3,7 +3,7 @@
 from functools import reduce
 from operator import xor
 
-from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers
+from ..stream import Incomplete, Json, StreamDecoder, error, fields, integer, integers
 
 HEAD = b"$POSE,"
 MAX_LEN = 100  # VV-7
@@ -99,8 +99,7 @@ def decode_line(line: bytes) -> Json:
 
 def encode(message: Json, sender: str | None = None, options: Json | None = None) -> bytes:
     """Section 6."""
-    if message.keys() != {"count", "pose"}:
-        raise Refused("a pose has a count and words, and nothing else")
+    fields(message, {"count", "pose"})
     count = integer(message["count"], 0, 0xFFFF, "count")
     pose = integers(message["pose"], -0x8000, 0x7FFF, range(WORDS, WORDS + 1), "pose")
     line = HEAD + ",".join(map(str, [count, *pose])).encode()

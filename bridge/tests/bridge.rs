@@ -22,7 +22,7 @@ mod http;
 mod limits;
 #[path = "bridge/operation.rs"]
 mod operation;
-#[path = "../../cellwire/tests/tool/running.rs"]
+#[path = "../../cellwire/tests/it/tool/running.rs"]
 mod tool;
 
 use std::io::{Read as _, Write as _};

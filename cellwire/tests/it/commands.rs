@@ -1,0 +1,293 @@
+//! Every command as a process: what it prints, how it ends, and what it says of wrong arguments.
+
+use std::io::Write;
+use std::process::Stdio;
+
+use crate::tool::{Running, cellwire, run};
+use serde_json::Value;
+
+const LINKS: [&str; 7] = [
+    "kawasaki-msg",
+    "val2-alter",
+    "val2-viewer",
+    "isra-ball",
+    "fanuc-hmi-modbus",
+    "laser-eb90",
+    "mmacell-proto",
+];
+
+/// Runs with an input; the exit status and both outputs.
+fn with_input(arguments: &str, input: &str) -> (Option<i32>, String, String) {
+    let mut child = cellwire(arguments).stdin(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn every_command_has_a_help_that_ends_with_success() {
+    let (code, help, _) = run(cellwire("--help"));
+    assert_eq!(code, Some(0));
+    let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let names = list.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names: Vec<&str> = names.filter_map(|line| line.split_whitespace().next()).collect();
+    for name in
+        ["demo", "decode", "encode", "identify", "simulate", "modbus", "fanuc", "ls", "vectors", "alter"]
+    {
+        assert!(names.contains(&name), "{name} is not in {names:?}");
+    }
+    for name in names.into_iter().filter(|name| *name != "help") {
+        let (code, text, said) = run(cellwire(&format!("{name} --help")));
+        assert_eq!((code, said.as_str()), (Some(0), ""), "{name}");
+        assert!(text.contains(&format!("Usage: cellwire {name}")), "{name}: {text}");
+    }
+}
+
+#[test]
+fn the_manual_has_the_settings_of_every_command_and_keeps_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, _, said) = run(cellwire(&format!("man {}", folder.path().display())));
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+    for (page, has) in [
+        ("cellwire.1", "Exit status:"),
+        ("cellwire-kawasaki-run.1", "messages.status.name = Tila"),
+        ("cellwire-modbus-scan.1", "any_unit = false"),
+    ] {
+        let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
+        assert!(text.contains(has), "{page}: {text}");
+        assert!(text.contains("\n.SH NOTES\n.nf\n") && !text.contains("EXTRA"), "{page}: {text}");
+    }
+}
+
+#[test]
+fn standard_input_can_be_named() {
+    let bytes = "08 F8 5D 00 01";
+    let named = with_input("decode isra-ball -", bytes);
+    assert!(named.1.contains("\"offset\":0"), "{named:?}");
+    assert_eq!(named, with_input("decode isra-ball", bytes));
+}
+
+#[test]
+fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
+    for (arguments, says) in [
+        ("", "Usage: cellwire <COMMAND>"),
+        ("nonsense", "unrecognized subcommand 'nonsense'"),
+        ("decode", "<LINK>"),
+        ("decode nonsense", "[possible values: kawasaki-msg, val2-alter"),
+        ("decode isra-ball --from nobody", "use --from "),
+        ("decode isra-ball /no/such/file", "/no/such/file"),
+        ("encode laser-eb90 --from nobody", "use --from "),
+        ("vectors", "check"),
+        ("simulate nonsense --listen 0", "[possible values: kawasaki-robot, kawasaki-pc"),
+        ("simulate ball", "--listen"),
+        ("simulate isra-ball", "--listen"),
+        ("simulate ball --listen 0 --pty x", "cannot be used with"),
+        ("simulate ball --connect 127.0.0.1:9", "use --pty or --listen"),
+        ("simulate fanuc --connect 127.0.0.1:9", "use --listen, or --pty"),
+        (
+            "simulate kawasaki-robot --listen 0 --set udp=true",
+            "over UDP the robot sends first: use --connect",
+        ),
+        ("simulate mma-robot --pty x", "use --listen"),
+        ("simulate ball --listen 0 --idle-timeout NaN", "give between 0 and 1000000 seconds"),
+        ("simulate ball --listen 0 --idle-timeout -1", "-1"),
+        ("simulate ball --listen 0 --trace 0", "1..=10000000"),
+        ("simulate ball --listen 0 --trace-dir /no/such/folder", "there is no such folder"),
+        ("simulate ball --listen 0 --set baud=0", "50"),
+        ("demo nonsense", "[possible values: kawasaki-msg, val2-alter"),
+        ("demo --seconds NaN", "give between 0.1 and 1000000 seconds"),
+        ("demo --seconds 1e300", "give between 0.1 and 1000000 seconds"),
+        ("demo --seconds -1", "-1"),
+        ("demo --seconds 0", "give between 0.1 and 1000000 seconds"),
+        ("demo --seed -1", "-1"),
+        ("demo --out x.svg", "--out needs one LINK"),
+        ("demo --must-fail lost", "--must-fail needs one LINK"),
+        ("demo isra-ball --must-fail limit", "has no --must-fail limit: it has lost, late"),
+        ("demo isra-ball --must-fail everything", "[possible values: lost, repeated, limit, late]"),
+        ("demo isra-ball --drawing x.svg", "--drawing is for kawasaki-msg alone"),
+        ("demo isra-ball --out /no/such/folder/x.svg", "there is no folder /no/such/folder"),
+        ("demo val2-alter --set baud=1e99", "baud"),
+        ("modbus", "<SERVER>"),
+        ("modbus nonsense", "nonsense"),
+        ("fanuc log", "<"),
+        ("fanuc evaluate", "<"),
+        ("ls check", "<"),
+        ("ls check /dev/null --format xml", "[possible values: text, short, json, sarif]"),
+        ("ls make /no/such/file.csv --mode dynamic", "/no/such/file.csv"),
+        ("ls make x.csv --mode distance --mm 1e300", "--mm: give a number above 0, and 1000000 at most"),
+        ("ls make x.csv --mode time --step inf", "--step: give a number above 0, and 1000000 at most"),
+        ("ls make x.csv --mode dynamic --arm NaN,1,1,1,1", "--arm: give numbers between -100000 and 100000"),
+        (
+            "ls make x.csv --mode dynamic --tool 1e300,0,0,0,0,0",
+            "--tool: give numbers between -100000 and 100000",
+        ),
+        ("alter", "--robot"),
+        ("alter --robot /no/such/port --ball /no/such/port", "needs a terminal"),
+    ] {
+        let (code, out, said) = run(cellwire(arguments));
+        assert_eq!((code, out.as_str()), (Some(2), ""), "`{arguments}`: {said}");
+        assert!(said.contains(says), "`{arguments}` does not say {says}: {said}");
+    }
+}
+
+#[test]
+fn what_is_decoded_is_encoded_to_the_same_bytes() {
+    for link in LINKS {
+        let file = format!("{}/../reference/vectors/{link}.json", env!("CARGO_MANIFEST_DIR"));
+        let vectors: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+        // The first that is written with the defaults.
+        let is_plain = |vector: &&Value| vector["result"] == "valid" && vector.get("options").is_none();
+        let vector = vectors["vectors"].as_array().unwrap().iter().find(is_plain).unwrap();
+        let hex = vector["hex"].as_str().unwrap();
+        let from = vector["from"].as_str().map_or(String::new(), |from| format!("--from {from}"));
+        let (code, object, said) = with_input(&format!("decode {link} {from}"), hex);
+        assert_eq!(code, Some(0), "{link}: {said}");
+        let decoded: Value = serde_json::from_str(object.trim()).unwrap_or_else(|e| panic!("{object}: {e}"));
+        assert_eq!(decoded["message"], vector["message"], "{link}");
+        let (code, bytes, said) = with_input(&format!("encode {link} {from}"), &object);
+        assert_eq!(code, Some(0), "{link}: {said}");
+        let plain = |text: &str| text.split_whitespace().collect::<String>().to_lowercase();
+        assert_eq!(plain(&bytes), plain(hex), "{link}");
+    }
+}
+
+#[test]
+fn corrupt_bytes_and_messages_are_an_error_of_one() {
+    let (code, out, _) = with_input("decode isra-ball", "08 F8 5D 00 01");
+    assert_eq!(code, Some(1));
+    assert!(out.contains("\"error\""), "{out}");
+    let (code, out, said) = with_input("encode isra-ball", "{\"status\":\"nonsense\"}\n");
+    assert!(matches!(code, Some(1 | 2)), "{out} {said}");
+    assert!(format!("{out}{said}").contains("nonsense"), "{out} {said}");
+}
+
+#[test]
+fn the_vectors_agree() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../reference/vectors");
+    let (code, out, said) = run(cellwire(&format!("vectors check {folder}")));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(LINKS.iter().chain(&["fanuc-ls"]).all(|link| out.contains(link)), "{out}");
+    // Elsewhere, those of the program.
+    let mut elsewhere = cellwire("vectors check");
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere.current_dir(folder.path());
+    let built_in = run(elsewhere);
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<std::collections::BTreeSet<_>>();
+    assert_eq!((built_in.0, lines(&built_in.1)), (Some(0), lines(&out)), "{}", built_in.2);
+}
+
+#[test]
+fn every_device_starts_says_so_and_ends_when_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let pty = folder.path().join("line");
+    let (listen, pty) = ("--listen 127.0.0.1:0", format!("--pty {}", pty.display()));
+    let connect = "--connect 127.0.0.1:9";
+    let devices = [
+        ("fanuc", vec![listen, &pty]),
+        ("kawasaki-pc", vec![listen]),
+        ("kawasaki-robot", vec![connect]),
+        ("puma", vec![listen, &pty]),
+        ("viewer", vec![listen, &pty]),
+        ("ball", vec![listen, &pty]),
+        ("laser", vec![listen, &pty]),
+        ("mma-robot", vec![listen]),
+        ("mma-platform", vec![listen]),
+    ];
+    let (_, help, _) = run(cellwire("simulate --help"));
+    for (device, endpoints) in devices {
+        assert!(help.contains(&format!("- {device}:")), "{device} is not in the help: {help}");
+        for endpoint in endpoints {
+            let mut running = Running::start(cellwire(&format!("simulate {device} {endpoint}")));
+            assert_eq!(running.ready["ready"], device);
+            if endpoint == listen {
+                drop(running.connect());
+            }
+            assert_eq!(running.signal("-TERM"), Some(130), "{device} {endpoint}");
+        }
+    }
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0, "links are removed");
+}
+
+#[test]
+fn every_device_is_in_the_test_of_devices() {
+    let (_, help, _) = run(cellwire("simulate --help"));
+    let named = help.lines().filter(|line| line.trim_start().starts_with("- ")).count();
+    assert_eq!(named, 9, "a new device belongs into every_device_starts_…: {help}");
+}
+
+#[test]
+fn every_demo_can_fail_and_says_why() {
+    for (demo, failure) in [
+        ("kawasaki-msg --must-fail lost", "1 jobs were lost"),
+        ("kawasaki-msg --must-fail repeated", "1 jobs were executed more than once"),
+        ("laser-eb90 --must-fail lost", "1 jobs were lost"),
+        ("laser-eb90 --must-fail repeated", "1 jobs were executed more than once"),
+        ("mmacell-proto --must-fail lost", "1 jobs were lost"),
+        ("mmacell-proto --must-fail repeated", "1 jobs were executed more than once"),
+        ("val2-alter --must-fail lost", "ALTER ended"),
+        ("val2-alter --must-fail limit", "the limits are"),
+        ("val2-viewer --must-fail repeated", "poses arrived at once: a backlog"),
+        ("isra-ball --must-fail lost", "the ball sent"),
+        ("fanuc-hmi-modbus --must-fail lost", "1 requests failed"),
+        ("fanuc-hmi-modbus --must-fail limit", "the source measured"),
+    ] {
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --seconds 2 --json")));
+        assert_eq!(code, Some(1), "{demo}: {out} {said}");
+        let report: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!(report["ok"], false, "{demo}");
+        let failures = report["failures"].to_string();
+        assert!(failures.contains(failure), "{demo}: {failures}");
+    }
+    for demo in ["kawasaki-msg", "laser-eb90", "val2-alter", "isra-ball", "fanuc-hmi-modbus"] {
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --must-fail late --seconds 1")));
+        assert_eq!(code, Some(1), "{demo}: {said}");
+        assert!(out.contains("over budget: ") && out.contains("the budget 0 µs"), "{demo}: {out}");
+    }
+}
+
+/// What no clock of a loaded machine can make fail.
+#[test]
+fn a_demo_that_loses_nothing_succeeds() {
+    for demo in ["kawasaki-msg", "laser-eb90", "mmacell-proto --set parts=5"] {
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --seconds 2")));
+        assert_eq!(code, Some(0), "{demo}: {out} {said}");
+        assert!(out.ends_with("all checks passed\n\n"), "{demo}: {out}");
+    }
+}
+
+#[test]
+fn every_demo_writes_what_it_promises() {
+    let folder = tempfile::tempdir().unwrap();
+    for link in LINKS {
+        let out = folder.path().join(link).with_extension("svg");
+        let (code, _, said) = run(cellwire(&format!("demo {link} --seconds 2 --out {}", out.display())));
+        assert!(matches!(code, Some(0 | 1)), "{link}: {said}");
+        let files = if link == "fanuc-hmi-modbus" {
+            ["position", "position-errors", "orientation", "orientation-errors"]
+                .map(|name| out.join(name).with_extension("svg"))
+                .to_vec()
+        } else {
+            vec![out]
+        };
+        for file in files {
+            let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+            assert!(text.contains("<svg") && text.trim_end().ends_with("</svg>"), "{}", file.display());
+        }
+    }
+}
+
+#[test]
+fn a_request_is_answered_by_the_simulated_controller() {
+    let fanuc = Running::listening("fanuc");
+    let request = "{\"unit\":1,\"function\":3,\"address\":16384,\"quantity\":2}\n";
+    let (code, out, said) = with_input(&format!("modbus {}", fanuc.address()), request);
+    assert_eq!(code, Some(0), "{said}");
+    let reply: Value = serde_json::from_str(out.trim()).unwrap();
+    assert_eq!(reply["function"], 3, "{out}");
+    // Beyond the tables: an exception is an answer, with an exit status of its own.
+    let request = "{\"unit\":1,\"function\":3,\"address\":65535,\"quantity\":1}\n";
+    let (code, out, said) = with_input(&format!("modbus {}", fanuc.address()), request);
+    assert_eq!(code, Some(6), "{said}");
+    assert!(out.contains("exception"), "{out}");
+}

@@ -1,0 +1,220 @@
+//! `cellwire identify --draft`: a plant whose names nobody told, from a tap to a client that works with it.
+
+#[allow(dead_code, reason = "nobody types here")]
+use core::fmt::Write as _;
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Command;
+
+use crate::operated::Tool;
+
+const JOBS: usize = 40;
+
+/// The plants of the repository, with names of their own.
+fn renamed(name: &str) -> String {
+    let path = format!("{}/../kawasaki-msg/plants/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut text = String::new();
+    let mut role = "";
+    let plant = fs::read_to_string(path).unwrap();
+    for line in plant.lines() {
+        role = line.strip_prefix("[messages.").map_or(role, |rest| rest.trim_end_matches(']'));
+        if line.starts_with("name = ") && !role.is_empty() {
+            writeln!(
+                text,
+                "name = \"Q{}\"",
+                role.bytes().rev().filter(|it| *it != b'_').map(char::from).collect::<String>()
+            )
+            .unwrap();
+        } else {
+            writeln!(text, "{line}").unwrap();
+        }
+    }
+    text
+}
+
+/// The part of a plant's file from a table on to the next.
+fn table<'a>(text: &'a str, name: &str) -> &'a str {
+    let begin = text.find(&format!("[{name}]")).unwrap_or_else(|| panic!("no {name}: {text}"));
+    let end = text[begin + 1..].find("\n[").map_or(text.len(), |end| begin + 1 + end + 1);
+    &text[begin..end]
+}
+
+/// The draft, with what has a question mark as the plant has it.
+fn corrected(draft: &str, plant: &str) -> String {
+    let mut text = String::new();
+    let mut columns = ["kind", "x1", "y1", "x2", "y2"].into_iter();
+    for part in draft.split_inclusive("\n\n") {
+        let name =
+            part.split_once('[').and_then(|(_, rest)| rest.split_once(']')).map_or("", |(name, _)| name);
+        if name.starts_with("messages.") && part.contains('?') {
+            text += table(plant, name);
+        } else if name == "[job" {
+            text += &part.replace(&part[part.find("field_").unwrap()..][..7], columns.next().unwrap());
+        } else {
+            text += part;
+        }
+    }
+    let limit = plant.lines().find(|line| line.starts_with("max_number")).unwrap();
+    text.replace("# max_number = 9999", limit)
+}
+
+/// The tap of a link before a server; and where it listens.
+fn tap(link: &str, server: &str, capture: &str) -> (Tool, String) {
+    let tap =
+        Tool::start(&["tap", link, "--listen", "127.0.0.1:0", "--connect", server, "--capture", capture]);
+    let address = tap.line()["listen"].as_str().unwrap().to_owned();
+    (tap, address)
+}
+
+/// The capture is whole then.
+fn end(tap: Tool) {
+    let pid = rustix::process::Pid::from_child(&tap.process);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    tap.end();
+}
+
+/// A client works through an order with a robot; what passed is in a capture.
+fn work(folder: &Path, name: &str, client: &str, robot: &str) {
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let mut jobs = String::from("kind,x1,y1,x2,y2\n");
+    (0..JOBS).for_each(|at| {
+        writeln!(jobs, "{},{},{},{at},-{at}", 1 + at % 2, at * 31 % 700, at * 17 % 90).unwrap()
+    });
+    fs::write(path(&format!("{name}.csv")), jobs).unwrap();
+    let run = Tool::start(&[
+        "kawasaki",
+        "run",
+        &path(&format!("{name}.csv")),
+        "--settings",
+        client,
+        "--listen",
+        "127.0.0.1:0",
+    ]);
+    let listens = run.line()["listen"].as_str().unwrap().to_owned();
+    let capture = path(&format!("{name}.pcapng"));
+    let (tap, taps) = tap("kawasaki-msg", &listens, &capture);
+    let set = ["--set", "job_time=20ms", "--set", "queue=8"];
+    let robot = Tool::start(
+        &[&["simulate", "kawasaki-robot", "--settings", robot, "--connect", &taps][..], &set].concat(),
+    );
+    let ended = run.event("ended");
+    assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &JOBS.into()), "{ended}");
+    assert_eq!(run.end().0, Some(0));
+    drop(robot);
+    end(tap);
+}
+
+#[test]
+fn a_draft_that_is_corrected_where_it_says_so_works() {
+    for name in ["default", "other"] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let plant = renamed(name);
+        fs::write(path("plant.toml"), &plant).unwrap();
+        work(folder.path(), "first", &path("plant.toml"), &path("plant.toml"));
+        let identify =
+            ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+        assert_eq!(Tool::start(&identify).end().0, Some(0));
+        let draft = fs::read_to_string(path("draft.toml")).unwrap();
+        // What the capture shows is no question.
+        for role in
+            ["job", "job_ack", "job_request", "order_start", "order_ack", "order_end", "end_ack", "filler"]
+        {
+            assert!(!table(&draft, &format!("messages.{role}")).contains('?'), "{name} {role}: {draft}");
+        }
+        fs::write(path("corrected.toml"), corrected(&draft, &plant)).unwrap();
+        work(folder.path(), "second", &path("corrected.toml"), &path("plant.toml"));
+    }
+}
+
+const WORDS: &str = "[words]
+commands = [
+  { first = 4097, last = 4098, class = \"interpreted\" },
+  { first = 513, last = 515, class = \"immediate\" },
+  { first = 769, last = 769, class = \"query\" },
+]
+[words.errors]
+bad_checksum = 991
+bad_frame = 992
+unknown_command = 993
+bad_batch = 994
+bad_parameters = 995
+queue_full = 996
+";
+
+/// A program of other words than the tool's own: what is cut, and after every third instruction what lets the robot go on.
+fn program() -> String {
+    let line = |n: u16| {
+        let then = if n.is_multiple_of(3) { "514\n" } else { "" };
+        format!("{},{n},{},0,0,0,{n}\n{then}", 4097 + n % 2, n % 7)
+    };
+    String::from("word,x,y,z,a,b,length\n") + &(0..12).map(line).collect::<String>()
+}
+
+fn set(settings: &str) -> impl Iterator<Item = &str> {
+    settings.split(' ').flat_map(|it| ["--set", it])
+}
+
+#[test]
+fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("plant.toml"), WORDS).unwrap();
+    fs::write(path("part.csv"), program()).unwrap();
+    let robot = ["simulate", "laser", "--listen", "127.0.0.1:0", "--settings", &path("plant.toml")];
+    let robot = robot.into_iter().chain(set("baud=115200 execution=50ms queue=4 batch=3"));
+    let robot = Tool::start(&robot.collect::<Vec<_>>());
+    let listens = robot.line()["listen"].as_str().unwrap().to_owned();
+    let work = |name: &str, words: &str| {
+        let (tap, taps) = tap("laser-eb90", &listens, &path(&format!("{name}.pcapng")));
+        // What is queued and held: no program asks it.
+        let mut client = TcpStream::connect(&taps).unwrap();
+        for _ in 0..3 {
+            client.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x01, 0x01, 0x03, 0x90, 0x82, 0xF6]).unwrap();
+            while tap.line()["from"] != "controller" {}
+            assert!(client.read(&mut [0; 64]).unwrap() > 11, "an answer with values");
+        }
+        drop(client);
+        tap.event("closed");
+        tap.event("closed");
+        let journal = path(&format!("{name}.journal"));
+        let run =
+            ["laser", "run", &path("part.csv"), "--journal", &journal, "--port", &taps, "--settings", words];
+        let run = run.into_iter().chain(set("baud=115200 longest_frame=1 max_pause=0 batch=3"));
+        let run = Tool::start(&run.collect::<Vec<_>>());
+        let ended = run.event("ended");
+        assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &16.into()), "{ended}");
+        assert_eq!(run.end().0, Some(0));
+        end(tap);
+    };
+    work("first", &path("plant.toml"));
+    let identify =
+        ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+    assert_eq!(Tool::start(&identify).end().0, Some(0));
+    let draft = fs::read_to_string(path("draft.toml")).unwrap();
+    let line = |text: &str| {
+        draft.lines().find(|line| line.contains(text)).unwrap_or_else(|| panic!("{text}: {draft}"))
+    };
+    for (word, class) in [(4097, "interpreted"), (4098, "interpreted"), (769, "query")] {
+        let line = line(&format!("first = {word}"));
+        assert!(line.contains(&format!("class = \"{class}\"")) && !line.contains('?'), "{line}");
+    }
+    assert!(line("queue_full = 996").contains('?'));
+    // It is executed at once, as instructions are queued: somebody who knows the machine says what it is.
+    let asked = line("first = 514");
+    assert!(asked.contains("interpreted") && asked.contains("# ? 4 times"), "{asked}");
+    fs::write(path("corrected.toml"), draft.replace(asked, &asked.replace("interpreted", "immediate")))
+        .unwrap();
+    work("second", &path("corrected.toml"));
+    // Who looks on with the corrected words misses none of them.
+    let unknown = |settings: &[&str]| {
+        let mut decode = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        decode.args(["decode", "laser-eb90", "--format", "pcap", "--shadow", &path("second.pcapng")]);
+        let output = decode.args(settings).output().unwrap();
+        String::from_utf8(output.stdout).unwrap().matches("is not a command word").count()
+    };
+    assert!(unknown(&[]) > 0);
+    assert_eq!(unknown(&["--settings", &path("corrected.toml")]), 0);
+}

@@ -1,0 +1,163 @@
+//! The whole cell on a virtual clock, over links that do nothing wrong and over links that break.
+
+use core::time::Duration;
+
+use mmacell_task::Step;
+use testkit::link::{self, Delivery, Faults, Link};
+
+use cellwire::cell::demo::mma::cell::{self, Cell, Which};
+use cellwire::cell::demo::mma::central::{Central, Log, Now};
+use cellwire::cell::demo::mma::judged::{Judged, MOST_STEPS};
+use cellwire::cell::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
+use cellwire::cell::demo::mma::workpiece::Record;
+use cellwire::io::samples::Samples;
+use cellwire_sim::mma::MotionFaults;
+
+/// The switch is looked at this often while the vacuum is on.
+const LOOK: Duration = Duration::from_millis(5);
+
+fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
+    judged_run(parts, seed, faults, errors, |_, _| {})
+}
+
+/// The same, with a judge of what has happened so far.
+fn judged_run(
+    parts: u64,
+    seed: u64,
+    faults: Faults,
+    errors: bool,
+    mut judge: impl FnMut(&mut Log, &mut Record),
+) -> (Central, Cell) {
+    let mut central =
+        Central::new(Some(parts), 1, cell::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
+    let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
+    let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
+    let mut time = Duration::ZERO;
+    let now = |time| Now { wall: time, cell: time };
+    for which in Which::ALL {
+        cell.connect(which, time);
+        central.connected(now(time), which);
+    }
+    let mut last_step = (Step::AwaitDevices, time);
+    while central.step() != Step::Finished {
+        for (which, link) in Which::ALL.into_iter().zip(&mut links) {
+            while let Some(delivery) = link.receive(link::End::B, time) {
+                if let Delivery::Bytes(bytes) = delivery {
+                    let (reply, closes) = cell.receive(which, time, &bytes);
+                    if !reply.is_empty() {
+                        link.send(link::End::B, time, &reply);
+                    }
+                    if closes {
+                        cell.connect(which, time);
+                    }
+                }
+            }
+            while let Some(delivery) = link.receive(link::End::A, time) {
+                match delivery {
+                    Delivery::Bytes(bytes) => central.receive(now(time), which, &bytes),
+                    Delivery::Closed => central.disconnected(now(time), which),
+                }
+            }
+        }
+        cell.advance(time);
+        central.run(now(time), &cell);
+        judge(&mut central.log, cell.record_mut());
+        for (which, link) in Which::ALL.into_iter().zip(&mut links) {
+            let bytes = central.transmit(which);
+            if !bytes.is_empty() {
+                link.send(link::End::A, time, &bytes);
+            }
+            if central.is_broken(which) {
+                link.reconnect();
+                cell.connect(which, time);
+                central.connected(now(time), which);
+            }
+        }
+        let (wall, task) = central.due();
+        let deliveries = links.iter().filter_map(Link::next_delivery);
+        let look = if cell.parts().vacuum() { LOOK } else { Duration::from_secs(1) };
+        let next = deliveries.chain(wall).chain(task).chain([time + look]).min().unwrap();
+        time = next.max(time + Duration::from_micros(1));
+        if last_step.0 != central.step() {
+            last_step = (central.step(), time);
+        }
+        assert!(time - last_step.1 < Duration::from_secs(60), "the cell stalled in {:?}", last_step.0);
+    }
+    (central, cell)
+}
+
+fn check(central: &Central, cell: &Cell, parts: u64) {
+    let (log, record) = (&central.log, &cell.parts().record);
+    let tries = attempts(log.steps.iter().map(|(_, step)| *step));
+    let open = tries.iter().filter(|(steps, end)| leaves_open(steps, *end)).count() as u64;
+    assert_eq!((log.placed, log.vacuum_left_on), (parts, 0));
+    assert!(record.carried_off <= open, "{} carried off, {open} open", record.carried_off);
+    assert!((parts..=parts + open).contains(&record.placed), "{} placed, {open} open", record.placed);
+    for (number, (steps, end)) in tries.iter().enumerate() {
+        assert!(is_in_order(steps, *end), "attempt {number}: {steps:?} {end:?}");
+    }
+    for (n, executed) in [cell.robot().motions(), cell.platform().motions()].into_iter().enumerate() {
+        assert!(executed >= log.agreed[n], "{executed} of {} motions were executed", log.agreed[n]);
+        assert!(executed <= log.agreed[n] + log.unknown[n], "{executed} motions, {} agreed", log.agreed[n]);
+    }
+}
+
+#[test]
+fn a_thousand_parts_with_misses_and_losses() {
+    let (central, cell) = run(1000, 1, Faults::NONE, false);
+    check(&central, &cell, 1000);
+    let record = &cell.parts().record;
+    assert!(record.missed > 30 && record.lost > 30, "{} missed, {} lost", record.missed, record.lost);
+    assert_eq!(record.dropped, 0);
+    // A look at the switch, and the way of the order to the valve.
+    assert!(record.vacuum_after_fall <= LOOK + 2 * Faults::NONE.latency, "{:?}", record.vacuum_after_fall);
+    let tries = attempts(central.log.steps.iter().map(|(_, step)| *step));
+    let given_up = tries.iter().filter(|(_, end)| *end == End::GivenUp).count() as u64;
+    assert_eq!(given_up, record.missed + record.lost);
+    assert_eq!(tries.len() as u64, 1000 + given_up);
+}
+
+#[test]
+fn every_part_is_placed_also_over_links_that_break_with_a_robot_that_fails() {
+    let (mut faults_seen, mut unknown) = (0, 0);
+    for seed in 0..20 {
+        let faults = Faults { disconnect: 0.001, max_delay: Duration::from_millis(30), ..Faults::TCP };
+        let (central, cell) = run(20, seed, faults, true);
+        check(&central, &cell, 20);
+        faults_seen += central.log.faults;
+        unknown += central.log.unknown.iter().sum::<u64>();
+    }
+    assert!(faults_seen > 20, "{faults_seen}");
+    assert!(unknown > 0, "no motion's outcome was ever unknown");
+}
+
+/// A run of a day has half a million attempts.
+#[test]
+fn a_long_run_keeps_no_more_than_a_short_one_and_is_judged_the_same() {
+    let run = |most: usize| {
+        let (mut judged, mut steps, mut others) = (Judged::default(), 0, 0);
+        let faults = Faults { disconnect: 0.0005, ..Faults::TCP };
+        let (mut central, mut cell) = judged_run(600, 3, faults, true, |log, record| {
+            if log.steps.len() >= most {
+                judged.go_on(log, record);
+            }
+            steps = steps.max(log.steps.len());
+            let levels = [&record.vacuum, &record.blow, &record.switch].map(Vec::len);
+            others = levels.into_iter().chain([others, record.outcomes.len()]).max().unwrap();
+        });
+        let shown = judged.finish(&mut central.log, cell.record_mut());
+        assert!(shown.steps.len() > 1000 && central.log.steps.is_empty());
+        let steps_of = |(step, samples): &(Step, Samples)| (step.label(), samples.count(), samples.max());
+        let mut of_steps: Vec<_> = judged.steps.iter().map(steps_of).collect();
+        of_steps.sort_unstable();
+        let cycles = (judged.cycles.count(), judged.cycles.max());
+        let counts = [judged.attempts, judged.broken_off, judged.open, judged.let_go_elsewhere];
+        ((counts, judged.failures, cycles, of_steps), steps, others)
+    };
+    let (whole, steps, others) = run(usize::MAX);
+    assert!(steps > 3 * MOST_STEPS && others > 1000, "{steps} steps, {others} others");
+    assert!(whole.0[0] > 600 && whole.0[1] > 0 && whole.2.0 == 600, "{whole:?}");
+    let (pieces, steps, others) = run(MOST_STEPS);
+    assert_eq!(pieces, whole);
+    assert!(steps <= MOST_STEPS + 16 && others < MOST_STEPS / 4, "{steps} steps, {others} others");
+}

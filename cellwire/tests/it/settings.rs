@@ -1,0 +1,231 @@
+//! Settings, by `--set` and `--settings`: complete, listed, and refused with what to do.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpListener;
+use std::process::{Command, Output, Stdio};
+use std::thread;
+
+use cellwire::links::device_by_name;
+use cellwire_links::LINKS;
+use cellwire_links::settings::{Form, list_as};
+
+/// What the tool prints and its exit status, for this input.
+fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+    command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // A command that refuses its settings reads no input.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    let Output { status, stdout, stderr } = child.wait_with_output().unwrap();
+    (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+}
+
+#[test]
+fn the_simulated_controller_can_be_set_as_its_server() {
+    let fanuc = (device_by_name("fanuc").unwrap().settings)();
+    for field in list_as(Form::Nanoseconds, fanuc_hmi_modbus::ServerConfig::tcp()) {
+        assert!(fanuc.iter().any(|setting| setting.name == field.name), "{}", field.name);
+    }
+}
+
+#[test]
+fn settings_inside_others_are_listed() {
+    let has = |settings: Vec<cellwire_links::settings::Setting>, names: &[&str]| {
+        for name in names {
+            assert!(settings.iter().any(|setting| setting.name == *name), "{name}");
+        }
+    };
+    let device = |name: &str| (device_by_name(name).unwrap().settings)();
+    has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
+    has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
+    has(
+        device("kawasaki-robot"),
+        &["charset", "udp", "limits.packet", "max_number", "bounds.max.x", "recovery.pauses", "acks", "job"],
+    );
+    has(device("kawasaki-pc"), &["messages.job.fields", "silence"]);
+    let demo = |link: &str| cellwire::cell::demo::settings(link);
+    has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
+    has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
+    has(demo("val2-viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);
+    has(
+        demo("fanuc-hmi-modbus"),
+        &["poll", "word_order", "client.settle", "server.unit", "server.broadcast"],
+    );
+    has(demo("isra-ball"), &["baud", "period", "max_age", "sensor"]);
+    has(demo("mmacell-proto"), &["parts", "task.grip_dwell", "task.robot_home", "central.tolerance"]);
+    has(device("mma-robot"), &["accepts.itr", "writes.clos", "refusal", "speed", "drop_every"]);
+}
+
+#[test]
+fn the_default_that_is_listed_is_the_default() {
+    // Given again, it changes nothing.
+    for link in LINKS {
+        for setting in (link.settings)() {
+            let given = format!("{}={}", setting.name, setting.default_text());
+            assert_ne!(setting.default, "", "{given}");
+            let (code, _, said) = cellwire(&["encode", link.name, "--set", &given], "");
+            assert_eq!((code, said.as_str()), (Some(0), ""), "{} {given}", link.name);
+        }
+    }
+}
+
+#[test]
+fn help_lists_the_settings_with_values_and_defaults() {
+    let (code, help, _) = cellwire(&["simulate", "laser", "--help"], "");
+    assert_eq!(code, Some(0));
+    for line in [
+        "Settings of laser, for --set and --settings:",
+        "  baud = 9600    (50 to 4000000 baud)",
+        "  queue = 64    (1 to 9999 instructions)",
+        "  tail = printed    (printed, etx, either)",
+    ] {
+        assert!(help.lines().any(|found| found == line), "{line}\n{help}");
+    }
+    let help = |args: &[&str]| cellwire(args, "").1;
+    assert!(help(&["decode", "val2-alter", "--help"]).contains("  leading_dle = 2    (1, 2)"));
+    assert!(help(&["encode", "mmacell-proto", "--help"]).contains("  itr = false    (true or false)"));
+    assert!(help(&["demo", "kawasaki-msg", "--help"]).contains("  speed = 16000    (from 1 mm/s)"));
+    assert!(
+        help(&["demo", "fanuc-hmi-modbus", "--help"])
+            .contains("  client.timeout = 1s    (a time above 0, or never)")
+    );
+    assert!(help(&["decode", "isra-ball", "--help"]).contains("isra-ball has no settings."));
+    for command in [&["modbus"][..], &["modbus", "scan"], &["modbus", "poll"]] {
+        let text = help(&[command, &["--help"]].concat());
+        for line in ["  any_unit = false    (true or false)", "  silence = ", "  stall = "] {
+            assert!(text.contains(line), "{command:?} {line}\n{text}");
+        }
+    }
+    for command in ["log", "read", "write"] {
+        assert!(help(&["fanuc", command, "--help"]).contains("  any_unit = false"), "{command}");
+    }
+    assert!(help(&["modbus", "--help"]).contains("Examples:"));
+    assert!(help(&["alter", "--help"]).contains("  viewer.max_age = 200ms    (a time above 0, or never)"));
+    assert!(help(&["simulate", "--help"]).contains("`cellwire simulate DEVICE --help` lists the settings."));
+}
+
+#[test]
+fn a_file_of_settings_is_read_and_set_counts_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.toml");
+    let path = file.to_str().unwrap();
+    let message = r#"{"items":[{"f32":[100.0,-50.5]}]}"#;
+    let encode = |args: &[&str]| cellwire(&[&["encode", "laser-eb90"], args].concat(), message);
+    let plain = encode(&[]);
+    assert_eq!(plain.0, Some(0), "{plain:?}");
+    fs::write(&file, "# the cell in site 3\ntail = \"etx\"\nchecksum = \"u16_be\"\n[tags]\nf32 = 1\ni16 = 2\nu8 = 3\nchar = 4\n").unwrap();
+    let from_file = encode(&["--settings", path]);
+    assert!(from_file.1.contains("90 83"), "{from_file:?}");
+    assert_ne!(from_file.1, plain.1);
+    let set = encode(&["--settings", path, "--set", "tail=printed"]);
+    assert!(!set.1.contains("90 83"), "{set:?}");
+    let all = ["tail=etx", "checksum=u16_be", r#"tags={"f32":1,"i16":2,"u8":3,"char":4}"#];
+    let by_set: Vec<&str> = all.iter().flat_map(|set| ["--set", set]).collect();
+    assert_eq!(encode(&by_set), from_file);
+}
+
+#[test]
+fn a_file_that_is_wrong_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.toml");
+    let path = file.to_str().unwrap();
+    let said = |text: &str| {
+        fs::write(&file, text).unwrap();
+        let (code, _, said) = cellwire(&["decode", "laser-eb90", "--settings", path], "");
+        assert_eq!(code, Some(2), "{said}");
+        said
+    };
+    let error = said("tail = \"etx\"\nflag = = 1\n");
+    assert!(error.contains("plant.toml is not valid TOML") && error.contains("line 2, column 8"), "{error}");
+    let error = said("tial = \"etx\"\n");
+    assert!(error.contains("laser-eb90 has no setting `tial`: it has tail, flag, tags"), "{error}");
+    let error = said("tail = \"end\"\n");
+    assert!(error.contains("tail=end: not one of the choices, give printed, etx, either"), "{error}");
+    let error = said("[tags]\nf32 = 1\ni16 = 1\nu8 = 3\nchar = 4\n");
+    assert!(error.contains("two value types have the same tag"), "{error}");
+    let error = said("[tail]\nbyte = 1\n");
+    assert!(error.contains("tail={\"byte\":1}: not one of the choices"), "{error}");
+    let (code, _, error) = cellwire(&["decode", "laser-eb90", "--settings", "/no/such.toml"], "");
+    assert_eq!(code, Some(2));
+    assert!(error.contains("cannot read /no/such.toml"), "{error}");
+}
+
+#[test]
+fn a_device_refuses_what_is_out_of_range_before_it_starts() {
+    let simulate = |device: &str, set: &str| {
+        let (code, _, said) = cellwire(&["simulate", device, "--listen", "127.0.0.1:0", "--set", set], "");
+        assert_eq!(code, Some(2), "{said}");
+        said
+    };
+    let error = simulate("laser", "queue=0");
+    assert!(error.contains("queue=0: out of range, give 1 to 9999 instructions"), "{error}");
+    let error = simulate("puma", "attempts=300");
+    assert!(error.contains("attempts=300: out of range, give 1 to 255"), "{error}");
+    let error = simulate("mma-robot", "speed=1e9");
+    assert!(error.contains("speed=1000000000.0: not a whole number, give 1 to 10000 times"), "{error}");
+    let error = simulate("kawasaki-pc", "silence=10");
+    let expected =
+        "silence=10: not a time with its unit, such as 250ms or 1.5s, give a time above 0, or never";
+    assert!(error.contains(expected), "{error}");
+    let error = simulate("viewer", "stale_after=1ms");
+    assert!(error.contains("stale_after=1ms: out of range, give a time above 200ms, or never"), "{error}");
+    let error = simulate("mma-robot", "refusal=0");
+    assert!(error.contains("the error number of a refusal is 0, or does not fit its field"), "{error}");
+    let error = simulate("fanuc", "unit=every");
+    assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
+}
+
+/// A server that replies to every request as unit 9: one register, which holds 42.
+fn unit_9() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    thread::spawn(move || {
+        for mut stream in listener.incoming().map_while(Result::ok) {
+            let mut request = [0; 12];
+            while stream.read_exact(&mut request).is_ok() {
+                let [high, low, ..] = request;
+                stream.write_all(&[high, low, 0, 0, 0, 5, 9, 3, 2, 0, 42]).unwrap();
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn the_clients_of_modbus_are_set_too() {
+    let address = unit_9();
+    let ask = |args: &[&str]| {
+        let request = r#"{"unit":1,"function":3,"address":0,"quantity":1}"#;
+        cellwire(&[&["modbus", &address], args].concat(), request)
+    };
+    let (code, out, _) = ask(&["--set", "timeout=300ms"]);
+    assert_eq!(code, Some(1), "{out}");
+    assert!(out.contains("failed"), "{out}");
+    let (code, out, said) = ask(&["--set", "any_unit=true"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(out.contains("[42]"), "{out}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("gateway.toml");
+    fs::write(&file, "any_unit = true\n").unwrap();
+    assert_eq!(ask(&["--settings", file.to_str().unwrap()]).0, Some(0));
+    fs::write(&file, "# a gateway\nany_unit = 9\n").unwrap();
+    let (code, _, said) = ask(&["--settings", file.to_str().unwrap()]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("gateway.toml, line 2: any_unit=9: neither true nor false"), "{said}");
+    let (code, _, said) = ask(&["--set", "silence=2ms"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("modbus has no setting `silence`: it has timeout, any_unit"), "{said}");
+
+    let read = ["fanuc", "read", &address, "int16", "--address", "0"];
+    assert_eq!(cellwire(&[&read[..], &["--set", "timeout=300ms"]].concat(), "").0, Some(1));
+    let (code, out, said) = cellwire(&[&read[..], &["--set", "any_unit=true"]].concat(), "");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(out.contains("42"), "{out}");
+    let csv = folder.path().join("run.csv");
+    let log = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--set", "in_flight=2"];
+    let (code, _, said) = cellwire(&log, "");
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("fanuc log has no setting `in_flight`"), "{said}");
+    assert!(!csv.exists());
+}

@@ -308,7 +308,10 @@ class Consumer:
         payload = pb.Payload(timestamp=timestamp or int(time.time() * 1000))
         text = order if isinstance(order, str) else json.dumps(order)
         payload.metrics.add(name="Command/Request", timestamp=payload.timestamp, datatype=12, string_value=text)
-        self.client.publish(f"spBv1.0/{self.group}/DCMD/{self.node}/{cell}", payload.SerializeToString(), qos=0)
+        self.send(cell, payload.SerializeToString())
+
+    def send(self, cell, payload):
+        self.client.publish(f"spBv1.0/{self.group}/DCMD/{self.node}/{cell}", payload, qos=0)
 
     def outcome(self, id):
         with self.lock:

@@ -87,12 +87,18 @@ mod tests {
             () = follow(&arm, wanted) => {}
             () = arrive => {}
         }
-        let starts = sim.told().into_iter();
-        assert!(starts.filter(|(_, told)| matches!(told, Told::Device(PumaEvent::Started(_)))).count() >= 3);
+        let told = sim.told();
+        let count = |is: fn(&PumaEvent) -> bool| {
+            told.iter().filter(|(_, told)| matches!(told, Told::Device(event) if is(event))).count()
+        };
+        assert!(count(|event| matches!(event, PumaEvent::Started(_))) >= 3);
         let done = sim.executed();
         assert!(done.iter().all(|moved| moved.work.pose.p[1].abs() < 50.01), "it has left the box");
-        // The tool points down: its Y is against the world's. A reply that is lost has moved nothing, at most 1.25 mm.
+        // The tool points down: its Y is against the world's. A reply that was lost, or late on a busy machine, has moved nothing:
+        // at most 1.25 mm each.
+        let lost = count(|event| matches!(event, PumaEvent::BadReply(_))).max(3);
+        let short = f64::from(u32::try_from(lost).unwrap()) * 1.25 + 0.25;
         let [x, y, _] = done.last().unwrap().work.pose.p;
-        assert!((x - 420.0).abs() < 4.0 && (y - 50.0).abs() < 4.0, "{x} {y}");
+        assert!((x - 420.0).abs() < short && (y - 50.0).abs() < short, "{x} {y}, {lost} replies lost");
     }
 }

@@ -20,7 +20,7 @@ FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^ *```[^\n]*$", re.MULTILINE | re.DO
 # What compiles or runs a page's blocks, and how it names the page.
 ELSEWHERE = {
     ("README.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../README.md")]'),
-    ("docs/bridge.md", "toml"): ("bridge/tests/bridge/file.rs", "docs/bridge.md"),
+    ("docs/bridge.md", "toml"): ("bridge/tests/it/file.rs", "docs/bridge.md"),
     ("docs/bridge.md", "python"): (".ci/sparkplug/whole_site.py", "docs/bridge.md"),
     ("reference/ports/python/README.md", "python"): ("reference/checks/wire.py", "README.md"),
     ("reference/ports/c/README.md", "c"): (".ci/ports-c", "README.md"),

@@ -431,7 +431,7 @@ fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
     });
 }
 
-/// The figures of every danger: `cargo test --release -p cellwire --test danger -- --ignored --nocapture`, 20 tries each, four at a
+/// The figures of every danger: `cargo test --release -p cellwire --test it danger -- --ignored --nocapture`, 20 tries each, four at a
 /// time, which loads the machine.
 #[test]
 #[ignore = "takes minutes"]

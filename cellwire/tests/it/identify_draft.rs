@@ -1,6 +1,5 @@
 //! `cellwire identify --draft`: a plant whose names nobody told, from a tap to a client that works with it.
 
-#[allow(dead_code, reason = "nobody types here")]
 use core::fmt::Write as _;
 use std::fs;
 use std::io::{Read as _, Write as _};

@@ -79,7 +79,6 @@ impl Tool {
 
     /// As Ctrl-C.
     #[cfg(unix)]
-    #[allow(dead_code, reason = "not of every test program")]
     pub(crate) fn interrupt(&self) {
         let kill = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().unwrap();
         assert!(kill.success());

@@ -1,10 +1,10 @@
 //! The tool as a process.
 
+#[allow(dead_code, reason = "the bridge's tests need more")]
 mod running;
 
 use std::process::{Command, Stdio};
 
-#[allow(unused_imports, reason = "not every test needs everything")]
 pub(crate) use running::{DEADLINE, Running};
 
 /// The tool with these arguments, without input, its outputs captured.

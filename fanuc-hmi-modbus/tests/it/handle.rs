@@ -1,0 +1,242 @@
+//! The client in a task of its own, over real sockets.
+
+#![allow(clippy::cast_possible_truncation)]
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
+
+use core::future::{Future, poll_fn};
+use core::net::SocketAddr;
+use core::pin::pin;
+use core::task::Poll;
+use core::time::Duration;
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use crate::common::Bank;
+use fanuc_hmi_modbus::robot_session::Session as _;
+use fanuc_hmi_modbus::robot_session::tokio::{Dial, Link, Reconnect, Tcp, serve};
+use fanuc_hmi_modbus::tokio::{Client, Error, Event, client};
+use fanuc_hmi_modbus::{
+    ClientConfig, Exception, Failure, Registers, Request, Server, ServerConfig, SessionError, TelemetryBlock,
+    WordOrder, Words,
+};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+
+const LONG: Duration = Duration::from_secs(20);
+const ANY: SocketAddr = SocketAddr::new(core::net::IpAddr::V4(core::net::Ipv4Addr::LOCALHOST), 0);
+const MS: Duration = Duration::from_millis(1);
+
+/// A server of its own registers for every connection.
+async fn server(address: SocketAddr) -> (SocketAddr, impl Future<Output = io::Result<()>>) {
+    let listener = TcpListener::bind(address).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let session = |_| Server::<_>::new(ServerConfig::tcp(), Bank::new()).unwrap();
+    (address, serve(listener, 8, session, |_, _, _| {}))
+}
+
+fn to(address: SocketAddr, config: ClientConfig) -> Client {
+    let (client, task) = client(config, Tcp::new(address.to_string())).unwrap();
+    let reconnect = Reconnect { first: 5 * MS, longest: 50 * MS };
+    tokio::spawn(task.reconnect(reconnect).run());
+    client
+}
+
+#[tokio::test]
+async fn every_call_has_its_reply() {
+    let (address, serving) = server(ANY).await;
+    tokio::spawn(serving);
+    let robot = to(address, ClientConfig::tcp());
+    robot.write_registers(10, &[1, 2, 3]).await.unwrap();
+    robot.write_register(13, 4).await.unwrap();
+    robot.mask_write_register(13, 0xFFF0, 5).await.unwrap();
+    assert_eq!(robot.read_holding_registers(10..14).await.unwrap(), [1, 2, 3, 5]);
+    assert_eq!(robot.read_input_registers(10..12).await.unwrap(), [!1, !2]);
+    robot.write_coils(0, &[true, false, true]).await.unwrap();
+    robot.write_coil(3, false).await.unwrap();
+    assert_eq!(robot.read_coils(0..4).await.unwrap(), [true, false, true, false]);
+    assert_eq!(robot.read_discrete_inputs(0..2).await.unwrap(), [false, true]);
+    assert_eq!(robot.read_write_registers(20..22, 20, &[8, 9]).await.unwrap(), [8, 9]);
+    let block = TelemetryBlock { life_counter: 70_000, override_percent: 30, ..TelemetryBlock::default() };
+    robot.write_registers(0, &block.to_registers(WordOrder::LowFirst)).await.unwrap();
+    assert_eq!(robot.read_telemetry(WordOrder::LowFirst).await.unwrap(), block);
+
+    let refused = robot.read_holding_registers(99..101).await;
+    assert!(matches!(refused, Err(Error::Exception(Exception::IllegalDataAddress))), "{refused:?}");
+    let wrong = robot.read_holding_registers(0..126).await;
+    assert!(matches!(wrong, Err(Error::Request(SessionError::Encode(_)))), "{wrong:?}");
+    let backwards = robot.read_holding_registers(core::ops::Range { start: 2, end: 1 }).await;
+    assert!(matches!(backwards, Err(Error::Request(SessionError::Encode(_)))), "{backwards:?}");
+}
+
+/// More callers than requests in flight, more of those than a server has places.
+#[tokio::test]
+async fn a_hundred_callers_at_once_are_all_answered() {
+    let (address, serving) = server(ANY).await;
+    tokio::spawn(serving);
+    let robot = to(address, ClientConfig { in_flight: 16, ..ClientConfig::tcp() });
+    let mut callers = JoinSet::new();
+    for caller in 0..100u16 {
+        let robot = robot.clone();
+        callers.spawn(async move {
+            for round in 0..20 {
+                robot.write_register(caller % 100, round).await.unwrap();
+                assert_eq!(robot.read_holding_registers(caller..caller + 1).await.unwrap(), [round]);
+            }
+        });
+    }
+    timeout(LONG, callers.join_all()).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_server_that_goes_and_comes_is_found_again() {
+    let (address, serving) = server(ANY).await;
+    let serving = tokio::spawn(serving);
+    let robot = to(address, ClientConfig::tcp());
+    robot.write_register(0, 1).await.unwrap();
+    for _ in 0..5 {
+        serving.abort();
+        let mut link = robot.handle().link();
+        timeout(LONG, link.wait_for(|link| matches!(link, Link::Failed(_)))).await.unwrap().unwrap();
+        let error = robot.write_register(0, 2).await.unwrap_err();
+        assert!(matches!(error, Error::NotConnected(_)), "{error:?}");
+    }
+    tokio::spawn(server(address).await.1);
+    timeout(LONG, robot.handle().connected()).await.unwrap().unwrap();
+    robot.write_register(0, 3).await.unwrap();
+    assert_eq!(robot.read_holding_registers(0..1).await.unwrap(), [3]);
+}
+
+/// A future that is dropped wherever it waits: the request was not made, or its outcome is an event.
+#[tokio::test]
+async fn no_outcome_of_a_dropped_call_is_lost() {
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let written = Written::default();
+    let registers = written.clone();
+    let session = move |_| Server::<_>::new(ServerConfig::tcp(), registers.clone()).unwrap();
+    tokio::spawn(serve(listener, 8, session, |_, _, _| {}));
+    let robot = to(address, ClientConfig::tcp());
+    let mut events = robot.handle().events();
+    let (mut outcomes, mut dropped) = (Vec::new(), 0);
+    for round in 0..3000u16 {
+        let outcome = {
+            let mut call = pin!(robot.write_register(0, round));
+            let mut polls = 0;
+            poll_fn(|context| match call.as_mut().poll(context) {
+                Poll::Ready(outcome) => Poll::Ready(Some(outcome)),
+                Poll::Pending if polls == round % 3 => Poll::Ready(None),
+                Poll::Pending => {
+                    polls += 1;
+                    context.waker().wake_by_ref();
+                    Poll::Pending
+                }
+            })
+            .await
+        };
+        match outcome {
+            Some(outcome) => outcomes.push(outcome.map(|()| round).unwrap()),
+            None => dropped += 1,
+        }
+        if round % 5 == 0 {
+            sleep(MS / 5).await;
+        }
+        // Behind this one nothing is in flight.
+        let _ = robot.read_coils(0..1).await;
+        while let Ok(event) = events.try_recv() {
+            let Event::Abandoned(call) = event else { panic!("{event:?}") };
+            call.outcome.unwrap();
+            let request = call.request.request();
+            let Ok(Request::WriteRegister { value, .. }) = request else { panic!("{request:?}") };
+            outcomes.push(value);
+        }
+    }
+    assert!(dropped > 500 && outcomes.len() < 3000, "{dropped}");
+    outcomes.sort_unstable();
+    assert_eq!(outcomes, *written.0.lock().unwrap());
+}
+
+/// What was written, for all connections.
+#[derive(Clone, Default)]
+struct Written(Arc<Mutex<Vec<u16>>>);
+
+impl Registers for Written {
+    fn write_registers(&mut self, _: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.0.lock().unwrap().extend(values.iter());
+        Ok(())
+    }
+}
+
+#[tokio::test]
+async fn a_shutdown_ends_what_is_in_flight_and_what_waits() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let robot = to(address, ClientConfig::tcp());
+    let (silent, _) = listener.accept().await.unwrap();
+    let mut calls = JoinSet::new();
+    for _ in 0..3 {
+        let robot = robot.clone();
+        calls.spawn(async move { robot.read_coils(0..1).await.unwrap_err() });
+    }
+    sleep(50 * MS).await;
+    timeout(LONG, robot.handle().shutdown()).await.unwrap();
+    let mut ends = [0; 2];
+    while let Some(error) = calls.join_next().await {
+        match error.unwrap() {
+            Error::Failed(Failure::Disconnected) => ends[0] += 1,
+            Error::NotConnected(_) | Error::Closed(_) => ends[1] += 1,
+            error => panic!("{error:?}"),
+        }
+    }
+    assert_eq!(ends, [1, 2]);
+    assert!(matches!(robot.read_coils(0..1).await, Err(Error::Closed(_))));
+    drop(silent);
+}
+
+/// A server that is out of step is of no use on this connection; on the next one it is.
+#[tokio::test]
+async fn a_server_out_of_step_is_connected_again() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let server = tokio::spawn(async move {
+        use tokio::io::AsyncWriteExt as _;
+        let (mut first, _) = listener.accept().await.unwrap();
+        first.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").await.unwrap();
+        let session = |_| Server::<_>::new(ServerConfig::tcp(), Bank::new()).unwrap();
+        serve(listener, 8, session, |_, _, _| {}).await.unwrap();
+    });
+    let robot = to(address, ClientConfig { timeout: 100 * MS, ..ClientConfig::tcp() });
+    let begun = Instant::now();
+    while robot.read_coils(0..1).await.is_err() {
+        assert!(begun.elapsed() < LONG);
+    }
+    server.abort();
+}
+
+/// Without a runtime of the caller, and with a connection that is not one of this crate's sockets.
+#[test]
+fn a_thread_serves_callers_that_have_no_runtime() {
+    let (reachable, arrived) = std::sync::mpsc::channel();
+    let serving = std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let (address, serving) = server(ANY).await;
+            reachable.send(address).unwrap();
+            let _ = timeout(LONG, serving).await;
+        });
+    });
+    let address = arrived.recv().unwrap();
+    let dial = Dial(move || TcpStream::connect(address));
+    let (robot, task) = client(ClientConfig::tcp(), dial).unwrap();
+    let thread = task.thread().unwrap();
+    let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    block_on.block_on(async {
+        robot.write_register(0, 7).await.unwrap();
+        let reply = robot.request(&Request::ReadHoldingRegisters { address: 0, quantity: 1 }).await.unwrap();
+        assert_eq!(reply.as_bytes(), [3, 2, 0, 7]);
+    });
+    drop(robot);
+    assert_eq!(thread.join().unwrap().statistics().requests, 2);
+    drop(serving);
+}

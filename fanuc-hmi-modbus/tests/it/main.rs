@@ -1,0 +1,18 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod client;
+mod common;
+mod decoder;
+mod edges;
+#[cfg(feature = "tokio")]
+mod handle;
+mod line;
+#[cfg(feature = "tokio")]
+mod pipes;
+#[cfg(feature = "bytes")]
+mod properties;
+#[cfg(feature = "std")]
+mod server;
+#[cfg(feature = "serde")]
+mod shapes;

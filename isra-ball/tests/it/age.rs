@@ -1,0 +1,136 @@
+//! How old the values are that a host has used: with packets that are missing, and with a ball that is late each time.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use isra_ball::robot_session::{Encode as _, Session as _};
+use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
+
+const MS: Duration = Duration::from_millis(1);
+
+/// What becomes of the packet that answers a poll.
+#[derive(Clone, Copy, PartialEq)]
+enum Fate {
+    New,
+    Old,
+    Corrupt,
+    Lost,
+}
+
+#[derive(Debug, Default, PartialEq)]
+struct Seen {
+    new: u32,
+    stale: u32,
+    unasked: u32,
+    /// The greatest age of values that may be used.
+    oldest: Duration,
+    /// The longest time without stale values.
+    live: Duration,
+}
+
+/// Ten seconds of a ball that measures what it is asked for when it is asked, and whose packets are so late.
+fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Seen {
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    let (mut seen, mut asked, mut now) = (Seen::default(), 0, Duration::ZERO);
+    let mut line: VecDeque<(Duration, [u8; 12])> = VecDeque::new();
+    // When the values of each packet were measured, by their number.
+    let mut measured = Vec::new();
+    let (mut using, mut live_since) = (None, None);
+    host.handle_connected(now);
+    while now < 10_000 * MS {
+        while line.front().is_some_and(|(at, _)| *at <= now) {
+            let (_, bytes) = line.pop_front().unwrap();
+            host.handle_input(now, &bytes);
+        }
+        host.handle_timeout(now);
+        if host.poll_transmit(now, &mut [0]).is_some() {
+            let number = u16::try_from(asked).unwrap().to_le_bytes().map(u8::cast_signed);
+            let status = if fate(asked) == Fate::Old { Status::Old } else { Status::Fresh };
+            let packet = Packet {
+                sensor_type: 0,
+                sensor: 0,
+                status,
+                force: [number[0], number[1], 0],
+                moment: [0; 3],
+                keys: Keys::NONE,
+            };
+            let mut bytes = [0; 12];
+            packet.encode(&mut bytes).unwrap();
+            bytes[11] ^= u8::from(fate(asked) == Fate::Corrupt);
+            if fate(asked) != Fate::Lost {
+                line.push_back((now + timing::exchange_time(9600) + late(asked), bytes));
+            }
+            measured.push(now);
+            asked += 1;
+        }
+        while let Some(event) = host.poll_event() {
+            match event {
+                HostEvent::Packet(packet) => {
+                    let [low, high, _] = packet.force.map(i8::cast_unsigned);
+                    using = Some(measured[usize::from(u16::from_le_bytes([low, high]))]);
+                    seen.new += 1;
+                    live_since.get_or_insert(now);
+                }
+                HostEvent::Stale => {
+                    seen.stale += 1;
+                    (using, live_since) = (None, None);
+                }
+                HostEvent::Unasked(_) => seen.unasked += 1,
+                _ => {}
+            }
+        }
+        if let Some(measured) = using {
+            seen.oldest = seen.oldest.max(now - measured);
+            seen.live = seen.live.max(now - live_since.unwrap());
+        }
+        let next = line.front().map(|(at, _)| *at).into_iter().chain(host.poll_timeout()).min().unwrap();
+        now = next.max(now + MS / 10);
+    }
+    seen
+}
+
+/// One packet in four is old, corrupt or lost, and each is as late as it may be: the values never become stale, and whoever uses them
+/// may be 20 ms late.
+#[test]
+fn a_packet_that_is_missing_makes_nothing_stale() {
+    for fate in [Fate::Old, Fate::Corrupt, Fate::Lost] {
+        for late in 0..=13 {
+            let fate = |n| if n % 4 == 3 { fate } else { Fate::New };
+            let seen = ten_seconds(|_| late * MS, fate);
+            assert_eq!((seen.stale, seen.unasked), (0, 0), "{late} ms");
+            assert!(seen.new > 180, "{late} ms: {seen:?}");
+            // 150 ms from the poll of the reply before.
+            assert!(seen.oldest <= 130 * MS, "{late} ms: {seen:?}");
+        }
+    }
+    let two_old = ten_seconds(|_| 13 * MS, |n| if n % 3 == 0 { Fate::New } else { Fate::Old });
+    assert_eq!((two_old.stale, two_old.unasked), (0, 0), "{two_old:?}");
+}
+
+/// Packets have no number: one that is late by whole periods seems to answer another poll. That never goes on for as long as a hand
+/// has to rest, and is seen.
+#[test]
+fn values_of_a_ball_that_is_late_each_time_are_never_too_old_nor_used_for_long() {
+    let max_age = HostConfig::default().max_age;
+    let window = HostConfig::default().reply_window() - timing::exchange_time(9600);
+    for late in (0..=1200).map(|late| late * MS) {
+        let seen = ten_seconds(|_| late, |_| Fate::New);
+        if late < window {
+            assert!(seen.new > 300 && seen.unasked == 0, "{late:?}: {seen:?}");
+        } else {
+            assert!(seen.oldest <= max_age && seen.live < 70 * MS, "{late:?}: {seen:?}");
+            assert!(seen.unasked > 10, "{late:?}: {seen:?}");
+        }
+    }
+}
+
+/// The same when it becomes late while its values are used: they are used no longer than the greatest age.
+#[test]
+fn a_ball_that_becomes_late_is_stale_in_time() {
+    let max_age = HostConfig::default().max_age;
+    for late in (15..=600).map(|late| late * MS) {
+        let seen = ten_seconds(|n| if n < 100 { Duration::ZERO } else { late }, |_| Fate::New);
+        assert!(seen.stale > 0 && seen.unasked > 10, "{late:?}: {seen:?}");
+        assert!(seen.oldest <= max_age, "{late:?}: {seen:?}");
+    }
+}

@@ -1,0 +1,206 @@
+//! The PC in a task of its own, against a robot over TCP.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
+
+#[path = "../../examples/ends/mod.rs"]
+mod ends;
+
+use core::future::Future;
+use core::net::SocketAddr;
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use core::time::Duration;
+use std::fs;
+use std::io::{self, Write as _};
+use std::sync::Arc;
+use std::thread;
+
+use kawasaki_msg::robot_session::tokio::Listen;
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Over, Pc, pc};
+use kawasaki_msg::{Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
+use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+
+const LONG: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+fn jobs(count: i32) -> Vec<Line> {
+    (0..count)
+        .map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) })
+        .collect()
+}
+
+/// A PC that listens, and where.
+async fn listening<K: Keep>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr, JoinHandle<()>) {
+    let listen = Listen::bind(at).await.unwrap();
+    let address = listen.address().unwrap();
+    let (pc, task) = pc(PcConfig::TCP, keep, listen).unwrap();
+    (pc, address, tokio::spawn(async { drop(task.run().await) }))
+}
+
+fn any() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 0))
+}
+
+/// A robot that executes one order.
+fn robot(address: SocketAddr) -> thread::JoinHandle<Vec<Job<Line>>> {
+    robot_until(address, Arc::new(AtomicBool::new(true)))
+}
+
+/// The same, which looks for its PC until it is told that the PC knows of the end.
+fn robot_until(address: SocketAddr, is_over: Arc<AtomicBool>) -> thread::JoinHandle<Vec<Job<Line>>> {
+    let address = address.to_string();
+    let connect = move || loop {
+        match ends::tcp(&address) {
+            Err(_) if !is_over.load(Ordering::SeqCst) => thread::sleep(MS),
+            connected => return connected,
+        }
+    };
+    thread::spawn(move || ends::robot(RobotConfig::TCP, connect).unwrap())
+}
+
+fn executed(robot: thread::JoinHandle<Vec<Job<Line>>>) -> Vec<Line> {
+    robot.join().unwrap().into_iter().map(|job| job.work).collect()
+}
+
+#[tokio::test]
+async fn an_order_has_progress_and_an_end() {
+    let (pc, address, _task) = listening(any(), ()).await;
+    let robot = robot(address);
+    let mut order = pc.start(50, jobs(300)).await.unwrap();
+    let second = pc.run(51, jobs(1)).await;
+    assert!(matches!(second, Err(Error::Call(SessionError::OrderActive { active: 50 }))), "{second:?}");
+    let mut last = 0;
+    while let Some(progress) = order.progress().await {
+        assert!(progress.executed >= last);
+        last = progress.executed;
+    }
+    assert_eq!(last, 300);
+    let over = timeout(LONG, order).await.unwrap().unwrap();
+    assert_eq!(over, Over { executed: 300, complete: true, unfit: None });
+    assert_eq!(executed(robot), jobs(300));
+}
+
+/// The program is killed wherever it is, and another one goes on with its journal.
+#[tokio::test]
+async fn every_job_is_executed_once_however_often_the_program_is_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let mut address = any();
+    let (mut working, mut runs, is_over) = (None, 0, Arc::new(AtomicBool::new(false)));
+    let over = loop {
+        let (journal, begun) = Journal::open(&path).unwrap();
+        let (pc, at, task) = listening(address, journal).await;
+        address = at;
+        working.get_or_insert_with(|| robot_until(at, is_over.clone()));
+        let order = match begun {
+            Some(begun) => pc.resume(begun, jobs(600)).await.unwrap(),
+            None => pc.start(7, jobs(600)).await.unwrap(),
+        };
+        runs += 1;
+        match timeout(runs * 17 * MS, order).await {
+            Ok(over) => {
+                pc.handle().shutdown().await;
+                match over.unwrap() {
+                    // Killed before the robot had begun: no order is left to go on with.
+                    Over { executed: 0, complete: false, .. } => {}
+                    over => break over,
+                }
+            }
+            Err(_) => {
+                task.abort();
+                let _ = task.await;
+            }
+        }
+    };
+    is_over.store(true, Ordering::SeqCst);
+    assert!(runs > 3, "{runs}");
+    assert_eq!(over, Over { executed: 600, complete: true, unfit: None });
+    assert_eq!(executed(working.unwrap()), jobs(600));
+    // What is over is not gone on with.
+    assert_eq!(Journal::open(&path).unwrap().1, None);
+}
+
+/// What is not kept, because the disk is full or does not answer, does not reach the robot.
+#[tokio::test]
+async fn nothing_is_sent_that_was_not_kept() {
+    #[derive(Debug, Clone)]
+    struct Disk(Arc<Semaphore>, Arc<AtomicUsize>);
+    impl Keep for Disk {
+        fn keep(&mut self, kept: &Kept) -> impl Future<Output = io::Result<()>> + Send {
+            let Self(works, full) = self.clone();
+            let has_jobs = kept.sent > 0;
+            async move {
+                if !has_jobs {
+                    return Ok(());
+                }
+                let _works = works.acquire().await.unwrap();
+                let is_full = full.fetch_add(1, Ordering::SeqCst) < 3;
+                if is_full { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
+            }
+        }
+    }
+    let disk = Disk(Arc::new(Semaphore::new(0)), Arc::default());
+    let (pc, address, _task) = listening(any(), disk.clone()).await;
+    let robot = robot(address);
+    let mut order = pc.start(50, jobs(20)).await.unwrap();
+    let early =
+        timeout(500 * MS, async { while order.progress().await.is_some_and(|now| now.queued == 0) {} });
+    assert!(early.await.is_err(), "the robot has jobs that were not kept");
+    disk.0.add_permits(1);
+    let over = timeout(LONG, order).await.unwrap().unwrap();
+    assert_eq!(over, Over { executed: 20, complete: true, unfit: None });
+    assert!(disk.1.load(Ordering::SeqCst) > 3);
+    assert_eq!(executed(robot), jobs(20));
+}
+
+#[tokio::test]
+async fn an_interrupt_passes_the_queue() {
+    let (pc, address, _task) = listening(any(), ()).await;
+    let mut events = pc.handle().events();
+    assert!(timeout(50 * MS, pc.interrupt()).await.is_err(), "there is no robot yet");
+    let robot = robot(address);
+    let mut order = pc.start(50, jobs(5000)).await.unwrap();
+    assert!(order.progress().await.is_some());
+    pc.interrupt().await.unwrap();
+    let over = timeout(LONG, order).await.unwrap().unwrap();
+    assert!(!over.complete && over.executed < 5000, "{over:?}");
+    let all = executed(robot);
+    assert_eq!(all.len(), over.executed as usize);
+    let mut is_over = false;
+    while let Ok(event) = events.try_recv() {
+        is_over |= matches!(event, PcEvent::OrderOver { order: 50, .. });
+    }
+    assert!(is_over);
+    pc.handle().shutdown().await;
+    assert!(matches!(pc.run(51, jobs(1)).await, Err(Error::Closed(_))));
+}
+
+#[test]
+fn a_journal_counts_to_its_last_whole_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    fs::write(&path, "7 0 5\n7 3 12 5 6\n7 9").unwrap();
+    let (journal, begun) = Journal::open(&path).unwrap();
+    assert_eq!(begun, Some(Kept { order: 7, executed: 3, sent: 12, ahead: vec![5, 6] }));
+    assert!(Journal::open(&path).is_err(), "one program has it");
+    drop(journal);
+    let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    for sent in 0..200_000 {
+        let (mut journal, begun) = Journal::open(&path).unwrap();
+        assert!(begun.is_some());
+        let mut kept = Kept { order: 7, executed: 3, sent, ahead: Vec::new() };
+        let until = if sent == 0 { 3 } else { 1 };
+        for _ in 0..until {
+            block_on.block_on(journal.keep(&kept)).unwrap();
+            kept.sent += 1;
+        }
+        if sent > 20 {
+            break;
+        }
+    }
+    fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(b"# notes\n").unwrap();
+    let error = Journal::open(&path).unwrap_err();
+    assert!(error.to_string().contains("no journal"), "{error}");
+    assert!(fs::metadata(&path).unwrap().len() > 0, "it is left as it is");
+}

@@ -1,0 +1,128 @@
+//! What becomes of commands, and what counts as a work cycle.
+
+use core::time::Duration;
+
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::{
+    CommandOutcome, Dialect, Entry, Field, Line, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Role,
+};
+
+const MS: Duration = Duration::from_millis(1);
+const SECOND: Duration = Duration::from_secs(1);
+
+/// A PC with a command 7 whose robot is the test.
+struct Bench {
+    now: Duration,
+    pc: Pc<'static, &'static [Line]>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut table = Dialect::DEFAULT.entries().to_vec();
+        table.push(Entry {
+            role: Role::Command(7),
+            name: "Nopeus",
+            header: &[],
+            fields: &[Field::Order, Field::Value],
+            reply: None,
+            past_queue: true,
+        });
+        let dialect = Dialect::new(table.leak()).unwrap();
+        let mut pc = Pc::new(PcConfig { dialect, ..PcConfig::TCP }).unwrap();
+        pc.handle_connected(Duration::ZERO);
+        Self { now: Duration::ZERO, pc }
+    }
+
+    /// A packet of the robot, and what the PC answers.
+    fn cycle(&mut self, packet: &[u8]) -> String {
+        self.now += SECOND;
+        self.pc.handle_input(self.now, packet);
+        let mut out = [0; 4096];
+        let length = self.pc.poll_transmit(self.now + 2 * MS, &mut out).expect("an answer");
+        String::from_utf8(out[..length].to_vec()).unwrap()
+    }
+
+    /// The outcomes of commands, by their values.
+    fn outcomes(&mut self) -> Vec<(i32, CommandOutcome)> {
+        let all = core::iter::from_fn(|| self.pc.poll_event());
+        all.filter_map(|event| match event {
+            PcEvent::Command { id, value, outcome } => {
+                assert_eq!(id, 7);
+                Some((value, outcome))
+            }
+            _ => None,
+        })
+        .collect()
+    }
+}
+
+#[test]
+fn a_command_is_transmitted_when_the_robot_has_sent_its_next_packet() {
+    let mut bench = Bench::new();
+    bench.pc.command(7, -80).unwrap();
+    assert_eq!(bench.outcomes(), [], "nobody has sent it");
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$5#0$-80#>");
+    bench.pc.command(7, 90).unwrap();
+    assert_eq!(bench.outcomes(), [], "the robot may not have read it");
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$4#0$90#>", "each is sent once");
+    assert_eq!(bench.outcomes(), [(-80, CommandOutcome::Transmitted)]);
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Huuhaa$0##>");
+    assert_eq!(bench.outcomes(), [(90, CommandOutcome::Transmitted)]);
+}
+
+#[test]
+fn a_command_in_flight_when_the_connection_ends_is_unknown_and_one_that_waits_is_sent_on_the_next() {
+    for reconnects_without_notice in [false, true] {
+        let mut bench = Bench::new();
+        bench.pc.command(7, 1).unwrap();
+        bench.pc.command(7, 2).unwrap();
+        assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$3#0$1#><Nopeus$3#0$2#>");
+        bench.pc.command(7, 3).unwrap();
+        if !reconnects_without_notice {
+            bench.pc.handle_disconnected(bench.now);
+        }
+        bench.pc.handle_connected(bench.now);
+        let unknown = [(1, CommandOutcome::Unknown), (2, CommandOutcome::Unknown)];
+        assert_eq!(bench.outcomes(), unknown, "in flight, oldest first");
+        assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$3#0$3#>");
+        assert_eq!(bench.outcomes(), []);
+        bench.cycle(b"<Huuhaa$0##>");
+        assert_eq!(bench.outcomes(), [(3, CommandOutcome::Transmitted)]);
+    }
+}
+
+/// "From one job executed to the next one of the same order": the mean would say how long nobody drew.
+#[test]
+fn the_pause_between_orders_is_no_work_cycle() {
+    let (writer, mut reader) = robot_work_queue::boxed(8, 9999).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
+    let mut now = Duration::ZERO;
+    robot.handle_timeout(now);
+    assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
+    robot.handle_connected(now);
+    let mut cycles = 0;
+    for (order, pauses) in [(50, [100, 250]), (51, [70, 90])] {
+        let mut packet = format!("<TilausAlkaa$4#{order}$1#>");
+        for number in 1..=3 {
+            packet += &format!("<Tyo$14#{order}${number}$1$0$0$1$1#>");
+        }
+        packet += &format!("<TilausLoppuu$2#{order}#>");
+        robot.poll_transmit(now, &mut [0; 4096]).unwrap();
+        robot.handle_input(now, packet.as_bytes());
+        assert_eq!((robot.order(), robot.queued()), (Some(order), 3));
+        for pause in [0].into_iter().chain(pauses) {
+            now += pause * MS;
+            let job = reader.take().expect("a job waits");
+            robot.job_done(now, job.number).unwrap();
+            job.complete();
+        }
+        robot.handle_timeout(now);
+        assert_eq!(robot.order(), None, "it is over");
+        while robot.poll_event().is_some() {}
+        let times = robot.statistics().work_cycle;
+        cycles += 2;
+        assert_eq!((times.count(), times.last()), (cycles, Some(pauses[1] * MS)), "order {order}");
+        now += 3600 * SECOND;
+    }
+    assert_eq!(robot.statistics().work_cycle.mean(), Some(510 * MS / 4));
+}

@@ -1,0 +1,27 @@
+//! What the host's machine says of its times.
+
+use core::time::Duration;
+
+use laser_eb90::host::machine::{Batch, HostLink, HostMachine, Input};
+use laser_eb90::robot_session::Machine as _;
+use laser_eb90::{Class, HostConfig, Refusal};
+
+const WORD: u16 = 0x0101;
+
+#[test]
+fn every_time_is_visited() {
+    let config = HostConfig::default();
+    let batch = Batch { first: 0, count: 1, word: WORD, class: Class::Interpreted };
+    let mut machine = HostMachine { link: HostLink::Idle { quiet_until: Duration::ZERO }, next: Some(batch) };
+    let times = |machine: &mut HostMachine| {
+        let mut times = Vec::new();
+        machine.each_time(|time| times.push(*time));
+        times
+    };
+    assert_eq!(times(&mut machine), [Duration::ZERO]);
+    machine.on(Duration::ZERO, Input::Sent { line: Duration::from_secs(1) }, &config).unwrap();
+    assert_eq!(times(&mut machine), [1300, 1340, 1300, 1250].map(Duration::from_millis));
+    let full = Input::Answer { word: 0xE006, refusal: Some(Refusal::QueueFull) };
+    machine.on(Duration::from_secs(1), full, &config).unwrap();
+    assert_eq!(times(&mut machine), [1100, 61_000].map(Duration::from_millis));
+}

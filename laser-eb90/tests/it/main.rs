@@ -1,0 +1,14 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+mod controller;
+#[cfg(all(feature = "bytes", feature = "serde"))]
+mod edges;
+mod envelope;
+#[cfg(feature = "tokio")]
+mod handle;
+mod host;
+mod machine;
+mod properties;
+mod words;

@@ -1,0 +1,7 @@
+//! Shadow ends, held against the session stories of the reference: whole, and each with one fault.
+
+mod faults;
+mod middle;
+mod stories;
+mod told;
+mod unseen;

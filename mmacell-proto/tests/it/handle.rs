@@ -1,0 +1,110 @@
+//! The central controller's end in a task of its own, over TCP.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
+
+use core::net::SocketAddr;
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use crate::common::{HOME, MS, pose};
+use mmacell_proto::robot_session::tokio::{Driver, Reconnect, Tcp};
+use mmacell_proto::robot_session::{Session as _, now};
+use mmacell_proto::tokio::{Device as Robot, Error, central};
+use mmacell_proto::{
+    CentralConfig, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Miss, Order, Progress, RobotPose,
+};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::{sleep, timeout};
+
+const LONG: Duration = Duration::from_secs(20);
+
+/// A robot that takes 150 ms for a motion; towards 13 mm it stops half way, and 999 mm it refuses.
+async fn device(stream: TcpStream) {
+    let mut device = Device::<RobotPose>::new(DeviceConfig::DEFAULT).unwrap();
+    let mut driver = Driver::new(stream);
+    let mut motion: Option<(Duration, RobotPose)> = None;
+    device.set_pose(HOME);
+    device.handle_connected(now());
+    loop {
+        if let Some((end, target)) = motion
+            && end <= now()
+        {
+            motion = None;
+            device.set_pose(if target == pose(13.0) { pose(6.0) } else { target });
+            device.arrived();
+        }
+        let turn = driver.turn(&mut device, |device, event| {
+            if let DeviceEvent::Asked { order } = event {
+                match order {
+                    Order::Move { target, .. } if target == pose(999.0) => {
+                        device.refuse(order, ErrorCode::Servo1).unwrap();
+                        return ControlFlow::Continue(());
+                    }
+                    Order::Move { target, .. } => motion = Some((now() + 150 * MS, target)),
+                    Order::Stop => motion = None,
+                    _ => {}
+                }
+                device.accept(order).unwrap();
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        match timeout(5 * MS, turn).await {
+            Ok(Ok(ControlFlow::Continue(()))) | Err(_) => {}
+            Ok(_) => return,
+        }
+    }
+}
+
+async fn cell() -> (Robot<RobotPose>, TcpListener) {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (robot, task) = central(CentralConfig::DEFAULT, Tcp::new(address)).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    (robot, listener)
+}
+
+#[tokio::test]
+async fn a_motion_is_waited_for_until_it_has_arrived() {
+    let (robot, listener) = cell().await;
+    tokio::spawn(async move { device(listener.accept().await.unwrap().0).await });
+    robot.command(Command::Servo { on: true }).await.unwrap();
+    let status = timeout(LONG, robot.move_to(pose(100.0))).await.unwrap().unwrap();
+    assert_eq!((status.pose, status.moving, status.servo), (pose(100.0), false, true));
+    let missed = timeout(LONG, robot.move_to(pose(13.0))).await.unwrap();
+    assert!(matches!(missed, Err(Error::Missed(Miss::Elsewhere))), "{missed:?}");
+    let refused = timeout(LONG, robot.move_to(pose(999.0))).await.unwrap();
+    assert!(matches!(refused, Err(Error::Refused(ErrorCode::Servo1))), "{refused:?}");
+    // Others ask meanwhile, and one of them stops it.
+    let moving = tokio::spawn({
+        let robot = robot.clone();
+        async move { robot.move_to(HOME).await }
+    });
+    sleep(60 * MS).await;
+    let (_, progress) = robot.status().await.unwrap();
+    assert!(matches!(progress, Progress::Moving | Progress::Starting), "{progress:?}");
+    robot.command(Command::Stop).await.unwrap();
+    let stopped = timeout(LONG, moving).await.unwrap().unwrap();
+    assert!(matches!(stopped, Err(Error::Stopped)), "{stopped:?}");
+}
+
+#[tokio::test]
+async fn a_device_that_goes_in_a_motion_is_found_again_and_nothing_is_said_to_have_arrived() {
+    let (robot, listener) = cell().await;
+    let first = tokio::spawn(async move {
+        let running = tokio::spawn(device(listener.accept().await.unwrap().0));
+        sleep(100 * MS).await;
+        running.abort();
+        listener
+    });
+    robot.command(Command::Servo { on: true }).await.unwrap();
+    let lost = timeout(LONG, robot.move_to(pose(100.0))).await.unwrap();
+    assert!(matches!(lost, Err(Error::Unknown(_))), "{lost:?}");
+    let listener = first.await.unwrap();
+    tokio::spawn(async move { device(listener.accept().await.unwrap().0).await });
+    timeout(LONG, robot.handle().connected()).await.unwrap().unwrap();
+    let (status, progress) = timeout(LONG, robot.status()).await.unwrap().unwrap();
+    assert_eq!((status.pose, progress), (HOME, Progress::Still));
+    robot.command(Command::Close).await.unwrap();
+    robot.handle().shutdown().await;
+    assert!(matches!(robot.status().await, Err(Error::Closed(_))));
+}

@@ -1,0 +1,13 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod central;
+mod common;
+#[cfg(feature = "std")]
+mod device;
+#[cfg(all(feature = "bytes", feature = "serde", feature = "tokio"))]
+mod edges;
+#[cfg(feature = "tokio")]
+mod handle;
+#[cfg(feature = "bytes")]
+mod properties;

@@ -1,0 +1,250 @@
+//! A session in a task of its own: connections of every kind, and what becomes of calls.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
+
+use core::future::Future;
+use core::net::SocketAddr;
+use core::sync::atomic::{AtomicUsize, Ordering};
+use core::time::Duration;
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::common::{Asker, Event};
+use robot_session::Session as _;
+use robot_session::tokio::{
+    Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, spawn,
+};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
+use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use tokio::time::{sleep, timeout};
+
+const LONG: Duration = Duration::from_secs(20);
+const MS: Duration = Duration::from_millis(1);
+const FAST: Reconnect = Reconnect { first: Duration::from_millis(5), longest: Duration::from_millis(20) };
+
+/// Asks; an answer is `Ok`.
+#[derive(Default)]
+struct Asking(VecDeque<Reply<Result<String, String>>>);
+
+struct Ask(&'static str, Reply<Result<String, String>>);
+
+impl Service for Asking {
+    type Session = Asker;
+    type Call = Ask;
+    type Event = Event;
+
+    fn has_room(&self, _: &Asker) -> bool {
+        self.0.is_empty()
+    }
+
+    fn call(&mut self, session: &mut Asker, _: Duration, Ask(text, reply): Ask) {
+        session.requests.push_back(text.into());
+        self.0.push_back(reply);
+    }
+
+    fn event(&mut self, _: &mut Asker, event: Event, reports: &mut Reports<'_, Event>) {
+        let outcome = match &event {
+            Event::Answer(text) if text == "broken" => {
+                reports.reconnect(io::Error::other("the peer makes no sense"));
+                Ok(text.clone())
+            }
+            Event::Answer(text) => Ok(text.clone()),
+            Event::NoAnswer(text) => Err(text.clone()),
+            _ => return reports.event(event),
+        };
+        if self.0.pop_front().unwrap().send(outcome).is_err() {
+            reports.event(event);
+        }
+    }
+
+    fn refuse(&mut self, Ask(_, reply): Ask, why: &Arc<io::Error>) {
+        let _ = reply.send(Err(why.to_string()));
+    }
+}
+
+fn run<C: Connector + 'static>(connector: C) -> Handle<Asking> {
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), connector);
+    tokio::spawn(task.reconnect(FAST).run());
+    handle
+}
+
+async fn ask(handle: &Handle<Asking>, text: &'static str) -> Result<String, String> {
+    timeout(LONG, handle.call(|reply| Ask(text, reply))).await.expect("an outcome").unwrap()
+}
+
+async fn echo(mut stream: TcpStream) {
+    let mut bytes = [0; 16];
+    while let Ok(length @ 1..) = stream.read(&mut bytes).await {
+        if stream.write_all(&bytes[..length]).await.is_err() {
+            return;
+        }
+    }
+}
+
+fn any() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 0))
+}
+
+#[tokio::test]
+async fn a_later_peer_takes_the_place_of_an_earlier_one() {
+    let listen = Listen::bind(any()).await.unwrap();
+    let address = listen.address().unwrap();
+    let handle = run(listen);
+    let mut silent = TcpStream::connect(address).await.unwrap();
+    let unanswered = tokio::spawn({
+        let handle = handle.clone();
+        async move { ask(&handle, "one").await }
+    });
+    let mut line = [0; 4];
+    silent.read_exact(&mut line).await.unwrap();
+    assert_eq!(&line, b"one\n");
+    tokio::spawn(echo(TcpStream::connect(address).await.unwrap()));
+    assert_eq!(unanswered.await.unwrap(), Err("one".into()), "it ends with its connection");
+    assert_eq!(silent.read(&mut line).await.unwrap_or(0), 0, "the first one is closed");
+    assert_eq!(ask(&handle, "two").await, Ok("two".into()));
+}
+
+/// Whoever is connected to does not wait before it takes the next peer: the pause is for who dials.
+#[tokio::test]
+async fn a_peer_that_is_back_at_once_is_taken_at_once() {
+    let listen = Listen::bind(any()).await.unwrap();
+    let address = listen.address().unwrap();
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), listen);
+    tokio::spawn(task.reconnect(Reconnect { first: LONG, longest: LONG }).run());
+    for _ in 0..20 {
+        let stream = TcpStream::connect(address).await.unwrap();
+        timeout(LONG / 2, handle.connected()).await.unwrap().unwrap();
+        drop(stream);
+        let mut link = handle.link();
+        link.wait_for(|link| matches!(link, Link::Failed(_))).await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn datagrams_go_to_a_peer_that_comes_later() {
+    let socket = UdpSocket::bind(any()).await.unwrap();
+    let peer = socket.local_addr().unwrap();
+    drop(socket);
+    let handle = run(Udp::new(any(), peer.to_string()));
+    let mut events = handle.events();
+    // Nobody is there: that is no error of a datagram.
+    let lost = tokio::spawn({
+        let handle = handle.clone();
+        async move { handle.call(|reply| Ask("lost", reply)).await }
+    });
+    sleep(100 * MS).await;
+    let socket = UdpSocket::bind(peer).await.unwrap();
+    lost.abort();
+    tokio::spawn(async move {
+        let mut bytes = [0; 16];
+        loop {
+            let (length, from) = socket.recv_from(&mut bytes).await.unwrap();
+            socket.send_to(&[], from).await.unwrap(); // an empty one says nothing
+            socket.send_to(&bytes[..length], from).await.unwrap();
+        }
+    });
+    // The session asks for one thing after the other, and has no answer to the first.
+    handle.shutdown().await;
+    let reported: Vec<_> = core::iter::from_fn(|| events.try_recv().ok()).collect();
+    let lost = Event::NoAnswer("lost".into());
+    assert_eq!(
+        reported,
+        [Event::Connected, lost, Event::Disconnected],
+        "whoever has gone is told by an event"
+    );
+    let handle = run(Udp::new(any(), peer.to_string()));
+    assert_eq!(ask(&handle, "two").await, Ok("two".into()));
+}
+
+#[tokio::test]
+async fn attempts_come_less_and_less_often_and_calls_fail_with_them() {
+    let attempts = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&attempts);
+    let dial = Dial(move || {
+        counted.fetch_add(1, Ordering::SeqCst);
+        async { Err::<DuplexStream, _>(io::Error::other("no such robot")) }
+    });
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), dial);
+    let reconnect = Reconnect { first: 10 * MS, longest: 160 * MS };
+    let task = tokio::spawn(task.reconnect(reconnect).run());
+    let begun = Instant::now();
+    while begun.elapsed() < 1000 * MS {
+        assert_eq!(ask(&handle, "one").await, Err("no such robot".into()));
+    }
+    // 10, 20, 40, 80, 160 … ms, of each the half at least.
+    let most = 5 + 1000 / 80;
+    assert!((5..=most).contains(&attempts.load(Ordering::SeqCst)), "{attempts:?}");
+    assert!(matches!(&*handle.link().borrow(), Link::Failed(why) if why.to_string() == "no such robot"));
+    // Without a handle there is nothing more to do.
+    drop(handle);
+    let session = timeout(LONG, task).await.unwrap().unwrap();
+    assert_eq!(session.statistics(), 0);
+}
+
+#[tokio::test]
+async fn a_peer_that_makes_no_sense_is_connected_again() {
+    let listener = TcpListener::bind(any()).await.unwrap();
+    let handle = run(Tcp::new(listener.local_addr().unwrap().to_string()));
+    let connections = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&connections);
+    tokio::spawn(async move {
+        loop {
+            let (stream, _) = listener.accept().await.unwrap();
+            counted.fetch_add(1, Ordering::SeqCst);
+            tokio::spawn(echo(stream));
+        }
+    });
+    assert_eq!(ask(&handle, "one").await, Ok("one".into()));
+    assert_eq!(ask(&handle, "broken").await, Ok("broken".into()));
+    assert_eq!(ask(&handle, "two").await, Ok("two".into()));
+    assert_eq!(connections.load(Ordering::SeqCst), 2);
+}
+
+/// Every caller is served in its turn, and a peer that does not read ends nobody's wait but with its connection.
+#[tokio::test]
+async fn calls_are_made_in_the_order_in_which_they_came() {
+    let (near, far) = tokio::io::duplex(4);
+    let mut pipes = vec![near];
+    let handle = run(Dial(move || {
+        let pipe = pipes.pop().ok_or_else(|| io::Error::other("no more pipes"));
+        async { pipe }
+    }));
+    handle.connected().await.unwrap();
+    let calls = ["a", "b", "c", "d", "e", "f"].map(|text| {
+        let handle = handle.clone();
+        Box::pin(async move { handle.call(|reply| Ask(text, reply)).await })
+    });
+    let mut calls: Vec<_> = calls.into_iter().map(tokio::spawn).collect();
+    let mut far = far;
+    for text in ["a", "b", "c", "d"] {
+        let mut line = [0; 2];
+        timeout(LONG, far.read_exact(&mut line)).await.unwrap().unwrap();
+        assert_eq!(&line[..1], text.as_bytes());
+        far.write_all(&line).await.unwrap();
+        assert_eq!(calls.remove(0).await.unwrap().unwrap(), Ok(text.into()));
+    }
+    drop(far);
+    for call in calls {
+        let outcome = timeout(LONG, call).await.unwrap().unwrap();
+        assert!(matches!(outcome, Ok(Err(_))), "{outcome:?}");
+    }
+}
+
+/// It is only polled, and never waits for a runtime of its caller.
+#[test]
+fn a_thread_ends_with_the_last_handle() {
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), Tcp::new("127.0.0.1:1"));
+    let thread = task.reconnect(FAST).thread().unwrap();
+    let mut call = Box::pin(handle.call(|reply| Ask("one", reply)));
+    let mut context = core::task::Context::from_waker(core::task::Waker::noop());
+    let begun = Instant::now();
+    while call.as_mut().poll(&mut context).is_pending() {
+        assert!(begun.elapsed() < LONG);
+        std::thread::sleep(MS);
+    }
+    drop(call);
+    drop(handle);
+    drop(thread.join().unwrap());
+}

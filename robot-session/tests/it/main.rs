@@ -1,0 +1,14 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+#[cfg(feature = "serialport")]
+mod drivers;
+#[cfg(all(feature = "embedded-io", feature = "embedded-io-async", feature = "std"))]
+mod embedded;
+mod end;
+mod event_queue;
+#[cfg(feature = "tokio")]
+mod handle;
+#[cfg(feature = "tokio")]
+mod tokio;

@@ -1,0 +1,230 @@
+//! The loop and the codec for tokio.
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use crate::common::echo::{Echo, EchoEvent};
+use crate::common::{Asker, Event, Line, Lines, TooLong};
+use bytes::BytesMut;
+use robot_session::tokio::{Codec, Driver};
+use robot_session::{Ended, Session as _, now};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio_util::codec::{Decoder as _, Encoder as _};
+
+fn go_on(_: &mut Asker, _: Event) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[tokio::test]
+async fn a_session_runs_until_its_handler_breaks() {
+    let (near, mut far) = tokio::io::duplex(64);
+    tokio::spawn(async move {
+        let mut byte = [0];
+        while far.read(&mut byte).await.unwrap() == 1 {
+            far.write_all(&byte).await.unwrap();
+        }
+    });
+    let (mut session, mut seen) = (Asker::new(&["one", "two"]), Vec::new());
+    let handler = |_: &mut Asker, event: Event| {
+        seen.push(event.clone());
+        if event == Event::Answer("two".into()) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let ended = Driver::new(near).drive(&mut session, handler).await.unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+    let answers = ["one", "two"].map(|text| Event::Answer(text.into()));
+    assert_eq!(seen, [&[Event::Connected][..], &answers, &[Event::Disconnected]].concat());
+}
+
+#[tokio::test]
+async fn the_end_of_the_stream_and_a_timeout_are_seen() {
+    let (near, far) = tokio::io::duplex(64);
+    let mut session = Asker::new(&["one"]);
+    session.timeout = Duration::from_millis(20);
+    let mut driver = Driver::new(near);
+    let turn = driver.turn(&mut session, |_, event| ControlFlow::Break(event)).await.unwrap();
+    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    drop(far);
+    let ended = driver.turn(&mut session, go_on).await.unwrap();
+    assert_eq!(ended, ControlFlow::Break(Ended::ByPeer));
+}
+
+/// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
+#[tokio::test]
+async fn a_dropped_turn_loses_nothing() {
+    let (near, mut far) = tokio::io::duplex(3);
+    let mut session = Asker::new(&["1234567", "second"]);
+    let mut driver = Driver::new(near);
+    let (mut arrived, mut dropped) = (Vec::new(), 0);
+    while !arrived.ends_with(b"second\n") {
+        let turn = driver.turn(&mut session, go_on);
+        if tokio::time::timeout(Duration::ZERO, turn).await.is_err() {
+            dropped += 1;
+        }
+        let mut bytes = [0; 3];
+        if let Ok(length) = tokio::time::timeout(Duration::from_millis(1), far.read(&mut bytes)).await {
+            arrived.extend(&bytes[..length.unwrap()]);
+        }
+        if arrived == b"1234567\n" && session.requests.len() == 1 {
+            far.write_all(b"ok\n").await.unwrap();
+        }
+        assert!(dropped < 1000, "{arrived:?}");
+    }
+    assert_eq!(arrived, b"1234567\nsecond\n");
+    assert!(dropped > 3, "{dropped}");
+}
+
+/// Whoever does not read holds up no deadline, and his bytes are read.
+#[tokio::test]
+async fn a_peer_that_does_not_read_holds_up_nothing_else() {
+    let (near, mut far) = tokio::io::duplex(4);
+    let (mut driver, mut session) = (Driver::new(near), Asker::new(&["1234567", "second"]));
+    session.timeout = SHORT;
+    let begin = now();
+    let end = |_: &mut Asker, event| ControlFlow::Break(event);
+    let ended = tokio::time::timeout(LONG, driver.drive(&mut session, end)).await.unwrap().unwrap();
+    assert_eq!(ended, Ended::ByHandler(Event::Connected));
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, end)).await.unwrap().unwrap();
+    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("1234567".into()))));
+    assert!(now() - begin >= SHORT);
+    // Its answer comes while most of the next request is not written.
+    let mut session = Asker::new(&["second"]);
+    let mut arrived = Vec::new();
+    far.write_all(b"sec").await.unwrap();
+    let turn = tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue(), "it is read");
+    while !arrived.ends_with(b"second\n") {
+        let _ = tokio::time::timeout(Duration::ZERO, driver.turn(&mut session, go_on)).await;
+        let mut bytes = [0; 3];
+        if let Ok(length) = tokio::time::timeout(SHORT, far.read(&mut bytes)).await {
+            arrived.extend(&bytes[..length.unwrap()]);
+        }
+    }
+    assert_eq!(arrived, b"1234567\nsecond\n", "what was begun is written before");
+}
+
+#[tokio::test]
+async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
+    let (near, far) = tokio::io::duplex(7);
+    let (mut reader, mut writer) = tokio::io::split(far);
+    let requests: Vec<u8> = (0..=250).cycle().take(1000).collect();
+    let peer = tokio::spawn({
+        let requests = requests.clone();
+        async move {
+            let (mut answers, mut asked) = (Vec::new(), 0);
+            while answers.len() < requests.len() {
+                let mut byte = [0];
+                tokio::select! {
+                    length = reader.read(&mut byte) => {
+                        assert_eq!(length.unwrap(), 1);
+                        answers.push(byte[0]);
+                    }
+                    length = writer.write(&requests[asked..]), if asked < requests.len() => asked += length.unwrap(),
+                }
+            }
+            (answers, reader, writer)
+        }
+    });
+    let mut answered = 0;
+    let handler = |_: &mut Echo, event| {
+        assert!(matches!(event, EchoEvent::Answered(_)), "{event:?}");
+        answered += 1;
+        if answered == 1000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let mut driver = Driver::new(near);
+    let ended = driver.drive(&mut Echo::new(Duration::ZERO), handler).await.unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(peer.await.unwrap().0, requests);
+}
+
+/// What was in flight is reported, and the next connection begins with nothing of this one.
+#[tokio::test]
+async fn a_dropped_drive_ends_its_connection() {
+    let (near, mut far) = tokio::io::duplex(4);
+    let (mut driver, mut session, mut seen) = (Driver::new(near), Asker::new(&["1234567"]), Vec::new());
+    let mut note = |_: &mut Asker, event: Event| {
+        seen.push(event);
+        ControlFlow::<()>::Continue(())
+    };
+    let drive = driver.drive(&mut session, &mut note);
+    assert!(tokio::time::timeout(SHORT, drive).await.is_err());
+    session.requests.push_back("two".into());
+    let drive = driver.drive(&mut session, &mut note);
+    assert!(tokio::time::timeout(SHORT, drive).await.is_err());
+    let no_answer = |text: &str| Event::NoAnswer(text.into());
+    let first = [Event::Connected, no_answer("1234567"), Event::Disconnected];
+    assert_eq!(seen, [&first[..], &[Event::Connected, no_answer("two"), Event::Disconnected]].concat());
+    let mut arrived = [0; 4];
+    far.read_exact(&mut arrived).await.unwrap();
+    assert_eq!(&arrived, b"1234", "what had no room is not written any more");
+}
+
+const LONG: Duration = Duration::from_secs(20);
+const SHORT: Duration = Duration::from_millis(20);
+
+#[tokio::test]
+async fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
+    let (near, _far) = tokio::io::duplex(64);
+    // It has no deadline, and nothing to send.
+    let (mut driver, mut session) = (Driver::new(near), Asker::new(&[]));
+    let waker = driver.waker();
+    for wakes in 1..4 {
+        (0..wakes).for_each(|_| waker.wake());
+        for _ in 0..2 {
+            let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+            assert!(turn.unwrap().unwrap().is_continue());
+        }
+        let turn = tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await;
+        assert!(turn.is_err(), "however often, it is woken once");
+    }
+    let other = std::thread::spawn(move || waker.wake());
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue());
+    other.join().unwrap();
+}
+
+#[tokio::test]
+async fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let mut driver = Driver::new(near);
+    let go_on = |_: &mut Echo, _| ControlFlow::<()>::Continue(());
+    let mut session = Echo::new(3 * SHORT);
+    session.handle_connected(now());
+    far.write_all(b"ab").await.unwrap();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    assert!(!session.wants_input());
+    let begin = now();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    assert!(now() - begin >= 2 * SHORT);
+    let mut session = Echo::new(Duration::MAX);
+    session.handle_connected(now());
+    far.write_all(b"cd").await.unwrap();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    driver.waker().wake();
+    assert!(!session.wants_input());
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue());
+}
+
+#[test]
+fn the_codec_gives_every_line_and_every_error() {
+    let mut codec = Codec::new(Lines::default(), |line: Line| line.0);
+    let mut src = BytesMut::from(&b"one\ntoolongaline\nrest"[..]);
+    let mut items = Vec::new();
+    while let Some(item) = codec.decode(&mut src).unwrap() {
+        items.push(item);
+    }
+    let line = |text: &str| Ok(text.to_string());
+    assert_eq!(items, [line("one"), Err(TooLong), line("line")]);
+    assert_eq!(codec.decode_eof(&mut src).unwrap(), Some(Err(TooLong)), "what is not whole is an error");
+    assert_eq!(codec.decode_eof(&mut src).unwrap(), None);
+}
+
+#[test]
+fn the_codec_writes_a_message_or_nothing() {
+    let mut codec = Codec::new(Lines::default(), |line: Line| line);
+    let mut out = BytesMut::from(&b"before\n"[..]);
+    codec.encode(Line("one".into()), &mut out).unwrap();
+    let error = codec.encode(Line("much too long".into()), &mut out).unwrap_err();
+    assert_eq!(error.to_string(), "a line has at most 7 bytes");
+    assert_eq!(out, &b"before\none\n"[..]);
+}

@@ -1,0 +1,159 @@
+//! A FANUC controller that misbehaves, over TCP and on a virtual clock.
+
+use core::time::Duration;
+
+use cellwire_sim::fanuc::Write;
+use cellwire_sim::{Fanuc, Fault, Script, Settings as _, Told};
+use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
+use fanuc_hmi_modbus::tokio::{Error, client};
+use fanuc_hmi_modbus::{
+    Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Reply, Request, WordOrder,
+};
+
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+
+#[tokio::test]
+async fn a_gateway_counts_on_no_answer() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let config = ClientConfig { timeout: 100 * MS, ..ClientConfig::tcp() };
+    let (robot, task) = client(config, Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    assert_eq!(robot.read_holding_registers(99..100).await.unwrap(), [100], "R[100]");
+    sim.faults().drop_next();
+    let lost = robot.write_register(200, 7).await;
+    assert!(matches!(lost, Err(Error::Failed(_))), "{lost:?}");
+    sim.faults().cut_next();
+    assert!(robot.write_register(201, 8).await.is_err());
+    robot.handle().connected().await.unwrap();
+    assert_eq!(robot.read_holding_registers(200..202).await.unwrap(), [7, 8], "both were written");
+    let written: Vec<Write> = sim.executed().into_iter().map(|done| done.work).collect();
+    assert_eq!(written, [Write::Registers(200, vec![7]), Write::Registers(201, vec![8])]);
+}
+
+#[tokio::test]
+async fn two_clients_see_the_same_registers() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let to = || {
+        let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+        tokio::spawn(task.run());
+        robot
+    };
+    let (one, other) = (to(), to());
+    one.write_coils(3, &[true, false, true]).await.unwrap();
+    assert_eq!(other.read_coils(3..6).await.unwrap(), [true, false, true]);
+    assert_eq!(sim.executed()[0].work, Write::Coils(3, vec![true, false, true]));
+}
+
+#[tokio::test]
+async fn a_position_register_is_written_and_read_whole() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.run());
+    let position = PositionRegister {
+        joints: Some([0.0, 10.0, -20.0, 0.0, -90.0, 45.0, 0.0, 0.0, 0.0]),
+        user_tool: 2,
+        ..Default::default()
+    };
+    robot.write_position(400, &position, WordOrder::LowFirst).await.unwrap();
+    assert_eq!(robot.read_position(400, WordOrder::LowFirst).await.unwrap(), position);
+    assert_eq!(sim.executed().len(), 1, "one request");
+    let beyond = robot.read_position(16_400, WordOrder::LowFirst).await;
+    assert!(matches!(beyond, Err(Error::Exception(Exception::IllegalDataAddress))), "{beyond:?}");
+}
+
+#[tokio::test]
+async fn what_happens_to_the_controller_happens_on_all_its_connections() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let to = || {
+        let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+        tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+        robot
+    };
+    let (one, other) = (to(), to());
+    one.write_register(300, 9).await.unwrap();
+    assert_eq!(other.read_holding_registers(300..301).await.unwrap(), [9]);
+    sim.faults().freeze(300 * MS);
+    while sim.faults().happened().is_empty() {
+        tokio::time::sleep(MS).await;
+    }
+    tokio::time::sleep(20 * MS).await; // each connection looks for it every 5 ms
+    let begun = std::time::Instant::now();
+    let (first, second) = tokio::join!(one.read_coils(0..1), other.read_coils(0..1));
+    assert!(first.is_ok() && second.is_ok() && begun.elapsed() > 150 * MS, "{:?}", begun.elapsed());
+    sim.faults().restart(50 * MS);
+    tokio::time::sleep(20 * MS).await;
+    for robot in [&one, &other] {
+        while robot.read_coils(0..1).await.is_err() {}
+        assert_eq!(robot.read_holding_registers(300..301).await.unwrap(), [301], "R[301] is as at first");
+    }
+    let ends = sim.told().iter().filter(|(_, told)| *told == Told::Close("the power is gone")).count();
+    assert_eq!(ends, 2);
+}
+
+/// A poll every 80 ms for an hour, while the controller is busy for a second and freezes for another one.
+#[test]
+fn an_hour_of_telemetry() {
+    let robot = Fanuc { faults: "busy:600-601".parse().unwrap(), ..Fanuc::default() };
+    let config = ClientConfig { timeout: 100 * MS, ..ClientConfig::tcp() };
+    let mut bench = robot.bench(Client::<1>::new(config).unwrap()).unwrap();
+    bench.faults().follow(Script::new().at(1200 * S, Fault::Freeze(S)));
+    bench.run_for(10 * MS);
+    let (mut blocks, mut busy, mut late) = (0u64, 0u64, 0u64);
+    while bench.now() < 3600 * S {
+        let next = bench.now() + 80 * MS;
+        bench.session_mut().request(1, &Request::ReadHoldingRegisters { address: 0, quantity: 37 }).unwrap();
+        let event = loop {
+            match bench.next_event(S) {
+                Some(ClientEvent::Stray { .. }) => {}
+                event => break event,
+            }
+        };
+        match event {
+            Some(ClientEvent::Replied { ticket, .. }) => match bench.session().reply(ticket) {
+                Some(Reply::HoldingRegisters(_)) => blocks += 1,
+                Some(Reply::Exception { exception: Exception::ServerDeviceBusy, .. }) => busy += 1,
+                other => panic!("{other:?}"),
+            },
+            Some(ClientEvent::Failed { failure: Failure::TimedOut, .. }) => late += 1,
+            other => panic!("{other:?}"),
+        }
+        bench.run_for(next.saturating_sub(bench.now()));
+    }
+    assert!(
+        blocks > 44_900 && (12..=13).contains(&busy) && (8..=11).contains(&late),
+        "{blocks} {busy} {late}"
+    );
+}
+
+/// The same script, seed and calls: the same run, to the bit that is turned over.
+#[test]
+fn an_answer_comes_twice_and_every_run_is_the_same() {
+    let run = |seed| {
+        let config = ClientConfig { timeout: 10 * MS, settle: 20 * MS, ..ClientConfig::tcp() };
+        let mut bench = Fanuc::default().bench(Client::<1>::new(config).unwrap()).unwrap();
+        let script = Script::new().seed(seed).answer(2, Fault::Twice).every_answer(5, Fault::Corrupt);
+        bench.faults().follow(script);
+        bench.run_for(10 * MS);
+        let mut events = Vec::new();
+        for _ in 0..40 {
+            let request = Request::ReadHoldingRegisters { address: 99, quantity: 2 };
+            if bench.session_mut().request(1, &request).is_ok() {
+                events.extend(bench.next_event(10 * S).map(|event| (bench.now(), format!("{event:?}"))));
+            }
+            bench.run_for(20 * MS);
+            let now = bench.now();
+            events.extend(bench.take_events().map(|event| (now, format!("{event:?}"))));
+            if events.last().is_some_and(|(_, event)| event.starts_with("OutOfStep")) {
+                bench.disconnect();
+                bench.run_for(200 * MS);
+            }
+        }
+        events
+    };
+    let first = run(1);
+    let strays = first.iter().filter(|(_, event)| event.starts_with("Stray { transaction: Some(2),")).count();
+    assert!(strays == 1 && first.len() > 30, "{first:?}");
+    assert_eq!(run(1), first);
+    assert_ne!(run(2), first);
+}

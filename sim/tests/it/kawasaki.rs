@@ -1,0 +1,114 @@
+//! A Kawasaki robot that misbehaves, over TCP and for half an hour on a virtual clock.
+
+use core::time::Duration;
+
+use cellwire_sim::{Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Told};
+use kawasaki_msg::robot_session::tokio::{Listen, Tcp};
+use kawasaki_msg::tokio::{Error, pc, robot};
+use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Work};
+
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+
+fn jobs(count: i32) -> Vec<Line> {
+    let jobs = 0..count;
+    jobs.map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) }).collect()
+}
+
+#[tokio::test]
+async fn an_order_over_cuts_and_lost_packets_is_drawn_once() {
+    let listen = Listen::bind("127.0.0.1:0").await.unwrap();
+    let robot = KawasakiRobot::<Line> { job_time: MS, ..KawasakiRobot::default() };
+    let sim = robot.connect(listen.address().unwrap()).unwrap();
+    sim.faults()
+        .follow(Script::new().answer(2, Fault::Cut).request(4, Fault::Drop).answer(6, Fault::Corrupt));
+    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    tokio::spawn(task.run());
+    pc.run(50, jobs(600)).await.unwrap();
+    let drawn: Vec<Line> = sim.executed().into_iter().map(|done| done.work.work).collect();
+    assert_eq!(drawn, jobs(600));
+    assert_eq!(sim.faults().happened().len(), 3);
+}
+
+#[tokio::test]
+async fn a_robot_that_has_forgotten_its_order_is_noticed() {
+    let listen = Listen::bind("127.0.0.1:0").await.unwrap();
+    let robot = KawasakiRobot::<Line> { job_time: MS, ..KawasakiRobot::default() };
+    let sim = robot.connect(listen.address().unwrap()).unwrap();
+    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    tokio::spawn(task.run());
+    let order = pc.start(50, jobs(5000)).await.unwrap();
+    while sim.executed().len() < 10 {
+        tokio::time::sleep(MS).await;
+    }
+    sim.faults().restart(50 * MS);
+    let over = order.await;
+    assert!(!matches!(&over, Ok(over) if over.executed == 5000), "{over:?}");
+    assert!(sim.executed().len() < 5000 && !matches!(over, Err(Error::Closed(_))));
+}
+
+/// Half an hour of drawing over a connection that is cut at every thousandth packet.
+#[test]
+fn half_an_hour_of_drawing() {
+    let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
+    let jobs = jobs(600);
+    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    pc.start(7, jobs.leak()).unwrap();
+    let mut bench = robot.bench(pc).unwrap();
+    bench.faults().follow(Script::new().every_answer(1000, Fault::Cut));
+    let over = loop {
+        match bench.next_event(3600 * S) {
+            Some(PcEvent::Disconnect) => bench.disconnect(),
+            Some(PcEvent::OrderOver { executed, .. }) => break executed,
+            Some(PcEvent::OutcomeUnknown { .. }) | None => panic!("{:?}", bench.told().last()),
+            Some(_) => {}
+        }
+    };
+    let done = bench.executed();
+    assert_eq!((over, done.len()), (600, 600));
+    assert!(
+        done.windows(2).all(|two| two[0].at < two[1].at && two[0].work.work.end == two[1].work.work.start)
+    );
+    assert!((1800 * S..2000 * S).contains(&done[599].at), "{:?}", done[599].at);
+    let connections =
+        bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(RobotEvent::Connect))).count();
+    assert!(connections > 3, "{connections}");
+}
+
+/// A robot's handle against a PC that loses its connection in the middle of packets, and begins one order after the other.
+#[tokio::test]
+async fn a_robot_draws_each_order_of_a_pc_once() {
+    let pc = KawasakiPc { jobs: jobs(300).into(), order: 65_535, repeat: true, ..KawasakiPc::default() };
+    let sim = pc.listen("127.0.0.1:0").unwrap();
+    sim.faults()
+        .follow(Script::new().answer(3, Fault::Cut).answer(9, Fault::Drop).request(12, Fault::Corrupt));
+    let to = Tcp::new(sim.address().to_string());
+    let ranges = <Line as Work>::Ranges::default();
+    let (_robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, ranges, 64, to).unwrap();
+    tokio::spawn(task.run());
+    let mut drawn = Vec::new();
+    let mut draw = async |orders: usize| {
+        while sim.executed().len() < orders {
+            // What the PC has done it says to nobody but the test.
+            let _ = tokio::time::timeout(MS, motion.wait()).await;
+            while let Some(job) = motion.take() {
+                drawn.push(job.work);
+                job.complete();
+            }
+        }
+    };
+    draw(2).await;
+    sim.faults().forget();
+    draw(3).await;
+    assert_eq!(drawn[..600], [jobs(300), jobs(300)].concat());
+    assert_eq!(sim.faults().happened().len(), 4);
+    let over = sim.executed().into_iter().map(|over| over.work);
+    let over: Vec<_> = over
+        .map(|over| match over {
+            PcEvent::OrderOver { order, executed, complete } => (order, executed, complete),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(over[..2], [(65_535, 300, true), (1, 300, true)]);
+    assert!(matches!(over[2], (2, 0..300, false)), "{over:?}");
+}

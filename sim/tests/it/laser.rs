@@ -1,0 +1,162 @@
+//! A laser robot that misbehaves, on a virtual clock and over TCP.
+
+#![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_sign_loss)]
+
+use core::time::Duration;
+
+use cellwire_sim::laser::{CLEAR, HALT, STATUS};
+use cellwire_sim::{Fault, Laser, Script, Settings as _, Told};
+use laser_eb90::robot_session::tokio::{Reconnect, Tcp};
+use laser_eb90::tokio::{Command, Error, host};
+use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
+
+const CUT: u16 = 0x0101;
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+/// Nobody has sent anything before, and the robot drops what it has of a corrupt frame.
+const FRESH: fn() -> HostConfig = || HostConfig {
+    longest_frame: 0,
+    controller_drops_partial: true,
+    execution_timeout: Duration::from_secs(1),
+    ..HostConfig::default()
+};
+
+fn cut(x: f32) -> Command {
+    Command::new(CUT, move |parameters| parameters.f32(&[x]).map(drop))
+}
+
+#[tokio::test]
+async fn a_run_is_cut_once_although_answers_are_corrupt() {
+    let robot = Laser { execution: MS, ..Laser::default() };
+    let sim = robot.listen("127.0.0.1:0").unwrap();
+    sim.faults().follow(Script::new().every_request(3, Fault::Corrupt).answer(4, Fault::Delay(50 * MS)));
+    let (laser, task) = host(FRESH(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.run());
+    laser.run((0..30).map(|n| cut(n as f32))).await.unwrap();
+    assert!(sim.wait_for(30, 10 * S));
+    let cuts: Vec<f32> = sim.executed().iter().map(|done| done.work.floats(&robot.config)[0]).collect();
+    assert_eq!(cuts, (0..30).map(|n| n as f32).collect::<Vec<_>>());
+    assert!(sim.faults().happened().len() > 2, "{:?}", sim.faults().happened());
+}
+
+#[tokio::test]
+async fn what_a_restart_leaves_open_is_said_and_the_next_run_goes_on() {
+    let sim = Laser { execution: 100 * S, ..Laser::default() }.listen("127.0.0.1:0").unwrap();
+    let (laser, task) = host(FRESH(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    laser.run([cut(1.0)]).await.unwrap();
+    sim.faults().next_answer(Fault::Restart(20 * MS));
+    let unknown = laser.run([cut(2.0), cut(3.0)]).await;
+    assert!(matches!(unknown, Err(Error::Unknown { taken: 0, count: 2, .. })), "{unknown:?}");
+    let status = laser.query(Command::bare(STATUS)).await.unwrap();
+    let Some(Ok(Item::I16(values))) = status.items().next() else { panic!("{status:?}") };
+    assert_eq!(values.array::<3>(), Some([2, 64, 0]), "started twice, and nothing is held");
+}
+
+/// The robot of an hour, in which every hundredth answer is lost: what the host says was taken was cut, once and in this order.
+#[test]
+fn an_hour_of_cutting_with_lost_answers() {
+    let robot = Laser { execution: 40 * MS, ..Laser::default() };
+    let mut bench = robot.bench(Host::new(FRESH()).unwrap()).unwrap();
+    bench.wire.baud = Some(115_200);
+    bench.faults().follow(Script::new().every_answer(100, Fault::Drop));
+    let (mut next, mut taken, mut unknown) = (0u32, 0, 0);
+    while bench.now() < 3600 * S {
+        while bench.session_mut().submit(CUT, |parameters| parameters.f32(&[next as f32]).map(drop)).is_ok() {
+            next += 1;
+        }
+        match bench.next_event(60 * S) {
+            Some(HostEvent::Done { count, .. }) => taken += u64::from(count),
+            Some(HostEvent::Unknown { count, reason: UnknownReason::Silence, .. }) => {
+                unknown += u64::from(count);
+                bench.session_mut().resume();
+            }
+            other => panic!("{other:?} at {:?}", bench.now()),
+        }
+    }
+    bench.run_for(10 * S);
+    let cut = bench.executed().iter().map(|done| done.work.floats(&robot.config)[0] as u32);
+    let cut: Vec<u32> = cut.collect();
+    assert!(cut.windows(2).all(|two| two[0] < two[1]), "nothing is cut twice");
+    assert!(taken > 40_000 && unknown > 100, "{taken} {unknown}");
+    // Of the unknown ones some were cut, and some were refused by a full queue.
+    assert!((taken..=taken + unknown).contains(&(cut.len() as u64)), "{taken} {unknown} {}", cut.len());
+}
+
+#[test]
+fn what_goes_wrong_is_what_was_asked_for() {
+    let mut bench = Laser::default().bench(Host::new(FRESH()).unwrap()).unwrap();
+    let query = |bench: &mut cellwire_sim::Bench<Host, _>, word| {
+        bench.session_mut().submit(word, |_| Ok(())).unwrap();
+        let begun = bench.now();
+        (bench.next_event(60 * S).unwrap(), bench.now() - begun)
+    };
+    bench.run_for(3 * S);
+    let (event, usual) = query(&mut bench, STATUS);
+    assert!(matches!(event, HostEvent::Answer { .. }) && usual < 30 * MS, "{event:?} {usual:?}");
+    bench.faults().delay_next(200 * MS);
+    let delayed = query(&mut bench, STATUS).1;
+    assert!((200 * MS..200 * MS + 2 * usual).contains(&delayed), "{delayed:?}");
+    bench.faults().freeze(300 * MS);
+    let frozen = query(&mut bench, STATUS).1;
+    assert!((300 * MS..300 * MS + 2 * usual).contains(&frozen), "{frozen:?}");
+    bench.faults().cut_next();
+    let (event, _) = query(&mut bench, STATUS);
+    let reason = UnknownReason::Disconnected;
+    assert!(matches!(event, HostEvent::Unknown { count: 1, reason: why, .. } if why == reason), "{event:?}");
+    assert!(bench.told().iter().any(|(_, told)| matches!(told, Told::Close(_))));
+    bench.session_mut().resume();
+    bench.faults().next_request(Fault::Drop);
+    let (event, _) = query(&mut bench, STATUS);
+    assert!(matches!(event, HostEvent::Unknown { reason: UnknownReason::Silence, .. }), "{event:?}");
+    bench.session_mut().resume();
+    // Halted, it holds seven; they are forgotten.
+    query(&mut bench, HALT);
+    for x in 0..7u8 {
+        bench.session_mut().submit(CUT, |parameters| parameters.f32(&[x.into()]).map(drop)).unwrap();
+    }
+    assert!(matches!(bench.next_event(S), Some(HostEvent::Done { count: 7, .. })));
+    assert_eq!(bench.device().held(), 7);
+    bench.faults().forget();
+    bench.run_for(S);
+    assert_eq!((bench.device().held(), bench.executed().len()), (0, 0));
+    query(&mut bench, CLEAR);
+}
+
+/// A host at this port cuts once.
+#[cfg(unix)]
+fn cut_once(port: Box<dyn serialport::SerialPort>) {
+    use core::ops::ControlFlow;
+    use laser_eb90::robot_session::{Driver, Ended, Serial, Session as _, now};
+    let (mut host, mut driver) = (Host::new(FRESH()).unwrap(), Driver::new(Serial(port)));
+    host.handle_connected(now());
+    host.submit(CUT, |parameters| parameters.f32(&[1.5]).map(drop)).unwrap();
+    let event = loop {
+        match driver.turn(&mut host, None, |_, event| ControlFlow::Break(event)).unwrap() {
+            ControlFlow::Break(Ended::ByHandler(event)) => break event,
+            ControlFlow::Break(Ended::ByPeer | Ended::Stalled) => panic!("the port is gone"),
+            ControlFlow::Continue(()) => {}
+        }
+    };
+    assert!(matches!(event, HostEvent::Done { count: 1, .. }), "{event:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pseudo_terminal_is_a_port() {
+    let sim = Laser { execution: MS, ..Laser::default() }.pty().unwrap();
+    cut_once(serialport::new(sim.path(), 9600).open().unwrap());
+    assert!(sim.wait_for(1, S));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_on_the_port_of_a_path() {
+    use serialport::{SerialPort as _, TTYPort};
+    let (host, port) = TTYPort::pair().unwrap();
+    let path = port.name().unwrap();
+    drop(port); // who opens a port locks it
+    let sim = Laser { execution: MS, ..Laser::default() }.port(&path, 9600).unwrap();
+    cut_once(Box::new(host));
+    assert!(sim.wait_for(1, S));
+}

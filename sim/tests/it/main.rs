@@ -1,0 +1,17 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+#[cfg(feature = "ball")]
+mod ball;
+#[cfg(feature = "fanuc")]
+mod fanuc;
+#[cfg(feature = "kawasaki")]
+mod kawasaki;
+#[cfg(feature = "laser")]
+mod laser;
+#[cfg(feature = "mma")]
+mod mma;
+#[cfg(feature = "puma")]
+mod puma;
+#[cfg(feature = "viewer")]
+mod viewer;

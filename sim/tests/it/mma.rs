@@ -1,0 +1,64 @@
+//! The MM&A robot that misbehaves, over TCP and for a day on a virtual clock.
+
+use core::time::Duration;
+
+use cellwire_sim::mma::{MmaRobot, MotionFaults};
+use cellwire_sim::{Fault, Settings as _};
+use mmacell_proto::robot_session::tokio::{Reconnect, Tcp};
+use mmacell_proto::tokio::{Error, central};
+use mmacell_proto::{
+    Central, CentralConfig, CentralEvent, Command, ErrorCode, Miss, Mode, Progress, RobotPose,
+};
+
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+
+fn pose(x: f64) -> RobotPose {
+    RobotPose::from_mm_rad(x, 0.0, 100.0, 0.0)
+}
+
+#[tokio::test]
+async fn a_robot_that_stalls_refuses_and_restarts() {
+    let faults = MotionFaults { stall_every: 2, refuse_every: 3, refuse_code: 9, fail_every: 0 };
+    let sim = MmaRobot { speed: 1000, faults, ..MmaRobot::default() }.listen("127.0.0.1:0").unwrap();
+    let (robot, task) = central(CentralConfig::DEFAULT, Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    robot.command(Command::Servo { on: true }).await.unwrap();
+    assert_eq!(robot.move_to(pose(100.0)).await.unwrap().pose, pose(100.0));
+    assert!(matches!(robot.move_to(pose(200.0)).await, Err(Error::Missed(Miss::Elsewhere))));
+    let refused = robot.move_to(pose(200.0)).await;
+    assert!(matches!(refused, Err(Error::Refused(error)) if error == ErrorCode::from(9)), "{refused:?}");
+    sim.faults().next_request(Fault::Restart(20 * MS));
+    let unknown = robot.move_to(pose(0.0)).await;
+    assert!(matches!(unknown, Err(Error::Unknown(_))), "{unknown:?}");
+    robot.handle().connected().await.unwrap();
+    let (status, progress) = robot.status().await.unwrap();
+    assert_eq!(
+        (status.pose, status.servo, progress),
+        (pose(150.0), false, Progress::Still),
+        "where it stood"
+    );
+    let ends: Vec<_> = sim.executed().iter().map(|done| done.work.at).collect();
+    assert_eq!(ends, [pose(100.0), pose(150.0)]);
+}
+
+/// Eight hours of pick and place: no motion is begun before the one before it has ended.
+#[test]
+fn eight_hours_take_no_time() {
+    let mut bench = MmaRobot::default().bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();
+    bench.session_mut();
+    bench.run_for(S);
+    bench.session_mut().request(Command::Servo { on: true }).unwrap();
+    bench.run_for(S);
+    let mut moves = 0u64;
+    while bench.now() < 8 * 3600 * S {
+        moves += 1;
+        let target = pose(if moves.is_multiple_of(2) { 0.0 } else { 250.0 });
+        bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: target }).unwrap();
+        assert!(bench.run_until(10 * S, |bench| bench.executed().len() as u64 == moves), "{moves}");
+        let done = bench.executed().last().unwrap();
+        assert_eq!(done.work.at, target);
+    }
+    let events: Vec<CentralEvent<RobotPose>> = bench.take_events().collect();
+    assert!(moves > 10_000 && events.len() as u64 > moves, "{moves}");
+}

@@ -1,0 +1,356 @@
+//! Orders: start, refusal, takeover, end, interruption, the two resets, and what happens when an end restarts.
+#![allow(clippy::cast_possible_truncation)]
+
+use core::time::Duration;
+
+use crate::kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::{Pc, PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use testkit::controller::{AsRobot, Controller, Native};
+use testkit::link::Faults;
+
+const LIMIT: Duration = Duration::from_secs(100);
+
+/// Stories with the session in Rust, and with the AS program.
+macro_rules! both {
+    ($($story:ident,)*) => {
+        mod native {
+            $(#[test]
+            fn $story() {
+                super::$story::<super::Native>();
+            })*
+        }
+        mod as_program {
+            $(#[test]
+            fn $story() {
+                super::$story::<super::AsRobot>();
+            })*
+        }
+    };
+}
+
+both! {
+    start_and_end_are_acknowledged,
+    an_order_without_jobs_begins_and_ends,
+    one_order_at_a_time,
+    an_interrupted_order_ends_after_the_job_that_is_being_executed,
+    an_order_ended_early_executes_what_is_queued,
+    another_order_is_interrupted_before_ours_begins,
+    another_order_can_be_let_end_by_itself,
+    another_order_is_left_alone_where_that_is_wished,
+    another_order_of_the_same_number_is_not_taken_for_ours,
+    so_it_is_on_a_connection_that_is_not_new_to_the_robot,
+    a_restarted_robot_leaves_the_outcome_unknown,
+    an_order_that_ended_while_nobody_was_connected_is_not_unknown,
+    an_order_that_the_pc_does_not_know_can_end_by_itself,
+    an_order_waits_for_a_robot,
+    the_first_reset_clears_the_list_and_what_was_in_it_comes_again,
+    the_second_reset_forgets_the_order,
+}
+
+/// Both ends as by default.
+fn rig<C: Controller>(capacity: usize) -> Rig<C> {
+    Rig::of(1, Faults::NONE, capacity, 9999, RobotConfig::TCP, PcConfig::TCP)
+}
+
+/// A rig whose robot is in the middle of an order of 1000 jobs.
+fn in_the_middle<C: Controller>(pc: PcConfig<'static>, robot: RobotConfig<'static>) -> Rig<C> {
+    let mut rig = Rig::of(1, Faults::NONE, 64, pc.max_number, robot, pc);
+    rig.pc.start(50, picture(50, 1000)).unwrap();
+    rig.run_until(LIMIT, |rig| rig.executed.len() == 100);
+    rig
+}
+
+fn start_and_end_are_acknowledged<C: Controller>() {
+    let mut rig = rig::<C>(64);
+    rig.pc.start(50, picture(50, 3)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(sent(&rig.from_pc, "TilausAlkaa"), ["<TilausAlkaa$4#50$1#>"]);
+    assert_eq!(sent(&rig.from_robot, "TilausKuittaus"), ["<TilausKuittaus$2#50#>"]);
+    assert_eq!(sent(&rig.from_robot, "LoppuKuittaus"), ["<LoppuKuittaus$6#50$0$3#>"]);
+    assert_eq!((rig.pc.phase(), rig.robot.phase()), (Phase::Idle, Phase::Idle));
+    assert_eq!((rig.pc.order(), rig.robot.order()), (None, None));
+}
+
+/// The robot may have answered a piece of what was sent, and ask again. A second start that it hears when it has been reset would
+/// begin the order again.
+#[test]
+fn over_a_stream_a_start_is_sent_once() {
+    for config in [PcConfig::TCP, PcConfig::UDP] {
+        let mut pc = Pc::new(config).unwrap();
+        let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
+        pc.start(50, picture(50, 3)).unwrap();
+        let mut starts = |pc: &mut Pc<'static, Source>, seconds: u32, robot: &[u8]| {
+            now += seconds * Duration::from_secs(1);
+            pc.handle_input(now, robot);
+            let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
+            sent(&[out[..length].to_vec()], "TilausAlkaa").len()
+        };
+        let (filler, idle) = (b"<Huuhaa$0##>".as_slice(), b"<Tila$6#0$0$$$#>".as_slice());
+        pc.handle_connected(Duration::ZERO);
+        let repeats = usize::from(config.datagrams);
+        let said = [filler, idle, filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
+        assert_eq!(said, [0, 1, repeats, repeats, repeats], "not before the robot has reported where it is");
+        // Refused, and not by another order: again.
+        assert_eq!(starts(&mut pc, 1, b"<TilausKuittaus$1#0#>"), 1);
+        assert_eq!(starts(&mut pc, 1, b"<Huuhaa$0##>"), repeats);
+        pc.handle_disconnected(Duration::ZERO);
+        pc.handle_connected(Duration::ZERO);
+        let said = [filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
+        assert_eq!(said, [0, 1, repeats]);
+    }
+}
+
+fn an_order_without_jobs_begins_and_ends<C: Controller>() {
+    let mut rig = Rig::<C>::of(1, Faults::NONE, 1, 2, RobotConfig::TCP, PcConfig::TCP);
+    rig.pc.start(1, picture(1, 0)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 1, executed: 0, complete: true }));
+}
+
+fn one_order_at_a_time<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    assert_eq!(rig.pc.start(51, picture(51, 1)), Err(SessionError::OrderActive { active: 50 }));
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.pc.start(0, picture(0, 1)), Err(SessionError::OrderZero));
+    rig.pc_events.clear();
+    rig.pc.start(51, picture(51, 20)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), [expected(50, 1000), expected(51, 20)].concat());
+}
+
+fn an_interrupted_order_ends_after_the_job_that_is_being_executed<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    rig.pc.interrupt().unwrap();
+    let before = rig.executed.len();
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!(executed < before as u32 + 64, "the queue was cleared: {executed}");
+    let over = PcEvent::OrderOver { order: 50, executed, complete: false };
+    assert!(rig.pc_events.contains(&over), "{:?}", rig.pc_events);
+    assert!(rig.robot_events.contains(&RobotEvent::OrderOver { order: 50, executed }));
+    assert_eq!(rig.lines(), expected(50, executed));
+    // "After the interruption the drawing cannot go on" (thesis, section 11.1): the same picture starts again.
+    rig.pc_events.clear();
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines()[executed as usize..], expected(50, 10));
+    assert_eq!(rig.pc.interrupt(), Err(SessionError::NoOrder));
+}
+
+fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    rig.pc.end().unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!((100..1000).contains(&executed));
+    assert_eq!(rig.robot.queued(), executed);
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
+}
+
+/// The PC program is started again: it knows nothing of the order that the robot is in.
+fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig<'static>) {
+    rig.link.disconnect(rig.now);
+    rig.pc = kawasaki_msg::LargePc::sized(pc).unwrap();
+    rig.pc_events.clear();
+}
+
+fn another_order_is_interrupted_before_ours_begins<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let refused = PcEvent::OrderRefused { order: 51, active: 50, given_up: false };
+    let place = |event: &PcEvent| rig.pc_events.iter().position(|e| e == event);
+    assert!(place(&refused) < place(&PcEvent::OrderStarted { order: 51 }), "{:?}", rig.pc_events);
+    assert!(place(&refused).is_some());
+    assert!(rig.robot_events.contains(&RobotEvent::OrderRefused { order: 51, active: 50 }));
+    let first = rig.executed.len() - 10;
+    assert_eq!(rig.lines()[first..], expected(51, 10));
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+    assert!(!sent(&rig.from_pc, "TilausKeskeytyy").is_empty());
+}
+
+fn another_order_can_be_let_end_by_itself<C: Controller>() {
+    let pc = PcConfig { takeover: Takeover::End, ..PcConfig::TCP };
+    let mut rig = in_the_middle::<C>(pc, RobotConfig::TCP);
+    let queued = rig.robot.queued();
+    restart_pc(&mut rig, pc);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let first = rig.executed.len() - 10;
+    assert!(first >= queued as usize, "what was queued is executed");
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+    assert!(sent(&rig.from_pc, "TilausKeskeytyy").is_empty());
+}
+
+fn another_order_is_left_alone_where_that_is_wished<C: Controller>() {
+    let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
+    let mut rig = in_the_middle::<C>(pc, RobotConfig::TCP);
+    restart_pc(&mut rig, pc);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_for(Duration::from_secs(10));
+    assert!(rig.pc_events.contains(&PcEvent::OrderRefused { order: 51, active: 50, given_up: true }));
+    assert_eq!((rig.pc.phase(), rig.robot.order()), (Phase::Idle, Some(50)));
+}
+
+fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
+    // The restarted PC begins order 50 again while the robot is in the middle of the old one: "50" is no acceptance.
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.pc.start(50, picture(50, 500)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let first = rig.executed.len() - 500;
+    assert_eq!(rig.lines()[first..], expected(50, 500), "from its first job on");
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+}
+
+/// A PC that knows nothing of the order, on the connection of the one before it: no start before the robot's status.
+fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
+    for refuse_repeated_start in [false, true] {
+        let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
+        let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
+        rig.pc = kawasaki_msg::LargePc::sized(PcConfig::TCP).unwrap();
+        (rig.from_pc, rig.from_robot) = (Vec::new(), Vec::new());
+        rig.pc_events.clear();
+        rig.pc.handle_connected(rig.now);
+        rig.pc.start(50, picture(50, 500)).unwrap();
+        rig.run_until(LIMIT, Rig::is_over);
+        let first = rig.executed.len() - 500;
+        assert_eq!(rig.lines()[first..], expected(50, 500), "from its first job on");
+        assert_eq!(rig.lines()[..first], expected(50, first as u32));
+        let refused = PcEvent::OrderRefused { order: 50, active: 50, given_up: false };
+        assert!(rig.pc_events.contains(&refused), "{:?}", rig.pc_events);
+        assert_eq!(sent(&rig.from_pc, "TilausAlkaa").len(), 1);
+        assert_eq!(sent(&rig.from_robot, "TilausKuittaus"), ["<TilausKuittaus$2#50#>"]);
+    }
+}
+
+#[test]
+fn a_robot_without_a_motion_task_takes_no_order() {
+    let pc = PcConfig { start_retries: 3, ..PcConfig::TCP };
+    let mut rig = Rig::with(1, Faults::NONE, 4, 9999, RobotConfig::TCP, pc);
+    let (_, other) = robot_work_queue::boxed(4, 9999).unwrap();
+    drop(core::mem::replace(&mut rig.robot.reader, other));
+    assert!(rig.robot.is_abandoned());
+    rig.pc.start(50, picture(50, 3)).unwrap();
+    rig.run_for(Duration::from_secs(3));
+    let refused: Vec<_> =
+        rig.pc_events.iter().filter(|e| matches!(e, PcEvent::OrderRefused { active: 0, .. })).collect();
+    assert_eq!(refused.len(), 4, "{refused:?}");
+    assert!(matches!(refused[3], PcEvent::OrderRefused { given_up: true, .. }));
+    assert_eq!(rig.pc.phase(), Phase::Idle);
+}
+
+fn a_restarted_robot_leaves_the_outcome_unknown<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    crate::kawasaki_rig::restart(&mut rig, 64, 9999);
+    rig.run_until(LIMIT, Rig::is_over);
+    let Some(&PcEvent::OutcomeUnknown { order: 50, executed, sent }) =
+        rig.pc_events.iter().find(|e| matches!(e, PcEvent::OutcomeUnknown { .. }))
+    else {
+        panic!("{:?}", rig.pc_events)
+    };
+    assert!(executed as usize <= rig.executed.len() && rig.executed.len() <= sent as usize);
+    assert!(executed < sent);
+    assert_eq!((rig.pc.phase(), rig.pc.executed(), rig.pc.sent()), (Phase::Idle, executed, sent));
+    // The caller decides: here the picture starts again.
+    rig.pc_events.clear();
+    rig.executed.clear();
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), expected(50, 10));
+}
+
+fn an_order_that_ended_while_nobody_was_connected_is_not_unknown<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    rig.reachable = false;
+    rig.link.disconnect(rig.now);
+    rig.run_for(20 * MS);
+    rig.robot.reset_order().unwrap();
+    rig.run_for(Duration::from_secs(1));
+    rig.reachable = true;
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    let over = PcEvent::OrderOver { order: 50, executed, complete: false };
+    assert!(rig.pc_events.contains(&over), "{:?}", rig.pc_events);
+}
+
+fn the_first_reset_clears_the_list_and_what_was_in_it_comes_again<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    rig.motion = None;
+    rig.run_for(200 * MS);
+    assert!(rig.robot.queued() > rig.robot.executed());
+    rig.robot.clear_queue().unwrap();
+    rig.motion = Some(MS);
+    rig.run_until(LIMIT, Rig::is_over);
+    // The arm of the AS program was on its way along line 101, and it looks at its signals in its next pass.
+    let first = |next| if C::WHOLE { next == 101 } else { next > 101 };
+    let cleared = |event: &RobotEvent| matches!(event, RobotEvent::QueueCleared { next } if first(*next));
+    assert!(rig.robot_events.iter().any(cleared), "{:?}", rig.robot_events);
+    assert_eq!(rig.lines(), expected(50, 1000));
+    assert_eq!(rig.robot.clear_queue(), Err(SessionError::NoOrder));
+}
+
+#[test]
+fn a_job_that_is_being_executed_is_not_pulled_away_by_a_reset() {
+    let mut rig = in_the_middle::<Native>(PcConfig::TCP, RobotConfig::TCP);
+    rig.motion = None;
+    let (now, Rig { robot: Native { reader, robot, .. }, executed, .. }) = (rig.now, &mut rig);
+    let (job, queued) = (reader.take().unwrap(), robot.queued());
+    robot.clear_queue().unwrap();
+    for i in 0..10 {
+        robot.handle_timeout(now + i * MS);
+    }
+    assert_eq!(robot.queued(), queued, "not yet: the job is being executed");
+    // It is reported before it is completed, and is not asked for again.
+    let number = job.number;
+    executed.push(*job);
+    job.complete();
+    assert_eq!(number, 101);
+    robot.job_done(now, number).unwrap();
+    rig.motion = Some(MS);
+    rig.run_until(LIMIT, Rig::is_over);
+    assert!(rig.robot_events.contains(&RobotEvent::QueueCleared { next: 102 }), "{:?}", rig.robot_events);
+    assert_eq!(rig.lines(), expected(50, 1000));
+}
+
+fn the_second_reset_forgets_the_order<C: Controller>() {
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    rig.robot.reset_order().unwrap();
+    if C::WHOLE {
+        // The AS program looks at its signals in its next pass.
+        assert_eq!(rig.robot.phase(), Phase::Interrupted);
+        assert_eq!(rig.robot.reset_order(), Err(SessionError::NoOrder), "it is on its way");
+    }
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
+    assert_eq!(rig.robot.order(), None);
+}
+
+fn an_order_that_the_pc_does_not_know_can_end_by_itself<C: Controller>() {
+    let robot = RobotConfig { end_foreign_order: true, ..RobotConfig::TCP };
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.run_for(Duration::from_secs(5));
+    assert_eq!(rig.robot.order(), None, "the PC's status says 0");
+    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.run_for(Duration::from_secs(5));
+    assert_eq!(rig.robot.order(), Some(50), "not unless it is wished");
+}
+
+fn an_order_waits_for_a_robot<C: Controller>() {
+    let mut rig = rig::<C>(64);
+    rig.reachable = false;
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_for(Duration::from_secs(10));
+    assert_eq!(rig.pc.phase(), Phase::Starting);
+    let tries = rig.robot_events.iter().filter(|e| **e == RobotEvent::Connect).count();
+    // The times of the AS program have 24 bits.
+    assert!((10..=11).contains(&tries), "one a second: {tries}");
+    rig.reachable = true;
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), expected(50, 10));
+}

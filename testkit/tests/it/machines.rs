@@ -1,0 +1,10 @@
+//! What `robot_session::Machine` says of times, for every machine; and their sizes.
+#![allow(missing_docs)]
+
+#[test]
+fn every_machine_keeps_its_times_and_its_size() {
+    for table in testkit::links::TABLES.iter().copied().flatten() {
+        println!("{}", table.link);
+        (table.check)(table);
+    }
+}

@@ -1,0 +1,24 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod contract;
+mod contract_itself;
+mod drivers;
+mod fanuc_ls_programs;
+mod fanuc_ls_properties;
+mod field;
+mod isra_ball_session;
+mod kawasaki_as;
+mod kawasaki_cycle;
+mod kawasaki_datagrams;
+mod kawasaki_orders;
+mod kawasaki_rig;
+mod kawasaki_session;
+mod laser_eb90;
+mod machines;
+mod model;
+mod refinement;
+mod soak;
+mod threads;
+mod val2_alter;
+mod vectors;

@@ -1,0 +1,104 @@
+//! A few seeds of the soak in every run of the tests, and that it sees what it is for.
+
+use testkit::soak::{HANDLES, Log, ROWS, Row, SABOTAGED, Tally};
+
+fn run(row: &Row, seeds: core::ops::Range<u64>) -> Tally {
+    seeds.fold(Tally::default(), |mut sum, seed| {
+        sum += row.run(seed, Log::OFF);
+        sum
+    })
+}
+
+#[test]
+fn nothing_is_lost_or_repeated_without_a_report() {
+    for row in &ROWS {
+        let (name, tally) = (row.name(), run(row, 0..60));
+        assert!(!tally.is_bad(), "{name}: {tally:?}");
+        assert!(!row.sees_too_little(&tally), "{name}: {tally:?}");
+        // The sessions were bad ones, and every way in which a job may end occurs.
+        let faults = tally.faults;
+        assert_eq!(tally.sessions, 60);
+        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.forged, tally.jobs, "{name}");
+        if name == "laser-eb90/serial, any host" || name == "laser-eb90/serial, hostile host" {
+            // The article's host gives up nothing.
+            assert_eq!(tally.once, tally.jobs, "{name}: {tally:?}");
+            assert!(faults.stalls > 1000 && faults.flips > 100, "{name}: {faults:?}");
+            continue;
+        }
+        if name.contains("hostile ") {
+            // What it reports proves nothing, and some have no jobs.
+            let moved = faults.splits + faults.stalls + faults.merges;
+            assert!(moved > 100 || name == "val2-alter/serial, hostile ends", "{name}: {faults:?}");
+            continue;
+        }
+        if name.contains("any ") {
+            // A workstation that is not ours has no jobs.
+            let has_jobs = name != "val2-viewer/serial, any workstation";
+            assert!(tally.once * 4 > tally.jobs || !has_jobs, "{name}: {tally:?}");
+            assert_eq!(tally.jobs > 500, has_jobs, "{name}: {tally:?}");
+            assert!(faults.splits > 100, "{name}: {faults:?}");
+            continue;
+        }
+        assert!(tally.once > tally.jobs / 3 && tally.not_done > 10, "{name}: {tally:?}");
+        assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
+        if name == "kawasaki-msg/udp" {
+            assert!(faults.losses > 100 && faults.repeats > 100 && faults.delays > 100, "{name}: {faults:?}");
+        } else if row.one_in.is_some() {
+            let damage = [faults.flips, faults.lost_bytes, faults.inserts, faults.losses];
+            assert!(damage.iter().all(|count| *count > 20), "{name}: {faults:?}");
+            assert!(tally.corrupt > 60 && tally.refused > 20, "{name}: {tally:?}");
+        } else {
+            let network = [faults.splits, faults.delays, faults.disconnects];
+            assert!(network.iter().all(|count| *count > 20), "{name}: {faults:?}");
+            assert_eq!((faults.corruption(), tally.corrupt), (0, 0), "{name}");
+        }
+    }
+}
+
+#[test]
+fn calls_of_a_handle_have_their_outcome() {
+    for row in &HANDLES {
+        let (name, tally) = (row.name(), run(row, 0..12));
+        assert!(!tally.is_bad(), "{name}: {tally:?}");
+        assert_eq!(tally.once + tally.not_done + tally.unknown, tally.jobs, "{name}");
+        // Some calls were dropped, and connections were lost.
+        assert!(tally.once > tally.jobs / 2 && tally.unknown > 0, "{name}: {tally:?}");
+        assert!(tally.faults.disconnects > 5, "{name}: {:?}", tally.faults);
+    }
+}
+
+#[test]
+fn the_same_seed_is_the_same_session() {
+    for row in &ROWS {
+        assert_eq!(run(row, 7..12), run(row, 7..12), "{}", row.name());
+        assert_ne!(run(row, 7..12), run(row, 8..13), "{}", row.name());
+    }
+}
+
+/// A server that forgets what it has acknowledged, and a network that repeats what was sent.
+#[test]
+fn a_weak_end_and_a_weak_network_are_found_out() {
+    let [forgets, repeats] = SABOTAGED.map(|row| run(&row, 0..100));
+    assert!(forgets.lost > 10 && forgets.repeated == 0, "{forgets:?}");
+    assert!(repeats.repeated > 100, "{repeats:?}");
+    assert!(forgets.is_bad() && repeats.is_bad());
+}
+
+#[test]
+fn a_check_that_is_not_made_is_found_out() {
+    for row in ROWS.iter().filter(|row| row.one_in.is_some()) {
+        let tally = run(row, 0..60);
+        // As if every message with corrupt bytes were passed, and as if every eighth were.
+        for part in [1, 8] {
+            let passed = tally.refused / part;
+            let blind = Tally { unseen: passed, refused: tally.refused - passed, ..tally };
+            assert!(row.sees_too_little(&blind) || passed < 20, "{}: {blind:?}", row.name());
+        }
+    }
+}
+
+#[test]
+fn rows_have_names() {
+    assert!(ROWS[1].is_named("kawasaki-msg") && ROWS[1].is_named("kawasaki-msg/udp"));
+    assert!(!ROWS[1].is_named("kawasaki-msg/tcp") && !ROWS[1].is_named("udp"));
+}

@@ -1,0 +1,6 @@
+//! VAL II ALTER: both ends on one line.
+
+mod common;
+mod motion;
+mod refine;
+mod session;

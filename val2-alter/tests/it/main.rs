@@ -1,0 +1,10 @@
+//! All tests of the crate from without, in one program: they are linked once.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+#[cfg(all(feature = "bytes", feature = "serde"))]
+mod edges;
+#[cfg(feature = "tokio")]
+mod handle;
+#[cfg(feature = "bytes")]
+mod properties;
+mod rules;

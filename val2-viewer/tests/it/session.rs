@@ -1,0 +1,486 @@
+//! The rules of the source, each with its clause.
+#![allow(clippy::cast_possible_truncation)]
+
+use core::time::Duration;
+
+use val2_viewer::robot_session::{Encode as _, Session};
+use val2_viewer::{
+    ConfigError, DecodeError, ENQ, Format, Host, HostConfig, HostEvent, PosePacket, Workstation,
+    WorkstationConfig, WorkstationEvent, XOFF, XON,
+};
+
+const MS: Duration = Duration::from_millis(1);
+const POSE: [i16; 12] = [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16];
+const LINE: &[u8] = b"$POSE,7,16384,0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
+const SEVENTH: PosePacket = PosePacket { count: 7, pose: POSE };
+
+fn events<S: Session>(session: &mut S) -> Vec<S::Event> {
+    core::iter::from_fn(|| session.poll_event()).collect()
+}
+
+fn workstation() -> Workstation {
+    let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
+    workstation.handle_connected(Duration::ZERO);
+    workstation
+}
+
+/// A host whose first interval is over.
+fn host() -> Host {
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    host.handle_connected(Duration::ZERO);
+    host
+}
+
+fn asks(workstation: &mut Workstation, at: u32) -> bool {
+    let mut out = [0; 1];
+    workstation.draw(MS * at);
+    let asked = workstation.poll_transmit(MS * at, &mut out).is_some();
+    assert!(!asked || out == [ENQ]);
+    assert_eq!(workstation.poll_transmit(MS * at, &mut out), None, "one byte a request");
+    asked
+}
+
+fn answer(host: &mut Host, now: Duration) -> Option<PosePacket> {
+    let mut out = [0; Host::MAX_TRANSMIT];
+    let length = host.poll_transmit(now, &mut out)?;
+    Some(PosePacket::decode(&out[..length]).unwrap().unwrap().0)
+}
+
+/// "… daß außer beim ersten Aufruf ein ENQ immer nur dann gesendet wird, wenn vorher ein Nachrichtenpaket vom externen
+/// Steuerrechner empfangen wurde" (§9.4)
+#[test]
+fn the_workstation_asks_first_and_then_only_after_an_answer() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    assert!(!asks(&mut workstation, 200));
+    assert!(!asks(&mut workstation, 400));
+    workstation.handle_input(500 * MS, &LINE[..30]);
+    assert!(!asks(&mut workstation, 600));
+    workstation.handle_input(600 * MS, &LINE[30..]);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
+    assert!(asks(&mut workstation, 800));
+}
+
+/// "… wird ein erneutes Versenden eines ENQ-Zeichen durch kurzes Unterbrechen (ca. zwei Sekunden) des Simulationsablaufes …
+/// initiiert" (§9.4)
+#[test]
+fn a_pause_of_the_display_makes_it_ask_again() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    for at in 1..20 {
+        assert!(!asks(&mut workstation, 200 * at), "the display goes on");
+    }
+    assert!(!asks(&mut workstation, 3800 + 1999), "no pause of two seconds");
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Missed]);
+    assert!(asks(&mut workstation, 5799 + 2000));
+    assert_eq!(events(&mut workstation), []);
+    // The answers to both come.
+    workstation.handle_input(7850 * MS, &[LINE, LINE].concat());
+    assert_eq!(
+        events(&mut workstation),
+        [WorkstationEvent::Pose(SEVENTH), WorkstationEvent::Unasked(SEVENTH)]
+    );
+    assert!(asks(&mut workstation, 8000));
+    assert_eq!((workstation.statistics().requests, workstation.statistics().unasked), (3, 1));
+}
+
+#[test]
+fn a_line_that_cannot_be_read_was_the_answer_and_noise_was_not() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    let corrupt = |error| WorkstationEvent::Corrupt(error);
+    workstation.handle_input(10 * MS, b"#?$POSE,1,2");
+    assert_eq!(events(&mut workstation), [corrupt(DecodeError::Noise { length: 2 })]);
+    assert!(!asks(&mut workstation, 200));
+    workstation.handle_input(210 * MS, b"\r\n");
+    assert_eq!(
+        events(&mut workstation),
+        [corrupt(DecodeError::Format { offset: 9 }), WorkstationEvent::Missed]
+    );
+    assert!(asks(&mut workstation, 400));
+    // A line that a new one cuts off.
+    workstation.handle_input(450 * MS, &[&LINE[..20], LINE].concat());
+    assert_eq!(
+        events(&mut workstation),
+        [corrupt(DecodeError::Incomplete { length: 20 }), WorkstationEvent::Pose(SEVENTH)]
+    );
+    assert!(asks(&mut workstation, 600));
+    assert_eq!((workstation.statistics().corrupt, workstation.statistics().missed), (3, 1));
+}
+
+#[test]
+fn a_picture_without_new_poses_is_stale_once() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    workstation.handle_input(50 * MS, LINE);
+    events(&mut workstation);
+    assert!(asks(&mut workstation, 200));
+    let due = Some(1550 * MS);
+    assert_eq!((workstation.poll_timeout(), workstation.live_until()), (due, due));
+    workstation.handle_timeout(1550 * MS - MS / 10);
+    assert_eq!(events(&mut workstation), []);
+    workstation.handle_timeout(1550 * MS);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Stale]);
+    assert_eq!((workstation.poll_timeout(), workstation.live_until()), (Some(1700 * MS), None));
+    // The answer comes in time for the request: the picture follows the arm again.
+    workstation.handle_input(1699 * MS, LINE);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
+    assert_eq!(workstation.live_until(), Some(3199 * MS));
+    assert_eq!((workstation.statistics().stale, workstation.statistics().poses), (1, 2));
+}
+
+#[test]
+fn a_connection_ends_its_request_and_its_picture() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    workstation.handle_input(50 * MS, LINE);
+    assert!(asks(&mut workstation, 200));
+    workstation.handle_input(220 * MS, &LINE[..20]);
+    events(&mut workstation);
+    workstation.handle_disconnected(230 * MS);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Missed, WorkstationEvent::Stale]);
+    assert!(!asks(&mut workstation, 240), "nobody is there");
+    workstation.handle_disconnected(250 * MS);
+    workstation.handle_connected(260 * MS);
+    workstation.handle_connected(260 * MS);
+    assert_eq!(events(&mut workstation), []);
+    assert!(asks(&mut workstation, 270));
+    // The rest of the line of before is noise now, though it ends as a line does.
+    workstation.handle_input(280 * MS, &LINE[20..]);
+    assert_eq!(
+        events(&mut workstation),
+        [WorkstationEvent::Corrupt(DecodeError::Format { offset: 0 }), WorkstationEvent::Missed]
+    );
+    assert!(asks(&mut workstation, 470));
+}
+
+#[test]
+fn the_outcomes_that_nobody_takes_hold_the_next_request_back() {
+    let mut workstation = workstation();
+    for round in 0..6 {
+        assert!(asks(&mut workstation, 200 * round), "{round}");
+        workstation.handle_input(MS * (200 * round + 50), LINE);
+    }
+    assert!(!asks(&mut workstation, 1200), "a request may end in three outcomes, two have room");
+    assert_eq!(workstation.poll_event(), Some(WorkstationEvent::Pose(SEVENTH)));
+    assert_eq!(workstation.poll_transmit(1200 * MS, &mut []), None);
+    assert_eq!(workstation.poll_transmit(1200 * MS, &mut [0]), Some(1));
+    workstation.handle_disconnected(1300 * MS);
+    let mut expected = vec![WorkstationEvent::Pose(SEVENTH); 5];
+    expected.extend([WorkstationEvent::Missed, WorkstationEvent::Stale]);
+    assert_eq!(events(&mut workstation), expected);
+    assert_eq!(workstation.statistics().dropped_notices, 0);
+}
+
+#[test]
+fn the_host_answers_a_request_once_with_the_newest_pose() {
+    let mut host = host();
+    let begin = 150 * MS;
+    host.handle_input(begin, &[ENQ]);
+    assert_eq!((host.poll_timeout(), answer(&mut host, begin)), (None, None), "no pose");
+    host.set_pose(begin, [1; 12]);
+    host.set_pose(begin, POSE);
+    assert_eq!(answer(&mut host, begin), Some(PosePacket { count: 0, pose: POSE }));
+    assert_eq!(answer(&mut host, begin), None, "nothing unasked");
+    host.handle_input(begin, &[ENQ, b'?']);
+    assert_eq!(host.poll_timeout(), Some(300 * MS));
+    assert_eq!(answer(&mut host, 299 * MS), None);
+    assert_eq!(host.poll_transmit(300 * MS, &mut [0; 10]), None, "no room: the request stays");
+    assert_eq!(answer(&mut host, 300 * MS), Some(PosePacket { count: 1, pose: POSE }));
+    let sent = |count| HostEvent::Sent(PosePacket { count, pose: POSE });
+    let asked = HostEvent::Asked;
+    assert_eq!(events(&mut host), [asked, sent(0), asked, HostEvent::Unknown(b'?'), sent(1)]);
+    assert_eq!((host.statistics().asked, host.statistics().sent, host.statistics().unknown), (2, 2, 1));
+}
+
+#[test]
+fn a_pose_that_is_too_old_is_not_sent() {
+    let mut host = host();
+    host.set_pose(150 * MS, POSE);
+    assert_eq!(host.poll_timeout(), Some(350 * MS));
+    host.handle_timeout(349 * MS);
+    assert_eq!(events(&mut host), []);
+    host.handle_input(350 * MS, &[ENQ]);
+    assert_eq!(
+        (answer(&mut host, 350 * MS), events(&mut host)),
+        (None, vec![HostEvent::Stale, HostEvent::Asked])
+    );
+    assert_eq!((host.poll_timeout(), host.statistics().stale), (None, 1));
+    // ALTER begins again after an hour.
+    let later = 3_600_000 * MS;
+    host.set_pose(later, [5; 12]);
+    assert_eq!(answer(&mut host, later), Some(PosePacket { count: 0, pose: [5; 12] }));
+}
+
+/// "Der Steuerrechner empfängt jetzt in schneller Folge ENQ-Zeichen und antwortet dem Protokoll entsprechend mit ebenso vielen
+/// Datenpaketen, was auf Apollo-Seite zu einem Pufferüberlauf … führt" (§9.4): not here.
+#[test]
+fn a_pile_of_requests_is_answered_once() {
+    let mut host = host();
+    let restart = 60_000 * MS;
+    host.handle_connected(restart);
+    host.set_pose(restart, POSE);
+    // The driver lets go 288 requests, one every 0.52 ms.
+    let mut answers = Vec::new();
+    for step in 0..1000 {
+        let now = restart + Duration::from_micros(520) * step;
+        host.set_pose(now, [step as i16; 12]);
+        if step < 288 {
+            host.handle_input(now, &[ENQ]);
+        }
+        answers.extend(answer(&mut host, now));
+    }
+    assert_eq!(answers, [PosePacket { count: 0, pose: [289; 12] }], "150 ms after the beginning");
+    assert_eq!((host.statistics().ignored, host.statistics().sent), (287, 1));
+}
+
+#[test]
+fn requests_all_the_time_get_a_packet_an_interval() {
+    let mut host = host();
+    let mut sent = Vec::new();
+    for at in 0..1000 {
+        host.set_pose(MS * at, POSE);
+        host.handle_input(MS * at, &[ENQ]);
+        if answer(&mut host, MS * at).is_some() {
+            sent.push(at);
+        }
+    }
+    assert_eq!(sent, [150, 300, 450, 600, 750, 900]);
+}
+
+#[test]
+fn a_request_is_not_answered_on_the_next_connection() {
+    let mut host = host();
+    host.handle_input(150 * MS, &[ENQ]);
+    host.handle_disconnected(160 * MS);
+    host.set_pose(170 * MS, POSE);
+    assert_eq!(answer(&mut host, 170 * MS), None);
+    host.handle_connected(180 * MS);
+    assert_eq!(answer(&mut host, 330 * MS), None);
+    host.handle_input(330 * MS, &[ENQ]);
+    assert_eq!(answer(&mut host, 330 * MS), Some(PosePacket { count: 0, pose: POSE }));
+}
+
+#[test]
+fn another_format_may_be_sent() {
+    let format = |packet: &PosePacket, out: &mut [u8]| {
+        out.get_mut(..2)?.copy_from_slice(&packet.pose[9].to_be_bytes());
+        Some(2)
+    };
+    let mut host = Host::new(HostConfig { format, ..HostConfig::default() }).unwrap();
+    host.handle_connected(Duration::ZERO);
+    host.set_pose(150 * MS, POSE);
+    host.handle_input(150 * MS, &[ENQ]);
+    let mut out = [0; Host::MAX_TRANSMIT];
+    assert_eq!(host.poll_transmit(150 * MS, &mut out[..1]), None, "no room: the request stays");
+    assert_eq!((host.poll_transmit(150 * MS, &mut out), &out[..2]), (Some(2), &[0x32, 0x00][..]));
+    let mut silent = Host::new(HostConfig { format: |_, _| Some(0), ..HostConfig::default() }).unwrap();
+    silent.handle_connected(Duration::ZERO);
+    silent.set_pose(150 * MS, POSE);
+    silent.handle_input(150 * MS, &[ENQ]);
+    assert_eq!(silent.poll_transmit(150 * MS, &mut out), None, "nothing is no packet");
+    assert_eq!(events(&mut silent), [HostEvent::Asked]);
+    for format in [with::<XON> as Format, with::<XOFF>] {
+        let mut unsendable = Host::new(HostConfig { format, ..HostConfig::default() }).unwrap();
+        unsendable.handle_connected(Duration::ZERO);
+        unsendable.set_pose(150 * MS, POSE);
+        unsendable.handle_input(150 * MS, &[ENQ]);
+        assert_eq!(unsendable.poll_transmit(150 * MS, &mut out), None, "it would stop the line");
+        assert_eq!(events(&mut unsendable), [HostEvent::Asked, HostEvent::Unsendable]);
+        assert_eq!((unsendable.poll_timeout(), unsendable.statistics().unsendable), (Some(350 * MS), 1));
+    }
+}
+
+fn with<const BYTE: u8>(_: &PosePacket, out: &mut [u8]) -> Option<usize> {
+    out.get_mut(..3)?.copy_from_slice(&[b'a', BYTE, b'b']);
+    Some(3)
+}
+
+#[test]
+fn bytes_without_a_connection_are_unexpected() {
+    let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
+    workstation.handle_input(MS, LINE);
+    let seen = events(&mut workstation);
+    assert!(
+        matches!(seen[..], [WorkstationEvent::Unexpected(e)] if e.to_string() == "Pose is not expected in the state Disconnected"),
+        "{seen:?}"
+    );
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    host.handle_input(MS, &[ENQ]);
+    assert!(matches!(events(&mut host)[..], [HostEvent::Unexpected(_)]));
+    host.set_pose(MS, POSE);
+    assert_eq!((answer(&mut host, 500 * MS), host.statistics().unexpected), (None, 1));
+    assert_eq!(workstation.statistics().unexpected, 1);
+}
+
+#[test]
+fn a_full_event_queue_drops_the_oldest_notice() {
+    let mut host = host();
+    host.handle_input(MS, &[20, 21, 22, 23, 24, 25, 26, 27, 28, 29]);
+    assert_eq!(events(&mut host), [22, 23, 24, 25, 26, 27, 28, 29].map(HostEvent::Unknown));
+    assert_eq!(host.statistics().dropped_notices, 2);
+}
+
+#[test]
+fn what_cannot_work_is_refused() {
+    let host = HostConfig { max_hold: Duration::ZERO, ..HostConfig::default() };
+    assert_eq!(Host::new(host).map(drop), Err(ConfigError::MaxHold));
+    let held = WorkstationConfig { max_hold: Duration::ZERO, ..WorkstationConfig::default() };
+    assert_eq!(Workstation::new(held).map(drop), Err(ConfigError::MaxHold));
+    assert_eq!(ConfigError::MaxHold.to_string(), "the longest hold of the line is zero");
+    let host = |interval, max_age| {
+        Host::new(HostConfig { interval, max_age, ..HostConfig::default() })
+            .map(drop)
+            .map_err(|e| e.to_string())
+    };
+    assert_eq!(host(Duration::ZERO, MS), Err("the interval between two packets is zero".into()));
+    assert_eq!(host(MS, Duration::ZERO), Err("the maximum age of a pose is zero".into()));
+    assert_eq!((host(MS, MS), host(Duration::MAX, Duration::MAX)), (Ok(()), Ok(())));
+    let workstation = |pause, stale_after| {
+        let config = WorkstationConfig { pause, stale_after, ..WorkstationConfig::default() };
+        Workstation::new(config).map(drop)
+    };
+    let minimum = 200 * MS;
+    let pause = ConfigError::Pause { minimum, found: minimum };
+    assert_eq!(workstation(minimum, 201 * MS), Err(pause));
+    assert_eq!(pause.to_string(), "a pause of 200ms must be longer than the display cycle of 200ms");
+    let stale = ConfigError::StaleAfter { minimum, found: minimum };
+    assert_eq!(workstation(201 * MS, minimum), Err(stale));
+    assert_eq!(stale.to_string(), "the stale time 200ms must be longer than the display cycle of 200ms");
+    assert_eq!(workstation(201 * MS, 201 * MS), Ok(()));
+    assert_eq!(workstation(Duration::MAX, Duration::MAX), Ok(()));
+}
+
+#[test]
+fn the_longest_time_is_never() {
+    let mut workstation = workstation();
+    workstation.handle_connected(Duration::MAX);
+    workstation.draw(Duration::MAX);
+    assert_eq!(workstation.poll_transmit(Duration::MAX, &mut [0]), Some(1));
+    workstation.handle_input(Duration::MAX, LINE);
+    assert_eq!((workstation.poll_timeout(), events(&mut workstation).len()), (None, 1));
+    let config = WorkstationConfig { pause: Duration::MAX, ..WorkstationConfig::default() };
+    let mut patient = Workstation::new(config).unwrap();
+    patient.handle_connected(MS);
+    assert!(asks(&mut patient, 1));
+    patient.draw(Duration::MAX);
+    assert_eq!(patient.poll_transmit(Duration::MAX, &mut [0]), None, "an unlimited pause never ends");
+    let config = HostConfig { max_age: Duration::MAX, ..HostConfig::default() };
+    let mut host = Host::new(config).unwrap();
+    host.handle_connected(MS);
+    host.set_pose(MS, POSE);
+    assert_eq!(host.poll_timeout(), None);
+    host.handle_input(Duration::MAX, &[ENQ]);
+    assert_eq!(answer(&mut host, Duration::MAX).map(|packet| packet.pose), Some(POSE));
+    let mut endless = Host::new(HostConfig { interval: Duration::MAX, ..config }).unwrap();
+    endless.handle_connected(MS);
+    endless.set_pose(MS, POSE);
+    endless.handle_input(MS, &[ENQ]);
+    assert_eq!((answer(&mut endless, Duration::MAX), endless.poll_timeout()), (None, None));
+}
+
+/// Both ends, without a fault, in the source's display cycle.
+#[test]
+fn a_pose_a_cycle() {
+    let (mut host, mut workstation, mut out) = (host(), workstation(), [0; Host::MAX_TRANSMIT]);
+    let (mut poses, mut line) = (Vec::new(), None);
+    for at in 150..2350 {
+        let now = MS * at;
+        if at % 28 == 0 {
+            host.set_pose(now, [at as i16; 12]);
+        }
+        if at % 200 == 0 {
+            workstation.draw(now);
+        }
+        if workstation.poll_transmit(now, &mut out).is_some() {
+            host.handle_input(now, &[ENQ]);
+        }
+        if let Some(length) = host.poll_transmit(now, &mut out) {
+            line = Some((at + 50, out[..length].to_vec()));
+        }
+        if let Some((_, bytes)) = line.take_if(|(due, _)| *due == at) {
+            workstation.handle_input(now, &bytes);
+        }
+        poses.extend(events(&mut workstation));
+    }
+    let counts = poses.iter().map(|event| match event {
+        WorkstationEvent::Pose(packet) => packet.count,
+        other => panic!("{other:?}"),
+    });
+    assert_eq!(counts.collect::<Vec<_>>(), (0..11).collect::<Vec<_>>());
+    assert_eq!(SEVENTH.encoded_len(), LINE.len());
+}
+
+/// "mit XON/XOFF" (§5): a raw port, TCP and a microcontroller pass the handshake on.
+#[test]
+fn nothing_is_sent_between_xoff_and_xon() {
+    let mut workstation = workstation();
+    workstation.handle_input(MS, &[XOFF]);
+    assert!(!asks(&mut workstation, 2), "the host holds the line");
+    workstation.handle_input(3 * MS, &[XON]);
+    assert!(asks(&mut workstation, 4));
+    let mut host = host();
+    host.set_pose(150 * MS, POSE);
+    host.handle_input(150 * MS, &[ENQ, XOFF]);
+    assert_eq!((answer(&mut host, 150 * MS), host.poll_timeout()), (None, Some(350 * MS)));
+    host.handle_input(151 * MS, &[XON]);
+    assert_eq!(answer(&mut host, 151 * MS), Some(PosePacket { count: 0, pose: POSE }));
+    assert_eq!(host.statistics().unknown, 0);
+}
+
+#[test]
+fn the_handshake_is_no_part_of_a_line() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    let (head, tail) = LINE.split_at(20);
+    workstation.handle_input(10 * MS, &[&[XON, XOFF], head, &[XOFF, XON, XOFF], tail].concat());
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
+    assert!(!asks(&mut workstation, 200), "what comes within a line holds as well");
+    workstation.handle_input(210 * MS, &[XON]);
+    assert!(asks(&mut workstation, 210));
+}
+
+#[test]
+fn a_request_that_is_never_answered_is_missed_once() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    assert_eq!(workstation.poll_timeout(), Some(1500 * MS));
+    workstation.handle_timeout(1500 * MS - MS / 10);
+    assert_eq!(events(&mut workstation), []);
+    workstation.handle_timeout(1500 * MS);
+    assert_eq!(
+        (events(&mut workstation), workstation.poll_timeout()),
+        (vec![WorkstationEvent::Missed], None)
+    );
+    assert!(!asks(&mut workstation, 1600), "time alone does not make it ask again");
+    assert!(asks(&mut workstation, 3600), "a pause of the display does");
+    assert_eq!(events(&mut workstation), [], "it was reported");
+    // The answer comes late: nobody waits for it, and the host is there.
+    workstation.handle_timeout(5100 * MS);
+    workstation.handle_input(5200 * MS, LINE);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Missed, WorkstationEvent::Unasked(SEVENTH)]);
+    assert!(asks(&mut workstation, 5300));
+    assert_eq!((workstation.statistics().missed, workstation.statistics().requests), (2, 3));
+}
+
+/// A `3` with one corrupt bit is an XOFF.
+#[test]
+fn an_xoff_out_of_noise_does_not_silence_the_line() {
+    let mut workstation = workstation();
+    workstation.handle_input(MS, &[XOFF]);
+    assert_eq!(workstation.poll_timeout(), Some(5001 * MS));
+    workstation.handle_input(101 * MS, &[XOFF]);
+    assert_eq!(workstation.poll_timeout(), Some(5101 * MS), "again: for longer");
+    assert!(!asks(&mut workstation, 5100));
+    assert!(asks(&mut workstation, 5101));
+    assert_eq!(events(&mut workstation), [WorkstationEvent::HoldEnded]);
+    let mut host = host();
+    host.handle_input(200 * MS, &[ENQ, XOFF]);
+    host.handle_input(201 * MS, &[XOFF]);
+    host.set_pose(5100 * MS, POSE);
+    assert_eq!((answer(&mut host, 5200 * MS), host.poll_timeout()), (None, Some(5201 * MS)));
+    assert_eq!(answer(&mut host, 5201 * MS), Some(PosePacket { count: 0, pose: POSE }));
+    let sent = HostEvent::Sent(PosePacket { count: 0, pose: POSE });
+    assert_eq!(events(&mut host), [HostEvent::Asked, HostEvent::HoldEnded, sent]);
+    assert_eq!((host.statistics().holds_ended, workstation.statistics().holds_ended), (1, 1));
+}

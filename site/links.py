@@ -22,11 +22,14 @@ class Page(HTMLParser):
         self.links: list[tuple[str, bool]] = []
         self.anchors: set[str] = {""}
         self.base = file.parent
+        self.redirect = ""
         self.feed(file.read_text(errors="replace"))
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
         found = dict(attributes)
         self.anchors |= {found[name] for name in ("id", "name") if found.get(name)}
+        if tag == "meta" and found.get("http-equiv") == "refresh":
+            self.redirect = (found["content"] or "").partition("=")[2]
         if tag == "base" and found.get("href"):
             self.base /= found["href"]
             return
@@ -53,6 +56,9 @@ def main() -> None:
             to = Path(os.path.normpath(page.base / path)) if path else file
             if to.is_dir():
                 to /= "index.html"
+            # rustdoc's redirects keep the anchor.
+            while to in pages and pages[to].redirect:
+                to = Path(os.path.normpath(pages[to].base / pages[to].redirect))
             checked += 1
             if not to.is_file() or FOLDER not in to.parents:
                 wrong.append(f"{file.relative_to(FOLDER)}: there is no {link}")

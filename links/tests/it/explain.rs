@@ -68,7 +68,7 @@ fn the_parts_of_a_message_are_its_bytes_and_its_values() {
 #[test]
 fn a_value_that_changes_changes_its_own_bytes() {
     for link in LINKS {
-        let mut changed = 0;
+        let (mut parts, mut changed) = (0, 0);
         for vector in of(link).iter().filter(|vector| vector.message.is_some()) {
             let found = explained(link, vector).remove(0);
             let message = found.message.unwrap();
@@ -78,6 +78,7 @@ fn a_value_that_changes_changes_its_own_bytes() {
                 continue;
             }
             for part in found.parts.iter().filter(|part| part.name.starts_with('/')) {
+                parts += 1;
                 let mut other = message.clone();
                 let value = other.pointer_mut(&part.name).unwrap();
                 *value = match &*value {
@@ -108,7 +109,8 @@ fn a_value_that_changes_changes_its_own_bytes() {
                 changed += 1;
             }
         }
-        assert!(changed > 60, "{}: {changed}", link.name);
+        // Most of the others are texts with no digit at their end.
+        assert!(changed * 4 > parts, "{}: {changed} of {parts}", link.name);
     }
 }
 

@@ -110,7 +110,7 @@ impl Workspace {
         self.cargo(with(&["test", "-q"], &[]))?;
         for link in packages.iter().filter(|package| self.is_link(package)) {
             // What the link's crate has no test of its own for.
-            let tests = ["--test", "machines", "--test", "contract", "--test", "vectors"];
+            let tests = ["--test", "it", "--", "machines::", "contract::", "vectors::"];
             let mut tested =
                 self.command(env!("CARGO"), ["test", "-q", "-p", "testkit"].iter().chain(&tests));
             Self::succeed(tested.env("LINK", link))?;

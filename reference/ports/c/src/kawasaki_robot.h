@@ -55,6 +55,13 @@ static inline struct kawasaki_event *report(struct kawasaki_robot *robot, enum k
     return event;
 }
 
+static inline struct kawasaki_event *report_outcome(struct kawasaki_robot *robot, enum kawasaki_event_kind kind)
+{
+    struct kawasaki_event *event = kawasaki_report_outcome(&robot->end, kind);
+    event->order = robot->order.number;
+    return event;
+}
+
 static inline void report_next(struct kawasaki_robot *robot, enum kawasaki_event_kind kind, uint16_t number)
 {
     report(robot, kind)->number = number;

@@ -5,7 +5,7 @@ import { numberAfter, numberOf, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import type { KawasakiPcConfig, KawasakiPcEvent } from "./kawasaki-pc-config.js";
-import { LATEST_DATAGRAM, PcOrder } from "./kawasaki-pc-order.js";
+import { LATEST_DATAGRAM, PcOrder, ROOM } from "./kawasaki-pc-order.js";
 import { NEVER, isDue, type Session } from "./session.js";
 
 export type { OrderRequest, ResumeRequest } from "./kawasaki-pc-config.js";
@@ -122,7 +122,7 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
 
   command(id: number, value: number): void {
     if (!this.dialect.has(`command_${id}`)) throw new Refused("unknown_command");
-    if (this.commands.length >= MOST_COMMANDS) throw new Refused("too_many_commands");
+    if (this.commands.length >= MOST_COMMANDS || !this.events.hasRoom(ROOM)) throw new Refused("too_many_commands");
     this.commands.push({ id, value, inFlight: false });
   }
 

@@ -146,7 +146,7 @@ static void recover(struct kawasaki_robot *robot, uint64_t now)
     } else if (step == KAWASAKI_CLEAR) {
         clear_list(robot, order->failures);
     }
-    struct kawasaki_event *event = report(robot, KAWASAKI_RECOVERY);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_RECOVERY);
     event->step = step;
     event->number = following;
 }
@@ -225,7 +225,7 @@ void kawasaki_robot_timeout(struct kawasaki_robot *robot, uint64_t now)
         robot->link = KAWASAKI_READY;
         robot->at = robot->overdue_at = now;
         robot->silent++;
-        report(robot, KAWASAKI_NO_REPLY);
+        kawasaki_report(&robot->end, KAWASAKI_NO_REPLY);
         if (robot->config.silent_cycles > 0 && robot->silent >= robot->config.silent_cycles)
             robot->end.closes = true;
     }

@@ -31,7 +31,7 @@ static void fail(struct kawasaki_robot *robot)
 
 static void refuse_start(struct kawasaki_robot *robot, uint16_t by, uint16_t named)
 {
-    struct kawasaki_event *event = report(robot, KAWASAKI_ORDER_REFUSED);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_ORDER_REFUSED);
     robot->start = by;
     event->active = robot->order.number;
     event->order = named;
@@ -169,7 +169,7 @@ static void take_job(struct kawasaki_robot *robot, const struct found *found, ui
 /* KM-62 */
 static void status(struct kawasaki_robot *robot, const struct found *found, uint16_t named)
 {
-    struct kawasaki_event *event = report(robot, KAWASAKI_PEER_STATUS);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_PEER_STATUS);
     event->order = named;
     event->phase = (uint8_t)value_or(found, KAWASAKI_PHASE, 0);
     event->number = number_of(found, KAWASAKI_QUEUED);

@@ -87,16 +87,18 @@ class Pc(End):
         self.number, self.foreign = order, order
         self.stage = Stage.FOREIGN if self.robot == order else Stage.UNSENT
 
-    def resume(self, order: int, jobs: Sequence[Json], executed: int, sent: int, ahead: Sequence[int] = ()) -> None:
+    def resume(
+        self, order: int, jobs: Sequence[Json], executed: int, sent: int, ahead: Sequence[int] = (), open: bool = False
+    ) -> None:
         """Goes on with an order of before; `ahead` are places, counted from 0. Raises NotTaken (KM-128)."""
         self.check_start(order)
         if not 0 <= sent - executed <= self.window:
             raise NotTaken("not_in_flight")
-        self.begin(jobs, False)
+        self.begin(jobs, open)
         self.number, self.stage = order, Stage.ACTIVE
         self.executed = self.queued = executed
         self.sent = sent
-        self.total = sent if len(jobs) <= sent else None
+        self.total = sent if len(jobs) <= sent and not open else None
         if not self.config.cumulative_acks:
             self.ahead = {self.numbering.number(place + 1) for place in ahead if executed <= place < sent}
         self.is_unsure = True

@@ -37,7 +37,6 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
     this.lose();
     this.up = true;
     this.silentAt = now + this.config.silence;
-    this.robot = null;
   }
 
   disconnected(): void {
@@ -132,6 +131,7 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
     if (this.order.phase === "starting" && this.order.start.kind === "sent") this.order.start = { kind: "lost" };
     this.endCommands("unknown");
     this.decoder.discard();
+    this.robot = null;
     this.closing = false;
     this.forgetReply();
   }

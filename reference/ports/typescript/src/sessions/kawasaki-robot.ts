@@ -35,7 +35,7 @@ export class KawasakiRobot extends RobotOrder implements Session<KawasakiRobotEv
       cycle: { phase: "ready", at: now, overdueAt: now },
       silent: 0,
       synced: false,
-      statusAt: now,
+      statusAt: now + this.config.status_period,
     };
     this.replies.status = true;
     this.replies.start = null;

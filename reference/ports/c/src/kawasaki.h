@@ -106,12 +106,18 @@ enum reading kawasaki_end_read(struct kawasaki_end *end, struct found *found, st
 /* Whether a message is not whole; what is corrupt is none, and not held. */
 bool kawasaki_end_is_half(const struct kawasaki_end *end);
 
-/* A new event: behind all, but for those that come last. Where there is no place, the oldest notice is dropped. */
+/* A new event, a notice or an outcome. Where all places are taken, the oldest notice is lost, which may be this one. */
 struct kawasaki_event *kawasaki_report(struct kawasaki_end *end, enum kawasaki_event_kind kind);
+struct kawasaki_event *kawasaki_report_outcome(struct kawasaki_end *end, enum kawasaki_event_kind kind);
 void kawasaki_reject(struct kawasaki_end *end, const struct kawasaki_fault *fault);
-void kawasaki_drop_progress(struct kawasaki_end *end);
 
-/* Room for so many outcomes. */
+/* The oldest event, or, without one, that the connection is to be closed; false: there is neither. */
+bool kawasaki_end_event(struct kawasaki_end *end, struct kawasaki_event *event);
+
+/* The event of what is set, which is not any more then; false: it is not. */
+bool kawasaki_take_flag(bool *is_set, enum kawasaki_event_kind kind, struct kawasaki_event *event);
+
+/* Room for so many outcomes (KM-81, KM-120). */
 bool kawasaki_has_room(const struct kawasaki_end *end, size_t outcomes);
 
 #endif

@@ -148,17 +148,22 @@ static bool check_table(const struct kawasaki_dialect *dialect)
     return true;
 }
 
+/* KM-24 */
 static bool check_layout(const struct kawasaki_dialect *dialect)
 {
     for (size_t i = 0; i < dialect->job_count; i++) {
         const struct kawasaki_job_field *field = &dialect->job[i];
         bool is_decimal = field->kind == KAWASAKI_DECIMAL;
-        if (field->low > field->high || (field->kind == KAWASAKI_TEXT && (field->low < 0 || field->high > KAWASAKI_MAX_OWN)))
+        if (field->low > field->high || (field->kind == KAWASAKI_TEXT && field->low < 0))
             return false;
         if (is_decimal ? field->places < 1 || field->places > 9 : field->places != 0)
             return false;
+        for (size_t other = 0; other < i; other++)
+            if (strcmp(dialect->job[other].name, field->name) == 0)
+                return false;
     }
-    return dialect->job_count <= KAWASAKI_OWN_FIELDS && kawasaki_job_longest(dialect) <= KAWASAKI_MAX_OWN;
+    bool is_count = dialect->job_count >= 1 && dialect->job_count <= KAWASAKI_OWN_FIELDS;
+    return is_count && kawasaki_job_longest(dialect) <= KAWASAKI_MAX_OWN;
 }
 
 /* The bytes of a list at its longest values, with a `$` between two. */
@@ -167,7 +172,7 @@ static size_t longest_list(const struct kawasaki_dialect *dialect, const struct 
     size_t longest = count > 0 ? count - 1 : 0, own = kawasaki_job_longest(dialect);
     for (size_t i = 0; i < count; i++)
         longest += list[i].field == KAWASAKI_CONSTANT ? list[i].constant.length
-                   : list[i].field == KAWASAKI_WORK   ? (own > 0 ? own - 1 : 0)
+                   : list[i].field == KAWASAKI_WORK   ? own - 1
                    : list[i].field == KAWASAKI_UNUSED ? 0
                                                       : 11;
     return longest;

@@ -13,6 +13,7 @@ void kawasaki_end_clear(struct kawasaki_end *end)
 {
     uint64_t position = end->decoder.position + end->decoder.dropped + end->decoder.length;
     kawasaki_msg_init(&end->decoder, end->dialect.is_latin1);
+    end->closes = false;
     end->decoder.position = position;
 }
 
@@ -33,47 +34,39 @@ bool kawasaki_end_is_half(const struct kawasaki_end *end)
     return end->decoder.length > 0;
 }
 
-static bool is_outcome(const struct kawasaki_event *event)
-{
-    return event->kind <= KAWASAKI_COMMANDED || event->kind == KAWASAKI_JOB_UNFIT ||
-           (event->kind == KAWASAKI_ORDER_REFUSED && event->given_up);
-}
-
 bool kawasaki_has_room(const struct kawasaki_end *end, size_t outcomes)
 {
     size_t held = 0;
     for (size_t i = 0; i < end->event_count; i++)
-        held += is_outcome(&end->events[i]);
+        held += end->events[i].is_outcome;
     return held + outcomes <= KAWASAKI_EVENTS;
 }
 
-static void remove_event(struct kawasaki_end *end, size_t at)
-{
-    memmove(end->events + at, end->events + at + 1, (--end->event_count - at) * sizeof *end->events);
-}
-
-/* The oldest notice; the last event, if there is none. */
+/* The oldest notice leaves its place, if there is one. */
 static void drop_notice(struct kawasaki_end *end)
 {
     size_t at = 0;
-    while (at + 1 < end->event_count && (is_outcome(&end->events[at]) || end->events[at].kind == KAWASAKI_PROGRESS))
+    while (at < KAWASAKI_EVENTS && end->events[at].is_outcome)
         at++;
-    remove_event(end, at);
+    if (at < KAWASAKI_EVENTS)
+        memmove(end->events + at, end->events + at + 1, (--end->event_count - at) * sizeof *end->events);
 }
 
-/* What comes behind all other events. */
-static int rank(enum kawasaki_event_kind kind) { return kind == KAWASAKI_PROGRESS ? 2 : kind <= KAWASAKI_DISCONNECT ? 1 : 0; }
-
-struct kawasaki_event *kawasaki_report(struct kawasaki_end *end, enum kawasaki_event_kind kind)
+static struct kawasaki_event *add(struct kawasaki_end *end, enum kawasaki_event_kind kind, bool is_outcome)
 {
     if (end->event_count == KAWASAKI_EVENTS)
         drop_notice(end);
-    size_t at = end->event_count++;
-    for (; at > 0 && rank(end->events[at - 1].kind) > rank(kind); at--)
-        end->events[at] = end->events[at - 1];
-    memset(&end->events[at], 0, sizeof *end->events);
-    end->events[at].kind = kind;
-    return &end->events[at];
+    struct kawasaki_event *event = &end->events[end->event_count];
+    end->event_count += end->event_count < KAWASAKI_EVENTS;
+    *event = (struct kawasaki_event){.kind = kind, .is_outcome = is_outcome};
+    return event;
+}
+
+struct kawasaki_event *kawasaki_report(struct kawasaki_end *end, enum kawasaki_event_kind kind) { return add(end, kind, false); }
+
+struct kawasaki_event *kawasaki_report_outcome(struct kawasaki_end *end, enum kawasaki_event_kind kind)
+{
+    return add(end, kind, true);
 }
 
 void kawasaki_reject(struct kawasaki_end *end, const struct kawasaki_fault *fault)
@@ -81,9 +74,15 @@ void kawasaki_reject(struct kawasaki_end *end, const struct kawasaki_fault *faul
     kawasaki_report(end, KAWASAKI_REJECTED)->fault = *fault;
 }
 
-void kawasaki_drop_progress(struct kawasaki_end *end)
+bool kawasaki_end_event(struct kawasaki_end *end, struct kawasaki_event *event)
 {
-    for (size_t i = end->event_count; i > 0; i--)
-        if (end->events[i - 1].kind == KAWASAKI_PROGRESS)
-            remove_event(end, i - 1);
+    return TAKE_EVENT(end, event) || kawasaki_take_flag(&end->closes, KAWASAKI_DISCONNECT, event);
+}
+
+bool kawasaki_take_flag(bool *is_set, enum kawasaki_event_kind kind, struct kawasaki_event *event)
+{
+    bool was_set = *is_set;
+    *is_set = false;
+    *event = (struct kawasaki_event){.kind = kind};
+    return was_set;
 }

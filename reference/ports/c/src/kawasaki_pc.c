@@ -29,7 +29,7 @@ bool kawasaki_pc_init(struct kawasaki_pc *pc, const struct kawasaki_pc_config *c
 
 static void begin(struct kawasaki_pc *pc, uint16_t order, const struct kawasaki_pc_jobs *jobs)
 {
-    kawasaki_drop_progress(&pc->end);
+    pc->has_progress = false;
     pc->number = pc->foreign = order;
     pc->jobs = *jobs;
     pc->executed = pc->queued = pc->sent = 0;
@@ -116,7 +116,7 @@ void kawasaki_pc_settle_commands(struct kawasaki_pc *pc, bool is_transmitted)
             pc->commands[kept++] = command;
             continue;
         }
-        struct kawasaki_event *event = kawasaki_report(&pc->end, KAWASAKI_COMMANDED);
+        struct kawasaki_event *event = kawasaki_report_outcome(&pc->end, KAWASAKI_COMMANDED);
         event->id = command.id;
         event->value = command.value;
         event->has_value = true;
@@ -127,7 +127,7 @@ void kawasaki_pc_settle_commands(struct kawasaki_pc *pc, bool is_transmitted)
 
 static struct kawasaki_event *report_outcome(struct kawasaki_pc *pc, enum kawasaki_event_kind kind)
 {
-    struct kawasaki_event *event = kawasaki_report(&pc->end, kind);
+    struct kawasaki_event *event = kawasaki_report_outcome(&pc->end, kind);
     event->order = pc->number;
     event->executed = pc->executed;
     event->sent = pc->sent;
@@ -145,12 +145,13 @@ void kawasaki_pc_over(struct kawasaki_pc *pc)
         kawasaki_pc_lose_outcome(pc);
         return;
     }
-    report_outcome(pc, KAWASAKI_ORDER_OVER)->complete = pc->has_total && pc->executed == pc->total;
+    bool complete = is_running(pc) && pc->has_total && pc->executed == pc->total;
+    report_outcome(pc, KAWASAKI_ORDER_OVER)->complete = complete;
 }
 
 static void lose(struct kawasaki_pc *pc)
 {
-    pc->is_up = pc->is_receiving = pc->is_due = pc->asks_status = pc->has_request = pc->knows_robot = false;
+    pc->end.closes = pc->is_up = pc->is_receiving = pc->is_due = pc->asks_status = pc->has_request = pc->knows_robot = false;
     if (pc->stage == KAWASAKI_PC_SENT)
         pc->stage = KAWASAKI_PC_LOST;
     kawasaki_pc_settle_commands(pc, false);
@@ -181,15 +182,23 @@ void kawasaki_pc_timeout(struct kawasaki_pc *pc, uint64_t now)
         if (pc->config.datagrams)
             pc->stage = KAWASAKI_PC_LOST;
         else
-            kawasaki_report(&pc->end, KAWASAKI_DISCONNECT);
+            pc->end.closes = true;
     }
     if (now >= pc->silent_at) {
         pc->silent_at = after(now, pc->config.silence);
-        kawasaki_report(&pc->end, KAWASAKI_DISCONNECT);
+        pc->end.closes = true;
     }
 }
 
-bool kawasaki_pc_event(struct kawasaki_pc *pc, struct kawasaki_event *event) { return TAKE_EVENT(&pc->end, event); }
+bool kawasaki_pc_event(struct kawasaki_pc *pc, struct kawasaki_event *event)
+{
+    if (kawasaki_end_event(&pc->end, event))
+        return true;
+    bool has_progress = kawasaki_take_flag(&pc->has_progress, KAWASAKI_PROGRESS, event);
+    event->executed = pc->executed;
+    event->queued = pc->queued;
+    return has_progress;
+}
 
 /* KM-119 */
 bool kawasaki_pc_deadline(const struct kawasaki_pc *pc, uint64_t *deadline)

@@ -63,7 +63,7 @@ static void add_commands(struct kawasaki_pc *pc, struct packet *packet)
 /* KM-97 */
 static void report_unfit(struct kawasaki_pc *pc, uint64_t index, const struct kawasaki_fault *fault)
 {
-    struct kawasaki_event *event = kawasaki_report(&pc->end, KAWASAKI_JOB_UNFIT);
+    struct kawasaki_event *event = kawasaki_report_outcome(&pc->end, KAWASAKI_JOB_UNFIT);
     event->order = pc->number;
     event->index = index;
     event->fault = *fault;

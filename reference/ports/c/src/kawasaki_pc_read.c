@@ -74,9 +74,9 @@ static void refused(struct kawasaki_pc *pc, uint16_t by)
         pc->number = 0;
     }
     struct kawasaki_event *event = kawasaki_report(&pc->end, KAWASAKI_ORDER_REFUSED);
+    event->is_outcome = event->given_up = gives_up;
     event->order = number;
     event->active = by;
-    event->given_up = gives_up;
 }
 
 /* KM-104 */
@@ -244,12 +244,8 @@ static void take_message(struct kawasaki_pc *pc, uint64_t now, const struct foun
     } else if (role != KAWASAKI_FILLER) {
         of_order(pc, found, named);
     }
-    if (executed != pc->executed || queued != pc->queued) {
-        kawasaki_drop_progress(&pc->end);
-        struct kawasaki_event *event = kawasaki_report(&pc->end, KAWASAKI_PROGRESS);
-        event->executed = pc->executed;
-        event->queued = pc->queued;
-    }
+    if (executed != pc->executed || queued != pc->queued)
+        pc->has_progress = true;
 }
 
 static void read_messages(struct kawasaki_pc *pc, uint64_t now)

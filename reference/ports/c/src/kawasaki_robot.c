@@ -56,7 +56,7 @@ void kawasaki_robot_interrupt(struct kawasaki_robot *robot)
     kawasaki_queue_clear(&robot->queue);
     robot->order.stage = KAWASAKI_INTERRUPTED;
     robot->order.is_reported = false;
-    report(robot, KAWASAKI_ORDER_INTERRUPTED);
+    report_outcome(robot, KAWASAKI_ORDER_INTERRUPTED);
 }
 
 bool kawasaki_robot_take(struct kawasaki_robot *robot, uint16_t number, struct kawasaki_robot_job *job)
@@ -96,6 +96,7 @@ void kawasaki_robot_connected(struct kawasaki_robot *robot, uint64_t now)
 {
     struct kawasaki_robot_order *order = &robot->order;
     kawasaki_end_clear(&robot->end);
+    robot->opens = false;
     robot->link = KAWASAKI_READY;
     robot->at = robot->overdue_at = now;
     robot->silent = 0;
@@ -135,7 +136,7 @@ static void recover(struct kawasaki_robot *robot, uint64_t now)
     if (step == KAWASAKI_GIVE_UP) {
         robot->replies_status = true;
         order->stage = KAWASAKI_IN_ALARM;
-        report_next(robot, KAWASAKI_ALARM, following);
+        report_outcome(robot, KAWASAKI_ALARM)->number = following;
         return;
     }
     if (step == KAWASAKI_HOLD) {
@@ -145,7 +146,7 @@ static void recover(struct kawasaki_robot *robot, uint64_t now)
     } else if (step == KAWASAKI_CLEAR) {
         clear_list(robot, order->failures);
     }
-    struct kawasaki_event *event = report(robot, KAWASAKI_RECOVERY);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_RECOVERY);
     event->step = step;
     event->number = following;
 }
@@ -157,6 +158,7 @@ void kawasaki_robot_disconnected(struct kawasaki_robot *robot, uint64_t now)
     if (robot->link == KAWASAKI_DISCONNECTED)
         return;
     robot->link = KAWASAKI_DISCONNECTED;
+    robot->opens = robot->end.closes = false;
     robot->connect_at = after(now, robot->config.reconnect_delay);
     if (was_connected && takes_jobs(robot) && order_is_done(&robot->order))
         recover(robot, now);
@@ -176,7 +178,7 @@ static void over(struct kawasaki_robot *robot)
     robot->ended_orders[robot->ended_count++] = order->number;
     robot->replies_status = robot->replies_end = true;
     robot->replies_pause = false;
-    report(robot, KAWASAKI_ORDER_OVER)->executed = order->executed;
+    report_outcome(robot, KAWASAKI_ORDER_OVER)->executed = order->executed;
     order->number = 0;
 }
 
@@ -213,7 +215,7 @@ void kawasaki_robot_timeout(struct kawasaki_robot *robot, uint64_t now)
     struct kawasaki_robot_order *order = &robot->order;
     if (robot->link == KAWASAKI_DISCONNECTED && now >= robot->connect_at) {
         robot->link = KAWASAKI_CONNECTING;
-        report(robot, KAWASAKI_CONNECT);
+        robot->opens = true;
     }
     if (order->flow == KAWASAKI_HELD && now >= order->held_until)
         order->flow = KAWASAKI_ASKING;
@@ -223,14 +225,14 @@ void kawasaki_robot_timeout(struct kawasaki_robot *robot, uint64_t now)
         robot->link = KAWASAKI_READY;
         robot->at = robot->overdue_at = now;
         robot->silent++;
-        report(robot, KAWASAKI_NO_REPLY);
+        kawasaki_report(&robot->end, KAWASAKI_NO_REPLY);
         if (robot->config.silent_cycles > 0 && robot->silent >= robot->config.silent_cycles)
-            report(robot, KAWASAKI_DISCONNECT);
+            robot->end.closes = true;
     }
     look(robot, now);
 }
 
 bool kawasaki_robot_event(struct kawasaki_robot *robot, struct kawasaki_event *event)
 {
-    return TAKE_EVENT(&robot->end, event);
+    return kawasaki_end_event(&robot->end, event) || kawasaki_take_flag(&robot->opens, KAWASAKI_CONNECT, event);
 }

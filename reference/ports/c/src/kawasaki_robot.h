@@ -48,16 +48,17 @@ static inline uint16_t next_executed(const struct kawasaki_robot *robot)
     return number_at(&robot->end, robot->order.executed + 1);
 }
 
-static inline struct kawasaki_event *report(struct kawasaki_robot *robot, enum kawasaki_event_kind kind)
+/* An outcome of the active order. */
+static inline struct kawasaki_event *report_outcome(struct kawasaki_robot *robot, enum kawasaki_event_kind kind)
 {
-    struct kawasaki_event *event = kawasaki_report(&robot->end, kind);
+    struct kawasaki_event *event = kawasaki_report_outcome(&robot->end, kind);
     event->order = robot->order.number;
     return event;
 }
 
 static inline void report_next(struct kawasaki_robot *robot, enum kawasaki_event_kind kind, uint16_t number)
 {
-    report(robot, kind)->number = number;
+    kawasaki_report(&robot->end, kind)->number = number;
 }
 
 /* KM-59 */

@@ -31,7 +31,7 @@ static void fail(struct kawasaki_robot *robot)
 
 static void refuse_start(struct kawasaki_robot *robot, uint16_t by, uint16_t named)
 {
-    struct kawasaki_event *event = report(robot, KAWASAKI_ORDER_REFUSED);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_ORDER_REFUSED);
     robot->start = by;
     event->active = robot->order.number;
     event->order = named;
@@ -80,7 +80,7 @@ static void start(struct kawasaki_robot *robot, uint64_t now, uint16_t named, in
     } else {
         kawasaki_order_begin(order, named);
         robot->start = named;
-        report(robot, KAWASAKI_ORDER_STARTED);
+        report_outcome(robot, KAWASAKI_ORDER_STARTED);
     }
 }
 
@@ -95,7 +95,7 @@ static void end_order(struct kawasaki_robot *robot)
     } else if (order->stage == KAWASAKI_IN_ALARM || (takes_jobs(robot) && order->gap != KAWASAKI_REST)) {
         order->stage = KAWASAKI_ENDING;
         robot->replies_status = true;
-        report(robot, KAWASAKI_ORDER_ENDING);
+        report_outcome(robot, KAWASAKI_ORDER_ENDING);
     }
 }
 
@@ -169,7 +169,7 @@ static void take_job(struct kawasaki_robot *robot, const struct found *found, ui
 /* KM-62 */
 static void status(struct kawasaki_robot *robot, const struct found *found, uint16_t named)
 {
-    struct kawasaki_event *event = report(robot, KAWASAKI_PEER_STATUS);
+    struct kawasaki_event *event = kawasaki_report(&robot->end, KAWASAKI_PEER_STATUS);
     event->order = named;
     event->phase = (uint8_t)value_or(found, KAWASAKI_PHASE, 0);
     event->number = number_of(found, KAWASAKI_QUEUED);
@@ -185,7 +185,7 @@ static void command(struct kawasaki_robot *robot, const struct found *found)
         reject_role(robot, found->entry);
         return;
     }
-    struct kawasaki_event *event = report(robot, KAWASAKI_COMMANDED);
+    struct kawasaki_event *event = report_outcome(robot, KAWASAKI_COMMANDED);
     event->id = found->entry->command;
     event->has_value = found->is_there[KAWASAKI_VALUE];
     event->value = value_or(found, KAWASAKI_VALUE, 0);

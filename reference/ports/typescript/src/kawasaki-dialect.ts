@@ -2,6 +2,7 @@
 
 import { Refused } from "./check.js";
 import { LAST_CHARACTER, encodeMessage, readNumber, type Charset, type Message } from "./kawasaki-msg.js";
+import { require } from "./sessions/session.js";
 
 export type Role =
   | "order_start"
@@ -171,6 +172,8 @@ export class Dialect {
         Math.max(header.length, fields.length) > MAX_FIELDS;
       if (isWrong) throw new Refused("config", `the fields of ${role}`);
     }
+    const names = new Set(this.layout.map(({ name }) => name));
+    if (names.size === 0 || names.size < this.layout.length) throw new Refused("config", "a layout without a field, or with a name twice (KM-24)");
     if (this.longestWork > LONGEST_WORK) throw new Refused("config", `a job's own fields have up to ${LONGEST_WORK} bytes`);
   }
 
@@ -183,7 +186,7 @@ export class Dialect {
   /** The bytes of the longest message; a name or a constant that cannot be written is refused (KM-45). */
   get longest(): number {
     const long = (field: TableField): string => {
-      if (field === "work") return "0".repeat(Math.max(this.longestWork - 1, 0));
+      if (field === "work") return "0".repeat(this.longestWork - 1);
       return field === "unused" ? "" : field.startsWith("=") ? field.slice(1) : "0".repeat(LONGEST_NUMBER);
     };
     const messages = [...this.table.values()].map(({ name, header = [], fields }) => ({ name, header: header.map(long), fields: fields.map(long) }));
@@ -331,11 +334,17 @@ function readField(field: TableField, text: string, values: Values): ((place: nu
   return null;
 }
 
+/** A field in counts of its last decimal; refuses one that can have no value (KM-24). */
 function jobField(field: GivenJobField): JobField {
-  if (field.kind === "text") return field;
+  if (field.kind === "text") {
+    require(field.length[0] >= 0 && field.length[0] <= field.length[1], `${field.name} can have no value`);
+    return field;
+  }
   const { name, kind, places = 0 } = field;
+  require(kind === "decimal" ? places >= 1 && places <= 9 : places === 0, `the decimals of ${name}`);
   const count = (end: number | string): number => (typeof end === "string" ? Math.round(Number(end) * 10 ** places) : end);
   const range: [number, number] = [count(field.range[0]), count(field.range[1])];
+  require(range[0] <= range[1], `${name} can have no value`);
   return kind === "decimal" ? { name, kind, places, range } : { name, kind, range };
 }
 

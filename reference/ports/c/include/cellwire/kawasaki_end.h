@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define KAWASAKI_EVENTS 32
+#define KAWASAKI_EVENTS 32 /* that wait */
 #define KAWASAKI_NUMBERS ((KAWASAKI_LARGEST + 8) / 8)
 
 /* KM-81, KM-120. A `number` that is 0 is none. */
@@ -42,6 +42,7 @@ enum kawasaki_step { KAWASAKI_RESEND, KAWASAKI_HOLD, KAWASAKI_CLEAR, KAWASAKI_GI
 
 struct kawasaki_event {
     enum kawasaki_event_kind kind;
+    bool is_outcome; /* it is never lost */
     uint16_t order, active, number;
     uint64_t executed, queued, sent, index; /* counts of jobs; an index is counted from 0 */
     bool complete, given_up, is_transmitted, has_value;
@@ -60,8 +61,9 @@ struct kawasaki_end {
     size_t packet;
     struct kawasaki_msg_decoder decoder;
     struct kawasaki_msg_item item;
-    struct kawasaki_event events[KAWASAKI_EVENTS];
+    struct kawasaki_event events[KAWASAKI_EVENTS + 1]; /* the last place is of a notice that is lost */
     size_t event_count;
+    bool closes; /* that it is to be closed is not reported yet */
 };
 
 /* KM-4, KM-5: bytes of a string of AS, and of a packet. */

@@ -74,6 +74,7 @@ struct kawasaki_pc {
     enum kawasaki_pc_stage stage;
     struct kawasaki_pc_jobs jobs;
     uint64_t executed, queued, sent, total;
+    bool has_progress; /* that is not reported yet */
     bool has_total, is_unsure, is_cancelled, has_answer_by, has_left;
     uint8_t ahead[KAWASAKI_NUMBERS]; /* a set of numbers */
     unsigned refusals;

@@ -84,6 +84,7 @@ struct kawasaki_robot {
     struct kawasaki_queue queue;
     struct kawasaki_robot_order order;
     enum kawasaki_robot_link link;
+    bool opens; /* that it is to be opened is not reported yet */
     uint64_t connect_at, at, overdue_at, not_before, status_at;
     bool answered, synced;
     unsigned silent;

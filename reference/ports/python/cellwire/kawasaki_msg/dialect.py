@@ -71,7 +71,7 @@ class Dialect:
     """The table, the character set and the layout of jobs of a plant."""
 
     def __init__(self, messages: Json | None = None, charset: str = "ascii", job: list[Json] | None = None) -> None:
-        self.layout = Layout([Field.of(spec) for spec in job] if job else Layout().fields)
+        self.layout = Layout() if job is None else Layout([Field.of(spec) for spec in job])
         self.options: Json = {"charset": charset}
         entries = {role: Entry(role, name, [], fields) for role, (name, _, fields) in TABLE.items()}
         for role, spec in (messages or {}).items():

@@ -1,6 +1,7 @@
 """What both ends of kawasaki-msg share: the decoder of a connection, and the order of events."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 from ..session import Session
 from ..stream import Json
@@ -11,12 +12,14 @@ from .numbering import LARGEST, Numbering
 
 # Events that come behind all others (KM-81, KM-120).
 LAST = {"connect": 1, "disconnect": 1, "progress": 2}
+PLACES = 32  # of all others that wait
 
 
 class End(Session, ABC):
     """One end of a connection."""
 
     CLOSES = frozenset({"disconnect"})
+    OUTCOMES: ClassVar[frozenset[str]]  # what is never lost
 
     def __init__(self, dialect: Dialect, max_number: int, datagrams: bool) -> None:
         super().__init__()
@@ -29,11 +32,27 @@ class End(Session, ABC):
         self.messages = codec.Decoder(options=dialect.options)
 
     def report(self, event: str, **fields: object) -> None:
-        """An event; some come behind others."""
+        """An event; some come behind others, each once, and of other notices that find no place the oldest is lost."""
+        if event in LAST:
+            self.forget(event)
         place = len(self.events)
         while place > 0 and LAST.get(self.events[place - 1]["event"], 0) > LAST.get(event, 0):
             place -= 1
         self.events.insert(place, {"event": event, **fields})
+        waiting = [event for event in self.events if event["event"] not in LAST]
+        if len(waiting) > PLACES:
+            self.events.remove(next(event for event in waiting if not self.is_outcome(event)))
+
+    def forget(self, *names: str) -> None:
+        """Events that are true no more."""
+        self.events[:] = [event for event in self.events if event["event"] not in names]
+
+    def is_outcome(self, event: Json) -> bool:
+        return event["event"] in self.OUTCOMES or event.get("given_up", False)
+
+    def has_room(self, outcomes: int) -> bool:
+        """Room for so many outcomes."""
+        return sum(self.is_outcome(event) for event in self.events) + outcomes <= PLACES
 
     def reject(self, kind: str, **fields: object) -> None:
         self.report("rejected", error={"kind": kind, **fields})

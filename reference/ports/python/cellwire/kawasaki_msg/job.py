@@ -32,6 +32,10 @@ class Field:
     places: int = 0
     is_text: bool = False
 
+    def __post_init__(self) -> None:
+        if self.low > self.high or self.is_text and self.low < 0:
+            raise ValueError(f"{self.name} can have no value")  # KM-24
+
     @staticmethod
     def of(spec: Json) -> "Field":
         """A field in the words of a configuration."""
@@ -39,6 +43,8 @@ class Field:
             low, high = spec["length"]
             return Field(spec["name"], low, high, is_text=True)
         places = spec.get("places", 0)
+        if places not in (range(1, 10) if spec["kind"] == "decimal" else [0]):
+            raise ValueError("a decimal has 1 to 9 decimals, and a whole number none")  # KM-24
         low, high = (to_count(str(end), places) for end in spec["range"])
         return Field(spec["name"], low, high, places)
 
@@ -117,6 +123,8 @@ class Layout:
 
     def __init__(self, fields: Sequence[Field] = LINES) -> None:
         self.fields = list(fields)
+        if not fields or len({field.name for field in fields}) < len(fields):
+            raise ValueError("a layout without a field, or with a name twice")  # KM-24
         if self.longest() > LONGEST_OWN:
             raise ValueError(f"the own fields of a job have up to {LONGEST_OWN} bytes")  # KM-25
 

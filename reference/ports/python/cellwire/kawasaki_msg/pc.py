@@ -12,6 +12,7 @@ from .end import End
 from .job import Unfit
 
 COMMANDS = 4  # in flight and waiting
+ROOM = 6  # outcomes (KM-120)
 LATEST_DATAGRAM = SECOND  # KM-9
 CANCELLED = 2 * SECOND  # KM-93
 ACTIVE = 2  # a phase other than this is begun (KM-107)
@@ -47,6 +48,8 @@ class Command:
 class Pc(End):
     """Gives a robot the jobs of an order, one order after the other."""
 
+    OUTCOMES = frozenset({"order_over", "outcome_unknown", "job_unfit", "command"})  # and an order that is given up
+
     def __init__(self, config: PcConfig | None = None) -> None:
         self.config = config = config or PcConfig()
         super().__init__(config.dialect, config.max_number, config.datagrams)
@@ -65,7 +68,7 @@ class Pc(End):
 
     def begin(self, jobs: Sequence[Json], is_open: bool) -> None:
         """The counts of a new order."""
-        self.drop_progress()
+        self.forget("progress")
         self.jobs, self.is_open = list(jobs), is_open
         self.executed = self.queued = self.sent = 0
         self.total: int | None = None
@@ -84,16 +87,18 @@ class Pc(End):
         self.number, self.foreign = order, order
         self.stage = Stage.FOREIGN if self.robot == order else Stage.UNSENT
 
-    def resume(self, order: int, jobs: Sequence[Json], executed: int, sent: int, ahead: Sequence[int] = ()) -> None:
+    def resume(
+        self, order: int, jobs: Sequence[Json], executed: int, sent: int, ahead: Sequence[int] = (), open: bool = False
+    ) -> None:
         """Goes on with an order of before; `ahead` are places, counted from 0. Raises NotTaken (KM-128)."""
         self.check_start(order)
         if not 0 <= sent - executed <= self.window:
             raise NotTaken("not_in_flight")
-        self.begin(jobs, False)
+        self.begin(jobs, open)
         self.number, self.stage = order, Stage.ACTIVE
         self.executed = self.queued = executed
         self.sent = sent
-        self.total = sent if len(jobs) <= sent else None
+        self.total = sent if len(jobs) <= sent and not open else None
         if not self.config.cumulative_acks:
             self.ahead = {self.numbering.number(place + 1) for place in ahead if executed <= place < sent}
         self.is_unsure = True
@@ -101,6 +106,8 @@ class Pc(End):
     def check_start(self, order: int) -> None:
         if order == 0:
             raise NotTaken("order_zero")
+        if not self.has_room(ROOM):
+            raise NotTaken("too_many_events")
         if self.stage is not Stage.IDLE:
             raise NotTaken("order_active")
 
@@ -135,7 +142,7 @@ class Pc(End):
         """A command of the application's own; raises NotTaken (KM-98)."""
         if f"{COMMAND}{id}" not in self.dialect.entries:
             raise NotTaken("unknown_command")
-        if len(self.commands) >= COMMANDS:
+        if len(self.commands) >= COMMANDS or not self.has_room(ROOM):
             raise NotTaken("too_many_commands")
         self.commands.append(Command(id, value))
 
@@ -155,6 +162,7 @@ class Pc(End):
         self.lose()
 
     def lose(self) -> None:
+        self.forget("disconnect")
         self.is_up = self.is_receiving = self.asks_status = False
         self.reply_at = self.jobs_from = self.robot = None
         if self.stage is Stage.SENT:
@@ -209,15 +217,7 @@ class Pc(End):
         elif role != "filler":
             self.of_order(role, named, found)
         if before != (self.executed, self.queued):
-            self.progress()
-
-    def progress(self) -> None:
-        """The last one is kept (KM-120)."""
-        self.drop_progress()
-        self.report("progress", executed=self.executed, queued=self.queued)
-
-    def drop_progress(self) -> None:
-        self.events[:] = [event for event in self.events if event["event"] != "progress"]
+            self.report("progress", executed=self.executed, queued=self.queued)
 
     def of_order(self, role: str, named: int, found: Json) -> None:
         """Acknowledgements of jobs, pauses and requests (KM-117)."""
@@ -390,8 +390,9 @@ class Pc(End):
         if is_doubtful and self.executed < self.sent:
             self.lose_outcome()
             return
+        complete = self.stage in RUNNING and self.executed == self.total
         number, self.number, self.stage = self.number, 0, Stage.IDLE
-        self.report("order_over", order=number, executed=self.executed, complete=self.executed == self.total)
+        self.report("order_over", order=number, executed=self.executed, complete=complete)
 
     def lose_outcome(self) -> None:
         number, self.number, self.stage = self.number, 0, Stage.IDLE

@@ -15,6 +15,7 @@ from .queue import Queue
 READ_ON = 2 * MS  # KM-50
 LATEST_DATAGRAM = SECOND  # KM-9
 ENDED_ORDERS = 16
+ROOM_TO_CLEAR, ROOM_TO_START, ROOM_FOR_COMMAND = 5, 10, 11  # outcomes (KM-81)
 
 
 class Link(Enum):
@@ -40,6 +41,7 @@ class Robot(End):
     """Asks a PC for jobs, queues them for its motion program, and tells what became of them."""
 
     CONNECTS = True
+    OUTCOMES = frozenset({"order_started", "order_ending", "order_interrupted", "order_over", "alarm", "command"})
 
     def __init__(self, config: RobotConfig | None = None) -> None:
         self.config = config = config or RobotConfig()
@@ -77,6 +79,8 @@ class Robot(End):
 
     def clear_queue(self) -> None:
         """Clears the list; raises NotTaken (KM-71)."""
+        if not self.has_room(ROOM_TO_CLEAR):
+            raise NotTaken("too_many_events")
         if self.order.stage not in (Stage.INTAKE, Stage.ALARM):
             raise NotTaken("no_order")
         self.replies.status |= self.order.stage is Stage.ALARM
@@ -101,6 +105,7 @@ class Robot(End):
     def connected(self, now: int) -> None:
         """KM-49"""
         self.clear()
+        self.forget("connect", "disconnect")
         self.link, self.at, self.overdue_at = Link.READY, now, now
         self.silent, self.synced = 0, False
         self.replies.status, self.replies.start = True, None
@@ -117,6 +122,7 @@ class Robot(End):
         if self.link is Link.DISCONNECTED:
             return
         was_connected = self.is_connected()
+        self.forget("connect", "disconnect")
         self.link, self.connect_at = Link.DISCONNECTED, after(now, self.config.reconnect_delay)
         if was_connected and self.order.stage is Stage.INTAKE and self.order.is_done():
             self.recover(now)
@@ -172,6 +178,8 @@ class Robot(End):
             self.job(named, found)
         elif role == "status":
             self.status(named, found)
+        elif role != "filler" and not self.has_room(ROOM_FOR_COMMAND):
+            self.not_expected(role)
         elif role != "filler":
             command = int(role.removeprefix("command_"))
             self.report("command", id=command, value=found.get("value"))
@@ -206,13 +214,16 @@ class Robot(End):
             self.replies.start = 0
             place = self.dialect.place("order_start", "number")
             self.reject("out_of_range", field=place, found=number, min=1, max=1)
-        elif not named or self.queue.is_abandoned or self.config.datagrams and named in self.ended_orders:
+        elif not named or not self.can_execute() or self.config.datagrams and named in self.ended_orders:
             self.replies.start = 0
             self.report("order_refused", order=named, active=0)
         else:
             order.begin(named)
             self.replies.start = named
             self.report("order_started", order=named)
+
+    def can_execute(self) -> bool:
+        return not self.queue.is_abandoned and self.has_room(ROOM_TO_START)
 
     def answer_end(self, named: int) -> None:
         """KM-60"""

@@ -3,7 +3,8 @@
 import { Refused } from "../check.js";
 import { Dialect, ahead, checkEnd, numberAfter, phaseName, shownRole, type Job, type Meaning, type Values } from "../kawasaki-dialect.js";
 import { KAWASAKI_PC_DEFAULTS, type KawasakiPcConfig, type KawasakiPcEvent, type OrderRequest, type PcRejection, type ResumeRequest } from "./kawasaki-pc-config.js";
-import { Events, require } from "./session.js";
+import { KawasakiEvents } from "./kawasaki-events.js";
+import { require } from "./session.js";
 
 type StartState = { kind: "unsent" | "lost" } | { kind: "sent"; answerBy: number } | { kind: "foreign"; order: number };
 
@@ -23,6 +24,9 @@ interface Contents {
 
 /** A datagram may come so much later (KM-9). */
 export const LATEST_DATAGRAM = 1e9;
+/** Outcomes that there has to be room for (KM-120). */
+export const ROOM = 6;
+const OUTCOMES = ["order_over", "outcome_unknown", "job_unfit", "command"];
 
 /** What the session of a PC is built on. */
 export class PcOrder {
@@ -41,7 +45,7 @@ export class PcOrder {
   protected open = false;
   protected progress = false;
   protected readonly dialect: Dialect;
-  protected readonly events = new Events<KawasakiPcEvent>();
+  protected readonly events = new KawasakiEvents<KawasakiPcEvent>((event) => OUTCOMES.includes(event.event) || ("given_up" in event && event.given_up));
   protected readonly config: KawasakiPcConfig;
 
   constructor(given: Partial<KawasakiPcConfig> = {}) {
@@ -73,6 +77,7 @@ export class PcOrder {
 
   private begin(order: number, jobs: Job[], open: boolean, executed: number, sent: number): void {
     if (this.order.phase !== "idle") throw new Refused("order_active");
+    if (!this.events.hasRoom(ROOM)) throw new Refused("too_many_events");
     if (order < 1 || order > 0xffff) throw new Refused("order_zero");
     this.jobs = [...jobs];
     this.open = open;
@@ -335,7 +340,8 @@ export class PcOrder {
       this.unknown(number);
       return;
     }
+    const complete = this.order.phase === "running" && this.executed === this.total;
     this.order = { phase: "idle" };
-    this.events.push({ event: "order_over", order: number, executed: this.executed, complete: this.executed === this.total });
+    this.events.push({ event: "order_over", order: number, executed: this.executed, complete });
   }
 }

@@ -5,7 +5,7 @@ import { numberAfter, numberOf, type Values } from "../kawasaki-dialect.js";
 import { MessageDecoder, type Message } from "../kawasaki-msg.js";
 import { Packet } from "./kawasaki-packet.js";
 import type { KawasakiPcConfig, KawasakiPcEvent } from "./kawasaki-pc-config.js";
-import { LATEST_DATAGRAM, PcOrder } from "./kawasaki-pc-order.js";
+import { LATEST_DATAGRAM, PcOrder, ROOM } from "./kawasaki-pc-order.js";
 import { NEVER, isDue, type Session } from "./session.js";
 
 export type { OrderRequest, ResumeRequest } from "./kawasaki-pc-config.js";
@@ -37,7 +37,6 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
     this.lose();
     this.up = true;
     this.silentAt = now + this.config.silence;
-    this.robot = null;
   }
 
   disconnected(): void {
@@ -122,7 +121,7 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
 
   command(id: number, value: number): void {
     if (!this.dialect.has(`command_${id}`)) throw new Refused("unknown_command");
-    if (this.commands.length >= MOST_COMMANDS) throw new Refused("too_many_commands");
+    if (this.commands.length >= MOST_COMMANDS || !this.events.hasRoom(ROOM)) throw new Refused("too_many_commands");
     this.commands.push({ id, value, inFlight: false });
   }
 
@@ -132,6 +131,7 @@ export class KawasakiPc extends PcOrder implements Session<KawasakiPcEvent> {
     if (this.order.phase === "starting" && this.order.start.kind === "sent") this.order.start = { kind: "lost" };
     this.endCommands("unknown");
     this.decoder.discard();
+    this.robot = null;
     this.closing = false;
     this.forgetReply();
   }

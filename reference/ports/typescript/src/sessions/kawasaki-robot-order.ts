@@ -4,7 +4,8 @@ import { Refused } from "../check.js";
 import { Dialect, ahead, checkEnd, numberAfter, numberOf, phaseName, shownRole, type Job, type Meaning } from "../kawasaki-dialect.js";
 import { JobQueue, type QueuedJob } from "./kawasaki-queue.js";
 import { KAWASAKI_ROBOT_DEFAULTS, MS, type KawasakiRobotConfig, type KawasakiRobotEvent, type RobotRejection } from "./kawasaki-robot-config.js";
-import { Events, isDue } from "./session.js";
+import { KawasakiEvents } from "./kawasaki-events.js";
+import { isDue } from "./session.js";
 
 type Gap = "closed" | "rest" | "asked" | "end_once" | "asked_again";
 
@@ -28,6 +29,9 @@ type Order = (Stage & { number: number }) | null;
 /** The motion program looks at its queue so often. */
 export const CYCLE = 2 * MS;
 const MOST_ENDED = 16;
+/** Outcomes that there has to be room for (KM-81). */
+const ROOM = { clear: 5, start: 10, command: 11 };
+const OUTCOMES = ["order_started", "order_ending", "order_interrupted", "order_over", "alarm", "command"];
 
 /** What the session of a robot is built on. */
 export class RobotOrder {
@@ -46,7 +50,7 @@ export class RobotOrder {
   private hasProgram = true;
   private readonly queue: JobQueue;
   protected readonly dialect: Dialect;
-  protected readonly events = new Events<KawasakiRobotEvent>();
+  protected readonly events = new KawasakiEvents<KawasakiRobotEvent>((event) => OUTCOMES.includes(event.event));
   protected readonly config: KawasakiRobotConfig;
 
   constructor(given: Partial<KawasakiRobotConfig> = {}) {
@@ -94,6 +98,7 @@ export class RobotOrder {
   clearQueue(): void {
     const { order } = this;
     if (order === null || (order.stage !== "intake" && order.stage !== "alarm")) throw new Refused("no_order");
+    if (!this.events.hasRoom(ROOM.clear)) throw new Refused("too_many_events");
     if (order.stage === "alarm") this.replies.status = true;
     this.clearList(0);
   }
@@ -221,7 +226,7 @@ export class RobotOrder {
         break;
       default: {
         const shown = shownRole(role);
-        if (typeof shown === "object") this.events.push({ event: "command", id: shown.command, value: values.value ?? null });
+        if (typeof shown === "object" && this.events.hasRoom(ROOM.command)) this.events.push({ event: "command", id: shown.command, value: values.value ?? null });
         else this.reject({ kind: "not_expected", role: shown });
       }
     }
@@ -243,7 +248,7 @@ export class RobotOrder {
       return;
     }
     const old = this.config.datagrams && this.endedOrders.includes(order);
-    if (order === 0 || number !== 1 || !this.hasProgram || old) {
+    if (order === 0 || number !== 1 || !this.hasProgram || old || !this.events.hasRoom(ROOM.start)) {
       this.replies.start = 0;
       if (order !== 0 && number !== 1) this.reject({ kind: "out_of_range", field: this.dialect.placeOfNumber("order_start"), found: number, min: 1, max: 1 });
       else this.events.push({ event: "order_refused", order, active: 0 });

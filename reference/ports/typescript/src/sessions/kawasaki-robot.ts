@@ -35,7 +35,7 @@ export class KawasakiRobot extends RobotOrder implements Session<KawasakiRobotEv
       cycle: { phase: "ready", at: now, overdueAt: now },
       silent: 0,
       synced: false,
-      statusAt: now,
+      statusAt: now + this.config.status_period,
     };
     this.replies.status = true;
     this.replies.start = null;
@@ -53,7 +53,7 @@ export class KawasakiRobot extends RobotOrder implements Session<KawasakiRobotEv
     const { link, order } = this;
     if (link.phase === "disconnected") return;
     if (link.phase === "connected" && order?.stage === "intake" && this.executed === this.queued) this.recover(order, now);
-    this.closing = false;
+    this.closing = this.opening = false;
     this.link = { phase: "disconnected", connectAt: now + this.config.reconnect_delay };
   }
 

@@ -201,7 +201,7 @@ def items_are(items):
 
 
 def written_as(text):
-    return lambda answer: "hex" in answer and bytes.fromhex(answer["hex"]).decode() == text
+    return lambda answer: "hex" in answer and bytes.fromhex(answer["hex"]).decode(errors="replace") == text
 
 
 def ls_request(task, entry, **fields):

@@ -67,26 +67,37 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
     return is_there ? BY_BEGINNING : NOT_KNOWN_YET;
 }
 
-static bool error(struct modbus_item *item, enum modbus_error_kind kind, size_t expected, size_t found)
+/* The first error is the one that is reported. */
+static void error(struct modbus_item *item, enum modbus_error_kind kind, size_t expected, size_t found)
 {
+    if (item->error != MODBUS_NO_ERROR)
+        return;
     item->error = kind;
     item->expected = expected;
     item->found = found;
-    return false;
 }
+
+/* An error without `expected`. */
+static void wrong(struct modbus_item *item, enum modbus_error_kind kind, size_t found) { error(item, kind, 0, found); }
 
 /* What is at the beginning: FRAME of `item->length` bytes, CORRUPT, or WAIT for more bytes. */
 enum outcome { FRAME, CORRUPT, WAIT };
 
-static enum outcome corrupt(struct modbus_item *item, enum modbus_error_kind kind, size_t expected, size_t found)
+static enum outcome corrupt(struct modbus_item *item, enum modbus_error_kind kind, size_t found)
 {
-    error(item, kind, expected, found);
+    wrong(item, kind, found);
+    return CORRUPT;
+}
+
+static enum outcome cut(struct modbus_item *item, size_t expected, size_t found)
+{
+    error(item, MODBUS_CUT, expected, found);
     return CORRUPT;
 }
 
 static enum outcome more(const struct modbus_decoder *decoder, size_t expected, struct modbus_item *item)
 {
-    return decoder->ended ? corrupt(item, MODBUS_CUT, expected, decoder->length) : WAIT;
+    return decoder->ended ? cut(item, expected, decoder->length) : WAIT;
 }
 
 /* FM-72 */
@@ -96,9 +107,9 @@ static enum outcome take_tcp(const struct modbus_decoder *decoder, struct modbus
         return more(decoder, MBAP_LEN, item);
     uint16_t protocol = get_u16_be(decoder->held + 2), length = get_u16_be(decoder->held + 4);
     if (protocol != 0)
-        return corrupt(item, MODBUS_PROTOCOL, 0, protocol);
+        return corrupt(item, MODBUS_PROTOCOL, protocol);
     if (length < MIN_BODY || length > MAX_BODY)
-        return corrupt(item, MODBUS_MBAP_LENGTH, 0, length);
+        return corrupt(item, MODBUS_MBAP_LENGTH, length);
     item->length = MBAP_LEN - 1 + (size_t)length;
     return decoder->length < item->length ? more(decoder, item->length, item) : FRAME;
 }
@@ -113,27 +124,30 @@ static enum outcome take_rtu(const struct modbus_decoder *decoder, struct modbus
         return more(decoder, size, item);
     case BY_SILENCE:
         if (decoder->length > MAX_RTU)
-            return corrupt(item, MODBUS_TOO_LONG, 0, MAX_RTU + 1);
+            return corrupt(item, MODBUS_TOO_LONG, MAX_RTU + 1);
         if (!decoder->ended)
             return WAIT;
         size = decoder->length;
         if (size < MIN_RTU)
-            return corrupt(item, MODBUS_CUT, MIN_RTU, size);
+            return cut(item, MIN_RTU, size);
         break;
     case BY_BEGINNING:
         if (size > MAX_RTU)
-            return corrupt(item, MODBUS_TOO_LONG, 0, size);
+            return corrupt(item, MODBUS_TOO_LONG, size);
         if (decoder->length < size)
             return more(decoder, size, item);
         break;
     }
     uint16_t expected = modbus_crc(held, size - 2), found = get_u16_le(held + size - 2);
     item->length = item->size = size;
-    return found == expected ? FRAME : corrupt(item, MODBUS_CRC, expected, found);
+    if (found == expected)
+        return FRAME;
+    error(item, MODBUS_CRC, expected, found);
+    return CORRUPT;
 }
 
-/* Where the next frame is, from `start` on; NO_FRAME: nowhere; `*wait`: that is not known yet. */
-static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool *wait)
+/* Where the next frame is, from `start` on; NO_FRAME: nowhere, or that is not known yet. */
+static size_t find_tcp(const struct modbus_decoder *decoder, size_t start)
 {
     for (size_t at = start; at + MBAP_LEN - 1 <= decoder->length; at++) {
         const uint8_t *header = decoder->held + at;
@@ -147,7 +161,6 @@ static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool 
         if (by == BY_BEGINNING && size == (size_t)length + 2)
             return at;
         /* Behind a place that 520 bytes do not decide none is tried. */
-        *wait = by == NOT_KNOWN_YET && !decoder->ended && decoder->length < MODBUS_LOOKED_AT;
         if (by == NOT_KNOWN_YET && !decoder->ended)
             return NO_FRAME;
     }
@@ -174,177 +187,197 @@ static size_t find_rtu(const struct modbus_decoder *decoder, size_t start)
 /* The bytes before the next frame, which are corrupt; false: that is not known yet. */
 static bool extent(struct modbus_decoder *decoder, size_t start, size_t *covered)
 {
-    bool is_tcp = decoder->framing == MODBUS_TCP, wait = false;
-    *covered = is_tcp ? find_tcp(decoder, start, &wait) : find_rtu(decoder, start);
+    bool is_tcp = decoder->framing == MODBUS_TCP;
+    *covered = is_tcp ? find_tcp(decoder, start) : find_rtu(decoder, start);
     if (*covered != NO_FRAME)
         return true;
-    if (!wait && decoder->length == MODBUS_LOOKED_AT) {
+    if (decoder->length == MODBUS_LOOKED_AT) {
         decoder->in_noise = true;
         *covered = is_tcp ? TCP_EXTENT : RTU_EXTENT;
         return true;
     }
     *covered = decoder->length;
-    return !wait && decoder->ended;
+    return decoder->ended;
 }
 
-/* A PDU that is read from left to right. */
+/* A PDU that is read from left to right: what it does not hold is an error, and reads as 0. */
 struct pdu {
     const uint8_t *data;
     size_t length, at;
     struct modbus_item *item;
 };
 
-static bool exactly(struct pdu *pdu, size_t expected)
+static void exactly(struct pdu *pdu, size_t expected)
 {
-    pdu->item->function = pdu->data[0];
-    return pdu->length == expected || error(pdu->item, MODBUS_PDU_LENGTH, expected, pdu->length);
+    if (pdu->length != expected)
+        error(pdu->item, MODBUS_PDU_LENGTH, expected, pdu->length);
 }
 
-static bool get_u8(struct pdu *pdu, uint8_t *value)
+static bool has(struct pdu *pdu, size_t count)
 {
-    if (pdu->length < pdu->at + 1)
-        return exactly(pdu, pdu->at + 1);
-    *value = pdu->data[pdu->at++];
-    return true;
+    if (pdu->at + count <= pdu->length)
+        return true;
+    error(pdu->item, MODBUS_PDU_LENGTH, pdu->at + count, pdu->length);
+    return false;
 }
 
-static bool get_u16(struct pdu *pdu, uint16_t *value)
+static uint8_t get_u8(struct pdu *pdu) { return has(pdu, 1) ? pdu->data[pdu->at++] : 0; }
+
+static uint16_t get_u16(struct pdu *pdu)
 {
-    if (pdu->length < pdu->at + 2)
-        return exactly(pdu, pdu->at + 2);
-    *value = get_u16_be(pdu->data + pdu->at);
+    if (!has(pdu, 2))
+        return 0;
     pdu->at += 2;
-    return true;
+    return get_u16_be(pdu->data + pdu->at - 2);
 }
 
-static bool get_quantity(struct pdu *pdu, uint16_t most, uint16_t *value)
+static void check_quantity(struct pdu *pdu, uint16_t quantity, uint16_t most)
 {
-    pdu->item->function = pdu->data[0];
-    return get_u16(pdu, value) && ((*value >= 1 && *value <= most) || error(pdu->item, MODBUS_QUANTITY, most, *value));
+    if (quantity < 1 || quantity > most)
+        error(pdu->item, MODBUS_QUANTITY, most, quantity);
 }
 
-/* The rest of the PDU, as bytes and as registers. */
-static void get_rest(struct pdu *pdu)
+static void get_bytes(struct pdu *pdu)
+{
+    for (uint8_t *to = pdu->item->message.bytes; pdu->at < pdu->length; to++)
+        *to = get_u8(pdu);
+}
+
+static void get_registers(struct pdu *pdu)
+{
+    for (uint16_t *to = pdu->item->message.registers; pdu->at + 1 < pdu->length; to++)
+        *to = get_u16(pdu);
+}
+
+/* The quantity, the byte count and the values of a request that writes (FM-12). */
+static void get_written_values(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
-    size_t left = pdu->length - pdu->at;
-    memcpy(message->bytes, pdu->data + pdu->at, left);
-    for (size_t i = 0; i < left / 2 && i < MODBUS_MAX_REGISTERS; i++)
-        message->registers[i] = get_u16_be(pdu->data + pdu->at + 2 * i);
-}
-
-/* The byte count and the values of a request that writes (FM-12). */
-static bool get_written_values(struct pdu *pdu)
-{
-    struct modbus_message *message = &pdu->item->message;
-    size_t expected = message->function == 15 ? (message->quantity + 7u) / 8u : 2u * message->quantity;
-    uint8_t found;
-    if (!get_u8(pdu, &found))
-        return false;
+    bool is_bits = message->function == 15;
+    message->quantity = get_u16(pdu);
+    check_quantity(pdu, message->quantity, modbus_max_write(message->function));
+    size_t expected = is_bits ? (message->quantity + 7u) / 8u : 2u * message->quantity;
+    uint8_t found = get_u8(pdu);
     if (found != expected)
-        return error(pdu->item, MODBUS_BYTE_COUNT, expected, found);
-    if (!exactly(pdu, pdu->at + found))
-        return false;
-    get_rest(pdu);
-    return true;
+        error(pdu->item, MODBUS_BYTE_COUNT, expected, found);
+    exactly(pdu, pdu->at + found);
+    if (is_bits)
+        get_bytes(pdu);
+    else
+        get_registers(pdu);
 }
 
 /* Functions 5, 6 and 22, whose replies repeat the request. */
-static bool decode_single(struct pdu *pdu)
+static void decode_single(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
     uint8_t function = message->function;
-    if (!exactly(pdu, function == 22 ? 7 : 5) || !get_u16(pdu, &message->address) || !get_u16(pdu, &message->value))
-        return false;
     message->shape = function == 5 ? MODBUS_WRITE_COIL : function == 6 ? MODBUS_WRITE_REGISTER : MODBUS_MASK;
+    exactly(pdu, function == 22 ? 7 : 5);
+    message->address = get_u16(pdu);
+    message->value = message->and_mask = get_u16(pdu);
     message->coil = message->value == COIL_ON;
-    message->and_mask = message->value;
     if (function == 5 && !message->coil && message->value != 0)
-        return error(pdu->item, MODBUS_COIL_VALUE, 0, message->value);
-    return function != 22 || get_u16(pdu, &message->or_mask);
+        wrong(pdu->item, MODBUS_COIL_VALUE, message->value);
+    if (function == 22)
+        message->or_mask = get_u16(pdu);
 }
 
-static bool decode_raw(struct pdu *pdu)
+/* A read, or the reply to a write of several: an address and a quantity. */
+static void decode_run(struct pdu *pdu, enum modbus_shape shape, uint16_t most)
+{
+    struct modbus_message *message = &pdu->item->message;
+    message->shape = shape;
+    exactly(pdu, 5);
+    message->address = get_u16(pdu);
+    message->quantity = get_u16(pdu);
+    check_quantity(pdu, message->quantity, most);
+}
+
+static void decode_raw(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
     message->shape = MODBUS_RAW;
     message->quantity = (uint16_t)(pdu->length - 1);
-    get_rest(pdu);
-    return true;
+    get_bytes(pdu);
 }
 
 /* FM-32 */
-static bool decode_request(struct pdu *pdu)
+static void decode_request(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
     uint8_t function = message->function;
     if (function == 0 || function >= EXCEPTION)
-        return error(pdu->item, MODBUS_FUNCTION, 0, function);
+        wrong(pdu->item, MODBUS_FUNCTION, function);
     switch (function) {
     case 1:
     case 2:
     case 3:
     case 4:
-        message->shape = MODBUS_READ;
-        return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
-               get_quantity(pdu, modbus_max_read(function), &message->quantity);
+        decode_run(pdu, MODBUS_READ, modbus_max_read(function));
+        break;
     case 5:
     case 6:
     case 22:
-        return decode_single(pdu);
+        decode_single(pdu);
+        break;
     case 15:
     case 16:
         message->shape = function == 15 ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
-        return get_u16(pdu, &message->address) && get_quantity(pdu, modbus_max_write(function), &message->quantity) &&
-               get_written_values(pdu);
+        message->address = get_u16(pdu);
+        get_written_values(pdu);
+        break;
     case 23:
         message->shape = MODBUS_READ_WRITE;
-        if (!get_u16(pdu, &message->address) || !get_u16(pdu, &message->read_quantity) ||
-            !get_u16(pdu, &message->write_address))
-            return false;
-        pdu->at = 3; /* only now is the first quantity looked at */
-        return get_quantity(pdu, modbus_max_read(function), &message->read_quantity) &&
-               get_u16(pdu, &message->write_address) &&
-               get_quantity(pdu, modbus_max_write(function), &message->quantity) && get_written_values(pdu);
+        message->address = get_u16(pdu);
+        message->read_quantity = get_u16(pdu);
+        message->write_address = get_u16(pdu);
+        check_quantity(pdu, message->read_quantity, modbus_max_read(function));
+        get_written_values(pdu);
+        break;
     default:
-        return decode_raw(pdu);
+        decode_raw(pdu);
     }
 }
 
-/* FM-32 */
-static bool decode_reply(struct pdu *pdu)
+/* What was read: its byte count, and bits or registers (FM-13). */
+static void decode_values(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
-    uint8_t function = message->function, count = 0;
+    bool is_bits = message->function <= 2;
+    uint8_t count = get_u8(pdu);
+    if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && count % 2 != 0))
+        wrong(pdu->item, MODBUS_REPLY_BYTE_COUNT, count);
+    exactly(pdu, pdu->at + count);
+    message->shape = is_bits ? MODBUS_BITS : MODBUS_REGISTERS;
+    message->quantity = (uint16_t)(is_bits ? count * 8 : count / 2);
+    if (is_bits)
+        get_bytes(pdu);
+    else
+        get_registers(pdu);
+}
+
+/* FM-32 */
+static void decode_reply(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    uint8_t function = message->function;
     if (function == 0 || function == EXCEPTION)
-        return error(pdu->item, MODBUS_FUNCTION, 0, function);
-    if (function > EXCEPTION) {
+        wrong(pdu->item, MODBUS_FUNCTION, function);
+    if (function >= EXCEPTION) {
         message->shape = MODBUS_EXCEPTION;
-        message->function = function - EXCEPTION;
-        return exactly(pdu, 2) && get_u8(pdu, &message->exception);
+        message->function = (uint8_t)(function - EXCEPTION);
+        exactly(pdu, 2);
+        message->exception = get_u8(pdu);
+    } else if (modbus_max_read(function) > 0) {
+        decode_values(pdu);
+    } else if (function == 5 || function == 6 || function == 22) {
+        decode_single(pdu);
+    } else if (function == 15 || function == 16) {
+        decode_run(pdu, MODBUS_WRITTEN, modbus_max_write(function));
+    } else {
+        decode_raw(pdu);
     }
-    if (modbus_max_read(function) > 0) {
-        bool is_bits = function <= 2;
-        pdu->item->function = function;
-        if (!get_u8(pdu, &count))
-            return false;
-        if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && count % 2 != 0))
-            return error(pdu->item, MODBUS_REPLY_BYTE_COUNT, 0, count);
-        if (!exactly(pdu, 2 + (size_t)count))
-            return false;
-        message->shape = is_bits ? MODBUS_BITS : MODBUS_REGISTERS;
-        message->quantity = (uint16_t)(is_bits ? count * 8 : count / 2);
-        get_rest(pdu);
-        return true;
-    }
-    if (function == 5 || function == 6 || function == 22)
-        return decode_single(pdu);
-    if (function == 15 || function == 16) {
-        message->shape = MODBUS_WRITTEN;
-        return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
-               get_quantity(pdu, modbus_max_write(function), &message->quantity);
-    }
-    return decode_raw(pdu);
 }
 
 static void decode_body(const uint8_t *body, size_t pdu_len, enum modbus_side side, struct modbus_item *item)
@@ -352,7 +385,7 @@ static void decode_body(const uint8_t *body, size_t pdu_len, enum modbus_side si
     struct pdu pdu = {body + 1, pdu_len, 1, item};
     memset(&item->message, 0, sizeof item->message);
     item->message.unit = body[0];
-    item->message.function = body[1];
+    item->message.function = item->function = body[1];
     if (side == MODBUS_CLIENT)
         decode_request(&pdu);
     else

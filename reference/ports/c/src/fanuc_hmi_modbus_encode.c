@@ -6,12 +6,13 @@
 #define MBAP_LEN 7
 #define COIL_ON 0xFF00
 #define EXCEPTION 0x80
-#define MAX_PDU 253
+
+static bool is_quantity(uint16_t quantity, uint16_t most) { return quantity >= 1 && quantity <= most; }
 
 /* A run of addresses that the function allows (FM-36). */
 static bool is_run(uint16_t address, uint16_t quantity, uint16_t most)
 {
-    return quantity >= 1 && quantity <= most && (uint32_t)address + quantity <= 0x10000;
+    return is_quantity(quantity, most) && (uint32_t)address + quantity <= 0x10000;
 }
 
 static size_t put_u16(uint8_t *pdu, size_t at, uint16_t value)
@@ -43,38 +44,37 @@ static size_t put_registers(uint8_t *pdu, size_t at, const struct modbus_message
 static bool is_shape(const struct modbus_message *message)
 {
     uint8_t function = message->function;
-    bool is_bits = function == 1 || function == 2, reads = modbus_max_read(function) > 0;
-    bool is_run_of_15_16 =
-        (function == 15 || function == 16) && is_run(message->address, message->quantity, modbus_max_write(function));
+    uint16_t most = modbus_max_read(function), quantity = message->quantity;
+    bool is_written = is_run(message->address, quantity, modbus_max_write(function));
     switch (message->shape) {
     case MODBUS_READ:
-        return reads && function != 23 && is_run(message->address, message->quantity, modbus_max_read(function));
+        return function <= 4 && is_run(message->address, quantity, most);
     case MODBUS_WRITE_COIL:
         return function == 5;
     case MODBUS_WRITE_REGISTER:
         return function == 6;
     case MODBUS_WRITE_COILS:
-        return function == 15 && is_run_of_15_16;
+        return function == 15 && is_written;
     case MODBUS_WRITE_WORDS:
-        return function == 16 && is_run_of_15_16;
+        return function == 16 && is_written;
     case MODBUS_MASK:
         return function == 22;
     case MODBUS_READ_WRITE:
-        return function == 23 && is_run(message->address, message->read_quantity, modbus_max_read(function)) &&
-               is_run(message->write_address, message->quantity, modbus_max_write(function));
+        return function == 23 && is_run(message->address, message->read_quantity, most) &&
+               is_run(message->write_address, quantity, modbus_max_write(function));
     case MODBUS_BITS:
-        return is_bits && is_run(0, message->quantity, modbus_max_read(function));
+        return function <= 2 && is_quantity(quantity, most);
     case MODBUS_REGISTERS:
-        return reads && !is_bits && is_run(0, message->quantity, modbus_max_read(function));
+        return function > 2 && is_quantity(quantity, most);
     case MODBUS_WRITTEN:
-        return is_run_of_15_16;
+        return (function == 15 || function == 16) && is_written;
     case MODBUS_EXCEPTION:
         return function >= 1 && function < EXCEPTION;
     case MODBUS_RAW:
-        return function >= 1 && function < EXCEPTION && !reads && function != 5 && function != 6 && function != 15 &&
-               function != 16 && function != 22 && message->quantity <= MODBUS_MAX_DATA;
+        break;
     }
-    return false;
+    return function != 0 && function < EXCEPTION && most == 0 && function != 5 && function != 6 && function != 15 &&
+           function != 16 && function != 22 && quantity <= MODBUS_MAX_DATA;
 }
 
 /* The PDU of a message that is_shape. */
@@ -84,7 +84,7 @@ static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
     pdu[0] = message->function;
     switch (message->shape) {
     case MODBUS_EXCEPTION:
-        pdu[0] = (uint8_t)(message->function + EXCEPTION);
+        pdu[0] = message->function | EXCEPTION;
         pdu[at++] = message->exception;
         return at;
     case MODBUS_RAW:
@@ -108,30 +108,30 @@ static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
     case MODBUS_WRITE_WORDS:
         return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->quantity), message);
     case MODBUS_READ_WRITE:
-        at = put_u16(pdu, put_u16(pdu, at, message->address), message->read_quantity);
-        return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->write_address), message->quantity), message);
+        break;
     }
-    return 0;
+    at = put_u16(pdu, put_u16(pdu, at, message->address), message->read_quantity);
+    return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->write_address), message->quantity), message);
 }
 
 size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size)
 {
-    uint8_t body[1 + MAX_PDU];
+    uint8_t body[MODBUS_MAX_LEN];
     if (!is_shape(message))
         return 0;
     body[0] = message->unit;
     size_t length = 1 + put_pdu(body + 1, message);
-    size_t head = framing == MODBUS_TCP ? MBAP_LEN - 1 : 0;
-    if (head + length + (head > 0 ? 0 : 2) > size)
+    bool is_tcp = framing == MODBUS_TCP;
+    size_t head = is_tcp ? MBAP_LEN - 1 : 0, tail = is_tcp ? 0 : 2;
+    if (head + length + tail > size)
         return 0;
-    if (head > 0) {
+    memcpy(out + head, body, length);
+    if (is_tcp) {
         put_u16_be(out, message->transaction);
         put_u16_be(out + 2, 0);
         put_u16_be(out + 4, (uint16_t)length);
+    } else {
+        put_u16_le(out + length, modbus_crc(body, length));
     }
-    memcpy(out + head, body, length);
-    if (head > 0)
-        return head + length;
-    put_u16_le(out + length, modbus_crc(body, length));
-    return length + 2;
+    return head + length + tail;
 }

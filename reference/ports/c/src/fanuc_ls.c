@@ -16,35 +16,14 @@ static const char *skip_blanks(const char *at, const char *end)
     return at;
 }
 
-static bool begins(const char *at, const char *end, const char *word)
-{
-    return (size_t)(end - at) >= strlen(word) && memcmp(at, word, strlen(word)) == 0;
-}
-
 static bool ends_with(struct fanuc_ls_text text, char c) { return text.length > 0 && text.at[text.length - 1] == c; }
 
-/* The line that begins here, without its end; `*at` moves to the next one. */
+/* The line that begins here, without its line feed; `*at` moves to the next one. */
 static struct fanuc_ls_text take_line(const char **at, const char *end)
 {
     const char *begin = *at, *stop = memchr(begin, '\n', (size_t)(end - begin));
     *at = stop == NULL ? end : stop + 1;
-    if (stop == NULL)
-        stop = end;
-    while (stop > begin && stop[-1] == '\r')
-        stop--;
-    return between(begin, stop);
-}
-
-/* Digits as a number; false: none, or above the largest. */
-static bool to_number(const char *at, const char *end, uint64_t largest, uint64_t *value)
-{
-    *value = 0;
-    for (const char *digit = at; digit < end; digit++) {
-        if (!is_digit(*digit) || *value > (largest - (uint64_t)(*digit - '0')) / 10)
-            return false;
-        *value = *value * 10 + (uint64_t)(*digit - '0');
-    }
-    return at < end;
+    return between(begin, stop == NULL ? end : stop);
 }
 
 int fanuc_ls_section(struct fanuc_ls_text line)
@@ -52,7 +31,7 @@ int fanuc_ls_section(struct fanuc_ls_text line)
     const char *end = end_of(line), *at = fanuc_ls_skip_white(line.at, end);
     for (int index = PROG; index <= END; index++) {
         const char *behind = at + strlen(SECTIONS[index]);
-        if (begins(at, end, SECTIONS[index]) && (behind == end || *behind == '_' || !fanuc_ls_is_word(behind, end)))
+        if (fanuc_ls_begins(at, end, SECTIONS[index]) && (!fanuc_ls_is_word(behind, end) || *behind == '_'))
             return index;
     }
     return -1;
@@ -66,8 +45,8 @@ bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block)
     for (digits = body; digits < end && is_digit(*digits);)
         digits++;
     uint64_t own;
-    bool follows = to_number(body, digits, UINT32_MAX, &own) && own == last + 1;
-    return body - line.at >= 5 && last > 0 && (in_block || (!follows && !(body < end && *body == ':')));
+    bool follows = fanuc_ls_to_number(between(body, digits), &own) && own == last + 1;
+    return body - line.at >= 5 && last > 0 && (in_block || (!follows && !fanuc_ls_begins(body, end, ":")));
 }
 
 static bool fail(struct fanuc_ls_fault *fault, enum fanuc_ls_kind kind, const char *at)
@@ -85,7 +64,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
     memset(file, 0, sizeof *file);
     file->text = text;
     file->scratch = scratch;
-    while ((start = fanuc_ls_skip_white(start, end)) < end && begins(start, end, "\xEF\xBB\xBF"))
+    while (fanuc_ls_begins(start = fanuc_ls_skip_white(start, end), end, "\xEF\xBB\xBF"))
         start += 3;
     int last = PROG;
     const char *begin = start, *at = start;
@@ -96,7 +75,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
             found = -1;
         const char *words = fanuc_ls_skip_white(line.at, end_of(line));
         if (found < 0) {
-            if (last == PROG && line.at == start)
+            if (line.at == start)
                 return fail(fault, FANUC_LS_PROGRAM, start);
             if (last == PROG && words < end_of(line))
                 return fail(fault, FANUC_LS_MAIN, line.at);
@@ -127,7 +106,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
     if (last != END)
         return fail(fault, start == end ? FANUC_LS_PROGRAM : last < MN ? FANUC_LS_MAIN : FANUC_LS_END, end);
     const char *rest = begin;
-    while ((rest = fanuc_ls_skip_white(rest, end)) < end && *rest == 0x1A)
+    while (fanuc_ls_begins(rest = fanuc_ls_skip_white(rest, end), end, "\x1A"))
         rest++;
     if (rest < end)
         return fail(fault, FANUC_LS_TRAILING, rest);
@@ -147,17 +126,15 @@ void fanuc_ls_rewind(struct fanuc_ls_file *file)
 static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
     const char *end = end_of(file->sections[ATTR]), *at = fanuc_ls_skip_white(file->at, end);
-    struct fanuc_ls_cursor cursor = {at, end, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
+    struct fanuc_ls_cursor cursor = {.at = at, .end = end, .scratch = file->scratch};
     if (at == end)
         return false;
     if (!fanuc_ls_read_attribute(&cursor, &entry->attribute)) {
         entry->fault = cursor.fault;
-        for (cursor.at = entry->fault.at; cursor.at < end;) {
-            const char *line_end = memchr(cursor.at, '\n', (size_t)(end - cursor.at));
-            cursor.at = line_end == NULL ? end : line_end + 1;
-            if (fanuc_ls_skip_white(cursor.at, end) == cursor.at)
-                break;
-        }
+        cursor.at = entry->fault.at;
+        do
+            take_line(&cursor.at, end);
+        while (fanuc_ls_skip_white(cursor.at, end) != cursor.at);
     }
     entry->place = fanuc_ls_trim_end(between(at, cursor.at));
     file->at = cursor.at;
@@ -175,42 +152,46 @@ static bool split_head(struct fanuc_ls_text statement, struct fanuc_ls_text *dig
     *digits = between(at, stop);
     stop = skip_blanks(stop, end);
     *body = stop + 1;
-    return stop < end && *stop == ':';
+    return fanuc_ls_begins(stop, end, ":");
 }
 
 /* LS-14 */
-static bool read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
+static void read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
     struct fanuc_ls_text digits, statement = entry->statement;
     const char *body, *trimmed = end_of(fanuc_ls_trim_end(statement));
     if (entry->is_nested) {
         entry->instruction.kind = FANUC_LS_NESTED;
         entry->instruction.text = fanuc_ls_trim_end(statement);
-        return true;
+        return;
     }
-    if (!split_head(statement, &digits, &body) || (digits.length > 0 && !entry->has_number))
-        return fail(&entry->fault, FANUC_LS_LINE_NUMBER, digits.at);
-    entry->body = fanuc_ls_skip_white(body, trimmed > body ? trimmed : body);
-    if (trimmed <= body || trimmed[-1] != ';') {
-        const char *closed = trimmed;
-        while (closed > body && closed[-1] != ';' && closed[-1] != '\n')
-            closed--;
-        if (closed <= body || closed[-1] != ';' || *entry->body == '!')
-            return fail(&entry->fault, FANUC_LS_INSTRUCTION_END, trimmed);
-        return fail(&entry->fault, FANUC_LS_AFTER_INSTRUCTION, fanuc_ls_skip_white(closed, trimmed));
+    if (!split_head(statement, &digits, &body) || (digits.length > 0 && !entry->has_number)) {
+        fail(&entry->fault, FANUC_LS_LINE_NUMBER, digits.at);
+        return;
     }
-    struct fanuc_ls_cursor cursor = {body, trimmed - 1, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
-    if (fanuc_ls_read_instruction(&cursor, &entry->instruction))
-        return true;
-    entry->fault = cursor.fault;
-    return false;
+    entry->body = fanuc_ls_skip_white(body, trimmed);
+    if (trimmed[-1] == ';') {
+        struct fanuc_ls_cursor cursor = {.at = body, .end = trimmed - 1, .scratch = file->scratch};
+        fanuc_ls_read_instruction(&cursor, &entry->instruction);
+        entry->fault = cursor.fault;
+        return;
+    }
+    /* The last `;` of its last line; a line end is before each. */
+    const char *closed = trimmed;
+    while (closed[-1] != ';' && closed[-1] != '\n')
+        closed--;
+    if (closed[-1] != ';' || *entry->body == '!')
+        fail(&entry->fault, FANUC_LS_INSTRUCTION_END, trimmed);
+    else
+        fail(&entry->fault, FANUC_LS_AFTER_INSTRUCTION, fanuc_ls_skip_white(closed, trimmed));
 }
 
 /* LS-14, LS-15 */
 static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
 {
     const char *end = end_of(file->sections[MN]), *at = file->at, *body;
-    struct fanuc_ls_text line = {NULL, 0}, digits;
+    struct fanuc_ls_text line, digits;
+    line.at = NULL;
     while (at < end && fanuc_ls_trim(line = take_line(&at, end)).length == 0)
         line.at = NULL;
     file->at = at;
@@ -219,12 +200,12 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     entry->statement = line;
     entry->is_nested = file->in_block = fanuc_ls_is_nested(line, file->last, file->in_block);
     if (!entry->is_nested) {
-        entry->has_number = split_head(line, &digits, &body) && to_number(digits.at, end_of(digits), UINT32_MAX, &entry->number);
+        entry->has_number = split_head(line, &digits, &body) && fanuc_ls_to_number(digits, &entry->number);
         file->last = entry->has_number ? entry->number : file->last + 1;
-        while (!is_closed(line) && at < end) {
+        while (!is_closed(line)) {
             line = take_line(&at, end);
             const char *mark = skip_blanks(line.at, end_of(line));
-            if (mark == end_of(line) || *mark != ':')
+            if (!fanuc_ls_begins(mark, end_of(line), ":"))
                 break;
             entry->statement = between(entry->statement.at, end_of(line));
             file->at = at;
@@ -246,15 +227,15 @@ static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *ent
         const char *next = stop, *words;
         struct fanuc_ls_text line = take_line(&next, end);
         words = fanuc_ls_skip_white(line.at, end_of(line));
-        if (begins(words, end_of(line), "P["))
+        if (fanuc_ls_begins(words, end_of(line), "P["))
             break;
         stop = next;
     }
     file->at = stop;
     entry->place = fanuc_ls_trim_end(between(at, stop));
-    struct fanuc_ls_cursor cursor = {at, stop, file->scratch, {FANUC_LS_OK, NULL, false, 0, 0}};
-    if (!fanuc_ls_read_position(&cursor, &entry->position))
-        entry->fault = cursor.fault;
+    struct fanuc_ls_cursor cursor = {.at = at, .end = stop, .scratch = file->scratch};
+    fanuc_ls_read_position(&cursor, &entry->position);
+    entry->fault = cursor.fault;
     return true;
 }
 
@@ -281,10 +262,8 @@ bool fanuc_ls_next(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
             break;
         case FANUC_LS_LINE:
             found = file->at < end_of(section);
-            if (found) {
-                entry->line = fanuc_ls_trim_end(take_line(&file->at, end_of(section)));
-                entry->place = fanuc_ls_trim(entry->line);
-            }
+            entry->line = fanuc_ls_trim_end(take_line(&file->at, end_of(section)));
+            entry->place = fanuc_ls_trim(entry->line);
             break;
         case FANUC_LS_STATEMENT:
             found = next_statement(file, entry);

@@ -14,17 +14,6 @@ bool fanuc_ls_in_range(double speed, enum fanuc_ls_unit unit) { return speed >= 
 
 static bool is(struct fanuc_ls_text text, const char *word) { return text.length == strlen(word) && memcmp(text.at, word, text.length) == 0; }
 
-static bool to_number(struct fanuc_ls_text digits, uint64_t largest, uint64_t *value)
-{
-    *value = 0;
-    for (size_t i = 0; i < digits.length; i++) {
-        if (digits.at[i] < '0' || digits.at[i] > '9' || *value > (largest - (uint64_t)(digits.at[i] - '0')) / 10)
-            return false;
-        *value = *value * 10 + (uint64_t)(digits.at[i] - '0');
-    }
-    return digits.length > 0;
-}
-
 /* The number that a text begins with, behind white space. */
 static bool leading_number(struct fanuc_ls_text text, uint64_t *value)
 {
@@ -33,7 +22,7 @@ static bool leading_number(struct fanuc_ls_text text, uint64_t *value)
     while (count < digits.length && digits.at[count] >= '0' && digits.at[count] <= '9')
         count++;
     digits.length = count;
-    return to_number(digits, UINT32_MAX, value);
+    return fanuc_ls_to_number(digits, value);
 }
 
 /* Whether a word ends right before `at`. */
@@ -51,13 +40,11 @@ static bool is_word_before(const char *begin, const char *at)
 /* Whether an instruction names a position, or chooses any when it runs. */
 static bool names(struct fanuc_ls_text text, uint64_t number)
 {
-    const char *end = text.at + text.length;
-    for (const char *at = text.at; end - at >= 2; at++) {
-        struct fanuc_ls_text rest = {at + 2, (size_t)(end - at - 2)};
-        uint64_t found;
-        if (at[0] == 'P' && at[1] == '[' && !is_word_before(text.at, at) && (!leading_number(rest, &found) || found == number))
+    uint64_t found;
+    for (const char *at = text.at; at < end_of(text); at++)
+        if (fanuc_ls_begins(at, end_of(text), "P[") && !is_word_before(text.at, at) &&
+            (!leading_number(between(at + 2, end_of(text)), &found) || found == number))
             return true;
-    }
     return false;
 }
 
@@ -74,7 +61,7 @@ static bool is_used(const struct fanuc_ls_file *file, uint64_t number)
     struct fanuc_ls_file other = again(file);
     struct fanuc_ls_entry entry;
     while (fanuc_ls_next(&other, &entry))
-        if (entry.kind == FANUC_LS_STATEMENT && names(entry.statement, number))
+        if (names(entry.statement, number))
             return true;
     return false;
 }
@@ -87,13 +74,12 @@ static size_t count_positions(const struct fanuc_ls_file *file, uint64_t number,
     size_t count = 0;
     uint64_t found;
     while (fanuc_ls_next(&other, &entry) && (end == NULL || entry.place.at <= end)) {
-        struct fanuc_ls_text inside = {entry.place.at + 2, entry.place.length > 2 ? entry.place.length - 2 : 0};
         if (entry.kind != FANUC_LS_POSITION_ENTRY)
             continue;
         if (entry.fault.kind == FANUC_LS_OK)
             count += entry.position.number == number;
-        else if (entry.place.length > 2 && memcmp(entry.place.at, "P[", 2) == 0 && leading_number(inside, &found) && found == number &&
-                 count == 0)
+        else if (fanuc_ls_begins(entry.place.at, end_of(entry.place), "P[") &&
+                 leading_number(between(entry.place.at + 2, end_of(entry.place)), &found) && found == number && count == 0)
             count = 1;
     }
     return count;
@@ -120,10 +106,19 @@ static bool is_first_motion(const struct fanuc_ls_file *file, uint64_t number, c
     return true;
 }
 
-static void add(struct fanuc_ls_fault *found, size_t *count, enum fanuc_ls_kind kind, const char *at, uint64_t expected, uint64_t number)
+/* A finding, whose numbers its caller adds. */
+static struct fanuc_ls_fault *add(struct fanuc_ls_fault *found, size_t *count, enum fanuc_ls_kind kind, const char *at)
 {
-    struct fanuc_ls_fault fault = {kind, at, kind != FANUC_LS_NAME_LENGTH && kind != FANUC_LS_SPEED_RANGE, expected, number};
-    found[(*count)++] = fault;
+    struct fanuc_ls_fault *fault = found + (*count)++;
+    *fault = (struct fanuc_ls_fault){.kind = kind, .at = at};
+    fault->is_warning = kind != FANUC_LS_NAME_LENGTH && kind != FANUC_LS_SPEED_RANGE;
+    return fault;
+}
+
+static void add_numbers(struct fanuc_ls_fault *fault, uint64_t expected, uint64_t number)
+{
+    fault->expected = expected;
+    fault->found = number;
 }
 
 /* The numbers of statements: false, and what was expected, where one does not follow. Two in a row: none is looked at. */
@@ -149,13 +144,13 @@ static size_t find_in_statement(struct fanuc_ls_file *file, const struct fanuc_l
     size_t count = 0;
     uint64_t expected;
     if (!follows(file, entry, &expected))
-        add(found, &count, FANUC_LS_LINE_NUMBER, entry->place.at, expected, entry->number);
+        add_numbers(add(found, &count, FANUC_LS_LINE_NUMBER, entry->place.at), expected, entry->number);
     if (entry->fault.kind != FANUC_LS_OK || entry->instruction.kind != FANUC_LS_MOTION)
         return count;
     if (motion->speed_kind != FANUC_LS_SPEED_NAMED && !fanuc_ls_fits(motion->letter, motion->unit))
-        add(found, &count, FANUC_LS_SPEED_UNIT, entry->body, 0, 0);
+        add(found, &count, FANUC_LS_SPEED_UNIT, entry->body);
     else if (motion->speed_kind == FANUC_LS_SPEED_FIXED && !fanuc_ls_in_range(motion->speed, motion->unit))
-        add(found, &count, FANUC_LS_SPEED_RANGE, entry->body, 0, 0);
+        add(found, &count, FANUC_LS_SPEED_RANGE, entry->body);
     return count;
 }
 
@@ -173,13 +168,13 @@ static size_t find_undefined(struct fanuc_ls_file *file, const struct fanuc_ls_e
     }
     for (int i = 0; i < 2; i++)
         if (has[i] && count_positions(file, numbers[i], NULL) == 0 && is_first_motion(file, numbers[i], entry->place.at))
-            add(found, &count, FANUC_LS_UNDEFINED, entry->body, 0, numbers[i]);
+            add(found, &count, FANUC_LS_UNDEFINED, entry->body)->found = numbers[i];
     return count;
 }
 
 static bool is_line_count(const struct fanuc_ls_entry *entry)
 {
-    return entry->kind == FANUC_LS_ATTRIBUTE_ENTRY && entry->fault.kind == FANUC_LS_OK && !entry->attribute.is_list &&
+    return entry->fault.kind == FANUC_LS_OK && !entry->attribute.is_list &&
            (is(entry->attribute.name, "LINE_COUNT") || is(entry->attribute.name, "ZEILEN"));
 }
 
@@ -204,10 +199,10 @@ static bool is_miscounted(const struct fanuc_ls_file *file, const struct fanuc_l
 
 static bool is_name(struct fanuc_ls_text name)
 {
-    for (size_t i = 0; i < name.length; i++)
-        if ((unsigned char)name.at[i] > 0x7F || !fanuc_ls_is_word(name.at + i, name.at + name.length))
+    for (const char *at = name.at; at < end_of(name); at++)
+        if ((unsigned char)*at >= 0x80 || !fanuc_ls_is_word(at, end_of(name)))
             return false;
-    return name.length > 0 && !(name.at[0] >= '0' && name.at[0] <= '9');
+    return *name.at > '9'; /* no digit: what else is a word is behind them */
 }
 
 static bool is_untaught(struct fanuc_ls_cursor groups)
@@ -230,24 +225,24 @@ size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry
     switch (entry->kind) {
     case FANUC_LS_HEAD:
         if (!is_name(file->name))
-            add(found, &count, FANUC_LS_NAME, at, 0, 0);
+            add(found, &count, FANUC_LS_NAME, at);
         else if (file->name.length > name_limit)
-            add(found, &count, FANUC_LS_NAME_LENGTH, at, name_limit, file->name.length);
+            add_numbers(add(found, &count, FANUC_LS_NAME_LENGTH, at), name_limit, file->name.length);
         break;
     case FANUC_LS_ATTRIBUTE_ENTRY:
         if (entry->fault.kind != FANUC_LS_OK)
             break;
         stated = fanuc_ls_characters(fanuc_ls_comment(&entry->attribute));
         if (stated > FANUC_LS_COMMENT_LENGTH)
-            add(found, &count, FANUC_LS_COMMENT, at, 0, stated);
-        if (is_line_count(entry) && to_number(entry->attribute.value, UINT32_MAX, &stated) && is_miscounted(file, entry, stated, &lines))
-            add(found, &count, FANUC_LS_LINE_COUNT, at, stated, lines);
+            add(found, &count, FANUC_LS_COMMENT, at)->found = stated;
+        if (is_line_count(entry) && fanuc_ls_to_number(entry->attribute.value, &stated) && is_miscounted(file, entry, stated, &lines))
+            add_numbers(add(found, &count, FANUC_LS_LINE_COUNT, at), stated, lines);
         break;
     case FANUC_LS_LINE:
         break;
     case FANUC_LS_STATEMENT:
         count = find_in_statement(file, entry, found);
-        if (entry->fault.kind == FANUC_LS_OK && entry->instruction.kind == FANUC_LS_MOTION)
+        if (entry->fault.kind == FANUC_LS_OK)
             count += find_undefined(file, entry, found + count);
         break;
     case FANUC_LS_POSITION_ENTRY:
@@ -256,11 +251,11 @@ size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry
         stated = entry->position.number;
         lines = count_positions(file, stated, at);
         if (lines == 1 && !is_used(file, stated))
-            add(found, &count, FANUC_LS_UNUSED, at, 0, stated);
+            add(found, &count, FANUC_LS_UNUSED, at)->found = stated;
         else if (lines == 2)
-            add(found, &count, FANUC_LS_REPEATED, at, 0, stated);
+            add(found, &count, FANUC_LS_REPEATED, at)->found = stated;
         if (is_untaught(entry->position.groups))
-            add(found, &count, FANUC_LS_UNTAUGHT, at, 0, stated);
+            add(found, &count, FANUC_LS_UNTAUGHT, at)->found = stated;
         break;
     }
     return count;

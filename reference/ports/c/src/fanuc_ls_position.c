@@ -18,7 +18,6 @@ bool fanuc_ls_read_position(struct fanuc_ls_cursor *cursor, struct fanuc_ls_posi
 {
     struct fanuc_ls_group group;
     struct fanuc_ls_axis axis;
-    memset(position, 0, sizeof *position);
     if (!expect(cursor, "P[", FANUC_LS_POSITION))
         return false;
     space(cursor);
@@ -64,7 +63,7 @@ static bool read_frame(struct fanuc_ls_cursor *cursor, const char *name, bool *i
 bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *group)
 {
     uint32_t value;
-    memset(group, 0, sizeof *group);
+    size_t length;
     if (cursor->fault.kind != FANUC_LS_OK)
         return false;
     space(cursor);
@@ -77,10 +76,8 @@ bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *
         return false;
     space(cursor);
     const char *begin = cursor->at, *end = begin;
-    while (fanuc_ls_is_word(end, cursor->end))
-        do
-            end++;
-        while (end < cursor->end && ((unsigned char)*end & 0xC0) == 0x80);
+    for (; fanuc_ls_is_word(end, cursor->end); end += length)
+        fanuc_ls_character(end, cursor->end, &length);
     group->keyword = between(begin, end);
     if (fanuc_ls_characters(group->keyword) < 3) {
         group->keyword = between(NULL, NULL);
@@ -103,20 +100,18 @@ static bool read_axis_name(struct fanuc_ls_cursor *cursor, char name[3])
 {
     char first = here(cursor), second = cursor->end - cursor->at > 1 ? cursor->at[1] : '\0';
     bool is_numbered = is_one_of(first, "JE") && second >= '1' && second <= '9';
-    memset(name, 0, 3);
     if (!is_numbered && !is_one_of(first, "XYZWPR"))
         return false;
+    bool has_second = is_numbered || (first == 'R' && is_one_of(second, "XYZWPR"));
     name[0] = first;
-    if (is_numbered || (first == 'R' && is_one_of(second, "XYZWPR")))
-        name[1] = second;
+    name[1] = has_second ? second : '\0';
+    name[2] = '\0';
     cursor->at += strlen(name);
     return true;
 }
 
 bool fanuc_ls_next_axis(struct fanuc_ls_cursor *cursor, struct fanuc_ls_axis *axis, bool is_first)
 {
-    if (cursor->fault.kind != FANUC_LS_OK)
-        return false;
     space(cursor);
     if (!is_first) {
         struct fanuc_ls_cursor ahead = *cursor;
@@ -130,7 +125,6 @@ bool fanuc_ls_next_axis(struct fanuc_ls_cursor *cursor, struct fanuc_ls_axis *ax
         return false;
     space(cursor);
     axis->is_taught = here(cursor) != '*';
-    axis->value = 0;
     skip(cursor, "*");
     if (axis->is_taught && !decimal(cursor, FANUC_LS_NUMBER, &axis->value))
         return false;

@@ -55,8 +55,6 @@ static struct fanuc_ls_text join_lines(struct fanuc_ls_cursor *cursor, struct fa
     char *out = cursor->scratch;
     while (at < end && is_one_of(*at, " \t\r\n"))
         at++;
-    while (end > at && is_one_of(end[-1], " \t\r\n"))
-        end--;
     for (bool is_first = true;; is_first = false) {
         const char *stop = memchr(at, '\n', (size_t)(end - at)), *next = stop == NULL ? NULL : stop + 1;
         stop = stop == NULL ? end : stop;
@@ -66,8 +64,7 @@ static struct fanuc_ls_text join_lines(struct fanuc_ls_cursor *cursor, struct fa
             stop--;
         if (!is_first) {
             *cursor->scratch++ = '\n';
-            if (at < stop && *at == ':')
-                at++;
+            at++; /* the `:` */
             while (at < stop && is_one_of(*at, " \t"))
                 at++;
         }
@@ -105,6 +102,15 @@ static bool begins_another(const char *at, const char *end)
     return false;
 }
 
+/* Where a line ends a value in whose quotes it stands; NULL: it does not. */
+static const char *quoted_end(struct fanuc_ls_text line, const char *ends)
+{
+    struct fanuc_ls_text text = fanuc_ls_trim_end(line);
+    const char *last = text.at + text.length - 1, *quote = last - 1;
+    bool closes = is_one_of(*last, ends) && *quote == '"' && memchr(text.at, '"', (size_t)(quote - text.at)) != NULL;
+    return closes ? last : NULL;
+}
+
 /* Where a value ends (LS-10); NULL: nowhere. */
 static const char *value_end(const struct fanuc_ls_cursor *cursor, const char *ends)
 {
@@ -114,12 +120,7 @@ static const char *value_end(const struct fanuc_ls_cursor *cursor, const char *e
         if (*at == '"') {
             quoted = !quoted;
         } else if (quoted && (*at == '\r' || *at == '\n')) {
-            struct fanuc_ls_text text = fanuc_ls_trim_end(between(line, at));
-            size_t quotes = 0;
-            for (size_t i = 0; i + 1 < text.length; i++)
-                quotes += text.at[i] == '"';
-            bool closes = text.length > 1 && is_one_of(text.at[text.length - 1], ends) && text.at[text.length - 2] == '"' && quotes > 1;
-            return closes ? text.at + text.length - 1 : NULL;
+            return quoted_end(between(line, at), ends);
         } else if (!quoted && is_one_of(*at, ends)) {
             return at;
         } else if (*at == '\n') {
@@ -143,7 +144,7 @@ static struct fanuc_ls_text join_words(struct fanuc_ls_cursor *cursor, const cha
             *cursor->scratch++ = ' ';
         memcpy(cursor->scratch, line.at, line.length);
         cursor->scratch += line.length;
-        at = stop < end ? stop + 1 : end;
+        at = stop + 1;
     }
     return between(out, cursor->scratch);
 }
@@ -177,13 +178,13 @@ bool fanuc_ls_read_attribute(struct fanuc_ls_cursor *cursor, struct fanuc_ls_att
         return expect(cursor, "=", FANUC_LS_ATTRIBUTE_VALUE) && attribute_value(cursor, ";", &attribute->value) &&
                expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
     const char *begin = cursor->at;
-    char *scratch = cursor->scratch;
-    do {
-        cursor->scratch = scratch;
+    do
         if (!fanuc_ls_item(cursor, &name, &value))
             return false;
-    } while (take(cursor, ","));
-    attribute->value = between(begin, cursor->at + 1);
+    while (take(cursor, ","));
+    /* With its line end, which may have ended the last item. */
+    const char *line_end = memchr(cursor->at, '\n', (size_t)(cursor->end - cursor->at));
+    attribute->value = between(begin, line_end == NULL ? cursor->end : line_end + 1);
     return expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
 }
 
@@ -206,7 +207,7 @@ static bool read_target(struct fanuc_ls_cursor *cursor, struct fanuc_ls_target *
         return false;
     const char *colon = memchr(inside.at, ':', inside.length), *end = inside.at + inside.length;
     struct fanuc_ls_text digits = fanuc_ls_trim(between(inside.at, colon == NULL ? end : colon));
-    struct fanuc_ls_cursor number = {digits.at, digits.at + digits.length, NULL, {FANUC_LS_OK, NULL, false, 0, 0}};
+    struct fanuc_ls_cursor number = {.at = digits.at, .end = digits.at + digits.length};
     size_t letters = (size_t)(inside.at - all.at) - 1;
     bool is_number = whole(&number, UINT32_MAX, FANUC_LS_TARGET, &target->number) && number.at == number.end;
     target->name = all;
@@ -278,7 +279,7 @@ static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *m
     while (end < cursor->end && (is_alphabetic(*end) || *end == '_' || *end == '.'))
         end++;
     char behind = end < cursor->end ? *end : ' ';
-    if (end > cursor->at && behind == '[') {
+    if (behind == '[') {
         motion->speed_kind = FANUC_LS_SPEED_REGISTER;
         if (!reference(cursor, FANUC_LS_SPEED, &motion->speed_text, &inside))
             return false;

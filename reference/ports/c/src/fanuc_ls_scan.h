@@ -74,9 +74,13 @@ static inline bool decimal(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind ki
     bool has_point = false;
     if (at < cursor->end && (*at == '+' || *at == '-'))
         digits[length++] = *at++;
+    digits[length++] = '0'; /* for all zeros before the number */
+    size_t first = length;
     for (; at < cursor->end && ((*at >= '0' && *at <= '9') || (*at == '.' && !has_point)); at++) {
         has_point |= *at == '.';
         count += *at != '.';
+        if (*at == '0' && length == first)
+            continue;
         if (length < sizeof digits - 1)
             digits[length++] = *at;
         else

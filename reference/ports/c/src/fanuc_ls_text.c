@@ -48,6 +48,22 @@ size_t fanuc_ls_characters(struct fanuc_ls_text text)
     return count;
 }
 
+bool fanuc_ls_begins(const char *at, const char *end, const char *word)
+{
+    return (size_t)(end - at) >= strlen(word) && memcmp(at, word, strlen(word)) == 0;
+}
+
+bool fanuc_ls_to_number(struct fanuc_ls_text digits, uint64_t *value)
+{
+    *value = 0;
+    for (const char *at = digits.at; at < end_of(digits); at++) {
+        if (!is_digit(*at) || *value > (UINT32_MAX - (uint64_t)(*at - '0')) / 10)
+            return false;
+        *value = *value * 10 + (uint64_t)(*at - '0');
+    }
+    return digits.length > 0;
+}
+
 /* What follows white space. */
 const char *fanuc_ls_skip_white(const char *at, const char *end)
 {

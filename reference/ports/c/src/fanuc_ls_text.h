@@ -18,6 +18,8 @@ bool fanuc_ls_is_white(uint32_t c); /* LS-55 */
 const char *fanuc_ls_skip_white(const char *at, const char *end);
 struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text);
 struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text);
+bool fanuc_ls_begins(const char *at, const char *end, const char *word);
+bool fanuc_ls_to_number(struct fanuc_ls_text digits, uint64_t *value); /* false: none, or above 32 bits */
 bool fanuc_ls_is_word(const char *at, const char *end); /* a letter, a digit or `_` is here */
 bool fanuc_ls_is_control(const char *at, const char *end);
 bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block);

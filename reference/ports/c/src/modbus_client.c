@@ -139,7 +139,10 @@ static struct judgement differ(enum modbus_client_misfit misfit, size_t expected
     return (struct judgement){expected == found ? MODBUS_CLIENT_FITS : misfit, expected, found};
 }
 
-static struct judgement echo(bool is_same) { return differ(MODBUS_CLIENT_ECHO, 0, is_same ? 0 : 1); }
+static struct judgement echo(bool is_same)
+{
+    return (struct judgement){.misfit = is_same ? MODBUS_CLIENT_FITS : MODBUS_CLIENT_ECHO};
+}
 
 /* FM-44: the data of a reply. */
 static struct judgement judge_data(const struct modbus_message *request, const struct modbus_message *reply)
@@ -280,7 +283,7 @@ void modbus_client_timeout(struct modbus_client *client, uint64_t now)
     bool has_timed_out = false;
     if (client->is_busy && now >= client->silent_at)
         end_bytes(client);
-    if (client->is_quiet && now >= client->quiet_until)
+    if (now >= client->quiet_until)
         client->is_quiet = false;
     for (size_t i = 0; i < client->config.places; i++) {
         struct modbus_client_place *place = &client->places[i];
@@ -317,8 +320,9 @@ uint64_t modbus_client_request(struct modbus_client *client, const struct modbus
 {
     uint8_t frame[MODBUS_MAX_LEN];
     struct modbus_client_place *place = find_place(client);
-    bool reads = modbus_max_read(request->function) > 0;
-    if (place == NULL || request->shape == MODBUS_EXCEPTION || (is_broadcast(client, request) && reads) ||
+    bool reads = request->shape == MODBUS_READ || request->shape == MODBUS_READ_WRITE;
+    bool is_reply = request->shape >= MODBUS_BITS && request->shape != MODBUS_RAW;
+    if (place == NULL || is_reply || (is_broadcast(client, request) && reads) ||
         modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
         return 0;
     place->stage = MODBUS_CLIENT_QUEUED;
@@ -349,18 +353,6 @@ bool modbus_client_event(struct modbus_client *client, struct modbus_client_even
     return true;
 }
 
-/* FM-41 */
-static bool is_taken(const struct modbus_client *client, uint16_t transaction)
-{
-    for (size_t i = 0; i < client->config.places; i++) {
-        enum modbus_client_stage stage = client->places[i].stage;
-        bool expects = stage == MODBUS_CLIENT_IN_FLIGHT || stage == MODBUS_CLIENT_TIMED_OUT || stage == MODBUS_CLIENT_EXPIRED;
-        if (expects && client->places[i].message.transaction == transaction)
-            return true;
-    }
-    return false;
-}
-
 /* FM-40 */
 static struct modbus_client_place *find_next(struct modbus_client *client)
 {
@@ -385,9 +377,9 @@ size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_
         return 0;
     bool announces = is_broadcast(client, &place->message);
     if (is_tcp(client) && !announces) {
-        do
+        do // FM-41
             client->transaction++;
-        while (is_taken(client, client->transaction));
+        while (find_in_flight(client, client->transaction) != NULL || find_late(client, client->transaction) != NULL);
         place->message.transaction = client->transaction;
     }
     size_t length = modbus_encode(&place->message, framing_of(client), out, size);
@@ -405,15 +397,11 @@ size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_
 /* FM-55 */
 bool modbus_client_deadline(const struct modbus_client *client, uint64_t *deadline)
 {
-    bool is_busy = client->is_up && client->is_busy, is_quiet = client->is_up && client->is_quiet, is_waiting = false;
-    *deadline = is_busy ? client->silent_at : NEVER;
-    if (is_quiet)
+    *deadline = client->is_busy ? client->silent_at : NEVER;
+    if (client->is_quiet)
         *deadline = sooner(*deadline, client->quiet_until);
-    for (size_t i = 0; i < client->config.places; i++) {
-        if (client->places[i].stage != MODBUS_CLIENT_IN_FLIGHT)
-            continue;
-        is_waiting = true;
-        *deadline = sooner(*deadline, client->places[i].deadline);
-    }
-    return is_busy || is_quiet || is_waiting;
+    for (size_t i = 0; i < client->config.places; i++)
+        if (client->places[i].stage == MODBUS_CLIENT_IN_FLIGHT)
+            *deadline = sooner(*deadline, client->places[i].deadline);
+    return *deadline < NEVER;
 }

@@ -41,14 +41,13 @@ static void restart(struct modbus_server *server)
     server->is_busy = server->is_spoiled = false;
     server->length = server->reply_count = 0;
     memset(&server->step, 0, sizeof server->step);
-    modbus_init(&server->decoder, MODBUS_CLIENT, is_tcp(server) ? MODBUS_TCP : MODBUS_RTU);
+    modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_TCP); /* not used for RTU, but by `spoil` */
 }
 
 bool modbus_server_init(struct modbus_server *server, const struct modbus_server_config *config)
 {
     memset(server, 0, sizeof *server);
     server->config = *config;
-    restart(server);
     bool is_unit = !config->has_unit || config->unit != 0 || !config->broadcast; // FM-67
     bool is_silence = config->framing == MODBUS_LINE_TCP || config->silence > 0;
     return is_silence && config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && is_unit;
@@ -78,17 +77,9 @@ static bool is_own(const struct modbus_server *server, uint8_t unit)
 /* Whether a request reaches beyond the last address. */
 static bool is_beyond(const struct modbus_message *request)
 {
-    uint32_t quantity = request->quantity, read = request->address + (uint32_t)request->read_quantity;
-    switch (request->shape) {
-    case MODBUS_READ:
-    case MODBUS_WRITE_COILS:
-    case MODBUS_WRITE_WORDS:
-        return request->address + quantity > ADDRESSES;
-    case MODBUS_READ_WRITE:
-        return read > ADDRESSES || request->write_address + quantity > ADDRESSES;
-    default:
-        return false;
-    }
+    uint32_t quantity = request->quantity;
+    uint32_t first = request->shape == MODBUS_READ_WRITE ? request->read_quantity : quantity;
+    return request->address + first > ADDRESSES || request->write_address + quantity > ADDRESSES;
 }
 
 /* An exception, also to a function that no encoder writes one to. */
@@ -148,7 +139,7 @@ static void take_request(struct modbus_server *server, const struct modbus_item 
 static void read_tcp(struct modbus_server *server)
 {
     struct modbus_item item;
-    while (!is_full(server) && server->event_count < MODBUS_SERVER_EVENTS - 2 && modbus_next(&server->decoder, &item)) {
+    while (!is_full(server) && modbus_next(&server->decoder, &item)) {
         if (item.error == MODBUS_NO_ERROR || item.error > MODBUS_NOISE) {
             take_request(server, &item);
         } else if (item.error != MODBUS_NOISE) {
@@ -158,43 +149,41 @@ static void read_tcp(struct modbus_server *server)
     }
 }
 
-enum found { REQUEST, OTHER, NO_FRAME, WAIT };
+enum found { RTU_FRAME, NO_FRAME, WAIT };
 
 static bool is_right(const uint8_t *frame, size_t size)
 {
     return size >= 4 && get_u16_le(frame + size - 2) == modbus_crc(frame, size - 2);
 }
 
-/* FM-82: what is at the beginning of `d`; `*needs` says whether one of its lengths needs more bytes. */
+/* FM-82: what is at the beginning of `d`; `*needs` says whether one of its lengths needs more bytes. What only a reply is as long as is
+ * another unit's, and so is no request that is taken. */
 static enum found find_frame(const struct modbus_server *server, const uint8_t *d, size_t length, bool ended, size_t *size, bool *needs)
 {
     size_t longest = 0;
-    enum found found = NO_FRAME;
-    bool is_asked = length > 0 && (is_own(server, d[0]) || d[0] == 0);
+    bool is_asked = is_own(server, d[0]) || d[0] == 0;
     *needs = false;
     for (int side = MODBUS_CLIENT; side <= (is_asked ? MODBUS_CLIENT : MODBUS_SERVER); side++) {
-        size_t n = 0;
-        bool is_known = modbus_rtu_length(d, length, (enum modbus_side)side, &n);
+        size_t n;
+        modbus_rtu_length(d, length, (enum modbus_side)side, &n);
         if (n > MAX_RTU || n == 0)
             continue;
-        if (!is_known || n > length)
+        if (n > length)
             *needs = true;
-        else if (n > longest && is_right(d, n)) {
+        else if (n > longest && is_right(d, n))
             longest = n;
-            found = side == MODBUS_CLIENT ? REQUEST : OTHER;
-        }
     }
     bool may_be_all = ended && length <= MAX_RTU && (is_serial(server) || !*needs);
     if (may_be_all && is_right(d, length)) {
         *size = length;
-        return REQUEST;
+        return RTU_FRAME;
     }
     *size = longest;
     if (!ended && *needs)
         return WAIT;
-    if (longest > 0)
-        return found;
-    return !ended && length <= MAX_RTU ? WAIT : NO_FRAME;
+    if (longest != 0)
+        return RTU_FRAME;
+    return ended ? NO_FRAME : WAIT;
 }
 
 /* One error for all bytes up to the next silence, where it is reported: that of a request. */
@@ -204,8 +193,7 @@ static void spoil(struct modbus_server *server, const uint8_t *d, size_t length)
     modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_RTU);
     modbus_push(&server->decoder, d, length);
     modbus_end(&server->decoder);
-    if (!modbus_is_corrupt(&server->decoder, &item))
-        item.error = MODBUS_CRC;
+    modbus_is_corrupt(&server->decoder, &item);
     server->fault = modbus_fault_of(&item);
     if (!server->is_busy)
         report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
@@ -241,16 +229,13 @@ static void judge_serial(struct modbus_server *server)
             return;
         }
     }
-    while (server->length > 0) {
-        enum found found = find_frame(server, server->held, server->length, true, &size, &needs);
-        bool is_last = size == server->length;
-        if (found == REQUEST) {
-            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
-            if (is_last && !is_full(server))
-                take_request(server, &item);
-            else
-                take_followed(server, &item);
-        }
+    while (server->length != 0) {
+        find_frame(server, server->held, server->length, true, &size, &needs);
+        modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+        if (size == server->length && !is_full(server))
+            take_request(server, &item);
+        else
+            take_followed(server, &item);
         drop(server, size);
     }
 }
@@ -261,19 +246,16 @@ static void shorten(struct modbus_server *server)
     struct modbus_item item;
     size_t size;
     bool needs;
-    while (server->length > MAX_RTU && !server->is_spoiled) {
-        enum found found = find_frame(server, server->held, server->length, false, &size, &needs);
-        if (found == NO_FRAME || found == WAIT) {
+    while (server->length > MAX_RTU) {
+        if (find_frame(server, server->held, server->length, true, &size, &needs) == NO_FRAME) {
             spoil(server, server->held, server->length);
             return;
         }
-        if (found == REQUEST) {
-            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
-            if (is_own(server, item.message.unit) || item.message.unit == 0) {
-                struct modbus_server_event *event = report(server, MODBUS_SERVER_REFUSED);
-                event->unit = item.message.unit;
-                event->function = item.message.function;
-            }
+        modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+        if (is_own(server, item.message.unit) || item.message.unit == 0) {
+            struct modbus_server_event *event = report(server, MODBUS_SERVER_REFUSED);
+            event->unit = item.message.unit;
+            event->function = item.message.function;
         }
         drop(server, size);
     }
@@ -285,7 +267,7 @@ static void read_rtu(struct modbus_server *server, bool ended)
     struct modbus_item item;
     size_t size;
     bool needs;
-    while (server->length > 0 && !is_full(server) && !server->is_spoiled) {
+    while (!is_full(server)) {
         enum found found = find_frame(server, server->held, server->length, ended, &size, &needs);
         if (found == WAIT || (found == NO_FRAME && needs))
             return;
@@ -293,10 +275,8 @@ static void read_rtu(struct modbus_server *server, bool ended)
             spoil(server, server->held, server->length);
             return;
         }
-        if (found == REQUEST) {
-            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
-            take_request(server, &item);
-        }
+        modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+        take_request(server, &item);
         drop(server, size);
     }
 }
@@ -304,12 +284,12 @@ static void read_rtu(struct modbus_server *server, bool ended)
 static size_t input_tcp(struct modbus_server *server, const uint8_t *data, size_t size)
 {
     struct modbus_fault error;
-    size_t taken = 0, more = 1;
-    while (taken < size && more > 0) {
+    size_t taken = 0, more;
+    do {
         more = is_full(server) && server->decoder.length >= KEPT ? 0 : modbus_push(&server->decoder, data + taken, size - taken);
         taken += more;
         read_tcp(server);
-    }
+    } while (more != 0);
     if (modbus_step_is_lost(&server->step, &server->decoder, &error))
         report(server, MODBUS_SERVER_OUT_OF_STEP)->error = error;
     return taken;
@@ -343,7 +323,7 @@ size_t modbus_server_input(struct modbus_server *server, uint64_t now, const uin
 /* FM-83 */
 void modbus_server_timeout(struct modbus_server *server, uint64_t now)
 {
-    if (!server->is_busy || now < server->silent_at || (!is_serial(server) && is_full(server)))
+    if (now < server->silent_at || (!is_serial(server) && is_full(server)))
         return;
     server->is_busy = false;
     if (server->is_spoiled)
@@ -368,8 +348,8 @@ size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_
     memmove(server->replies, server->replies + 1, --server->reply_count * sizeof *server->replies);
     if (is_tcp(server)) {
         read_tcp(server);
-    } else if (!is_serial(server)) {
-        if (was_full && server->is_busy)
+    } else {
+        if (was_full)
             server->silent_at = after(now, server->config.silence);
         read_rtu(server, false);
     }

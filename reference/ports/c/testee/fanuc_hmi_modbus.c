@@ -43,7 +43,9 @@ void print_modbus_message(const struct modbus_message *message, bool has_transac
     switch (message->shape) {
     case MODBUS_READ:
     case MODBUS_WRITTEN:
-        print(",\"quantity\":%d", message->quantity);
+        /* Both have these keys; of another function than theirs they are shown without. */
+        if ((message->shape == MODBUS_READ) == (modbus_max_read(message->function) > 0))
+            print(",\"quantity\":%d", message->quantity);
         break;
     case MODBUS_WRITE_COIL:
         print(",\"value\":%s", message->coil ? "true" : "false");
@@ -153,66 +155,74 @@ static bool read_bits(const struct json *list, struct modbus_message *message)
     if (list == NULL || list->type != '[' || list->count > 8 * MODBUS_MAX_DATA)
         return false;
     message->quantity = 0;
+    /* Those behind the last one are set: the encoder has to write 0. */
+    memset(message->bytes, 0xFF, sizeof message->bytes);
     for (const struct json *value = list->child; value != NULL; value = value->next, message->quantity++) {
         bool bit;
         if (!read_bit(value, &bit))
             return false;
-        message->bytes[message->quantity / 8] |= (uint8_t)(bit << message->quantity % 8);
+        if (!bit)
+            message->bytes[message->quantity / 8] &= (uint8_t)~(1u << message->quantity % 8);
     }
     return true;
 }
 
-static bool read_numbers(const struct json *list, int64_t most, size_t max_count, struct modbus_message *message)
+/* One byte more than a PDU has is read as well: it is the encoder that refuses it. */
+static bool read_data(const struct json *list, struct modbus_message *message)
 {
-    int64_t values[MODBUS_MAX_DATA];
-    if (list == NULL || list->count > max_count || !read_list(list, list->count, 0, most, values))
+    int64_t values[MODBUS_MAX_DATA + 1];
+    if (list == NULL || list->count > MODBUS_MAX_DATA + 1 || !read_list(list, list->count, 0, UINT8_MAX, values))
         return false;
     message->quantity = (uint16_t)list->count;
-    for (size_t i = 0; i < list->count; i++) {
-        if (most == UINT8_MAX)
-            message->bytes[i] = (uint8_t)values[i];
-        else
-            message->registers[i] = (uint16_t)values[i];
-    }
+    for (size_t i = 0; i < list->count && i < MODBUS_MAX_DATA; i++)
+        message->bytes[i] = (uint8_t)values[i];
     return true;
 }
 
 static bool read_registers(const struct json *list, struct modbus_message *message)
 {
-    return read_numbers(list, UINT16_MAX, MODBUS_MAX_REGISTERS, message);
+    int64_t values[MODBUS_MAX_REGISTERS];
+    if (list == NULL || list->count > MODBUS_MAX_REGISTERS || !read_list(list, list->count, 0, UINT16_MAX, values))
+        return false;
+    message->quantity = (uint16_t)list->count;
+    for (size_t i = 0; i < list->count; i++)
+        message->registers[i] = (uint16_t)values[i];
+    return true;
 }
 
-/* What follows from the function, and not from what is in the object. */
-static enum modbus_shape shape_of(const struct json *object, const struct modbus_message *message)
+/* Bits are true and false, and for the function that writes them 1 and 0 as well. */
+static bool is_bit(const struct json *value, uint8_t function, uint8_t writer)
 {
-    uint8_t function = message->function;
+    bool bit;
+    return function == writer ? read_bit(value, &bit) : json_boolean(value, &bit);
+}
+
+/* What the keys of an object are; whether the function has them is the encoder's to say. */
+static bool read_shape(const struct json *object, struct modbus_message *message)
+{
     bool is_client = decoder.side == MODBUS_CLIENT;
-    if (!is_client && json_get(object, "exception") != NULL)
-        return MODBUS_EXCEPTION;
+    const struct json *value = json_get(object, "value"), *values = json_get(object, "values");
     if (json_get(object, "data") != NULL)
-        return MODBUS_RAW;
-    switch (function) {
-    case 1:
-    case 2:
-        return is_client ? MODBUS_READ : MODBUS_BITS;
-    case 3:
-    case 4:
-        return is_client ? MODBUS_READ : MODBUS_REGISTERS;
-    case 5:
-        return MODBUS_WRITE_COIL;
-    case 6:
-        return MODBUS_WRITE_REGISTER;
-    case 15:
-        return is_client ? MODBUS_WRITE_COILS : MODBUS_WRITTEN;
-    case 16:
-        return is_client ? MODBUS_WRITE_WORDS : MODBUS_WRITTEN;
-    case 22:
-        return MODBUS_MASK;
-    case 23:
-        return is_client ? MODBUS_READ_WRITE : MODBUS_REGISTERS;
-    default:
-        return MODBUS_RAW;
-    }
+        message->shape = MODBUS_RAW;
+    else if (!is_client && json_get(object, "exception") != NULL)
+        message->shape = MODBUS_EXCEPTION;
+    else if (!is_client && json_get(object, "bits") != NULL)
+        message->shape = MODBUS_BITS;
+    else if (!is_client && json_get(object, "registers") != NULL)
+        message->shape = MODBUS_REGISTERS;
+    else if (json_get(object, "and") != NULL)
+        message->shape = MODBUS_MASK;
+    else if (value != NULL)
+        message->shape = is_bit(value, message->function, 5) ? MODBUS_WRITE_COIL : MODBUS_WRITE_REGISTER;
+    else if (is_client && json_get(object, "write_address") != NULL)
+        message->shape = MODBUS_READ_WRITE;
+    else if (is_client && values != NULL)
+        message->shape = is_bit(values->child, message->function, 15) ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
+    else if (json_get(object, "quantity") != NULL)
+        message->shape = is_client ? MODBUS_READ : MODBUS_WRITTEN;
+    else
+        return false;
+    return true;
 }
 
 /* How many keys a message has beside unit, function and transaction. */
@@ -236,9 +246,8 @@ static size_t keys_of(enum modbus_shape shape)
 static bool read_fields(const struct json *object, struct modbus_message *message)
 {
     const struct json *values = json_get(object, "values");
-    message->shape = shape_of(object, message);
     size_t head = json_get(object, "transaction") == NULL ? 2 : 3;
-    if (object->count != head + keys_of(message->shape))
+    if (!read_shape(object, message) || object->count != head + keys_of(message->shape))
         return false;
     bool has_address = message->shape < MODBUS_BITS || message->shape == MODBUS_WRITTEN;
     if (has_address && !read_u16(object, "address", &message->address))
@@ -267,14 +276,16 @@ static bool read_fields(const struct json *object, struct modbus_message *messag
     case MODBUS_EXCEPTION:
         return read_u8(object, "exception", &message->exception);
     case MODBUS_RAW:
-        return read_numbers(json_get(object, "data"), UINT8_MAX, MODBUS_MAX_DATA, message);
+        return read_data(json_get(object, "data"), message);
     }
     return false;
 }
 
 bool read_modbus_request(const struct json *object, struct modbus_message *message)
 {
-    decoder.side = MODBUS_CLIENT;
+    /* A reply is read as well: it is the client that refuses it. */
+    bool is_reply = json_get(object, "exception") != NULL || json_get(object, "bits") != NULL || json_get(object, "registers") != NULL;
+    decoder.side = is_reply ? MODBUS_SERVER : MODBUS_CLIENT;
     return read_u8(object, "unit", &message->unit) && read_u8(object, "function", &message->function) &&
            json_get(object, "transaction") == NULL && read_fields(object, message);
 }
@@ -286,7 +297,13 @@ static size_t encode(const struct json *object, uint8_t *out, size_t size)
     bool has_head = read_u8(object, "unit", &message.unit) && read_u8(object, "function", &message.function) &&
                     (decoder.framing == MODBUS_RTU ? json_get(object, "transaction") == NULL
                                                    : read_u16(object, "transaction", &message.transaction));
-    return has_head && read_fields(object, &message) ? modbus_encode(&message, decoder.framing, out, size) : 0;
+    if (!has_head || !read_fields(object, &message))
+        return 0;
+    size_t length = modbus_encode(&message, decoder.framing, out, size);
+    /* It fits its length, and no less. */
+    bool is_exact = length > 0 && modbus_encode(&message, decoder.framing, out, length - 1) == 0 &&
+                    modbus_encode(&message, decoder.framing, out, length) == length;
+    return is_exact ? length : 0;
 }
 
 const struct link FANUC_HMI_MODBUS = {"fanuc-hmi-modbus", begin, push, end, next, encode};

@@ -191,7 +191,8 @@ class Findings {
   }
 
   private lastLineCount(): Part<Attribute> | undefined {
-    return this.read.attributes.filter((part) => "value" in part && LINE_COUNT_NAMES.includes(part.value.name)).at(-1);
+    const isOne = ({ name, value }: Attribute): boolean => LINE_COUNT_NAMES.includes(name) && "text" in value;
+    return this.read.attributes.filter((part) => "value" in part && isOne(part.value)).at(-1);
   }
 
   /** No statement has an error, or a finding of its number or speed (LS-50). */

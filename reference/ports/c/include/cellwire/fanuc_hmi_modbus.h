@@ -12,7 +12,7 @@ extern "C" {
 
 #define MODBUS_MAX_LEN 260  /* FM-6 */
 #define MODBUS_MAX_DATA 252 /* bytes of a PDU after its function code */
-#define MODBUS_MAX_REGISTERS 125
+#define MODBUS_MAX_REGISTERS (MODBUS_MAX_DATA / 2)
 #define MODBUS_LOOKED_AT 520 /* bytes that are searched for the next frame */
 
 enum modbus_side { MODBUS_CLIENT, MODBUS_SERVER };

@@ -19,14 +19,24 @@ static bool begin(const struct json *object)
     read_time(object, "timeout", &config.timeout);
     read_time(object, "turnaround", &config.turnaround);
     read_time(object, "settle", &config.settle);
-    return modbus_client_init(&session, &config);
+    if (config.framing == MODBUS_LINE_TCP)
+        config.silence = 0; /* which is not looked at */
+    unsigned places = config.places;
+    config.places = 0;
+    bool is_bounded = !modbus_client_init(&session, &config);
+    config.places = MODBUS_CLIENT_PLACES + 1;
+    is_bounded = is_bounded && !modbus_client_init(&session, &config);
+    config.places = 1;
+    bool is_taken = modbus_client_init(&session, &config) || config.in_flight > 1;
+    config.places = places;
+    return is_bounded && modbus_client_init(&session, &config) && is_taken;
 }
 
 static bool call(uint64_t now, const char *name, const struct json *argument)
 {
     static struct modbus_message request;
     (void)now, (void)name;
-    request = (struct modbus_message){0};
+    request = (struct modbus_message){.transaction = 1}; /* which is not looked at */
     return read_modbus_request(argument, &request) && modbus_client_request(&session, &request) > 0;
 }
 

@@ -13,7 +13,8 @@ ADAPT(modbus_server)
 static bool coils[TABLE];
 static uint16_t registers[TABLE];
 
-static bool is_there(unsigned address, unsigned quantity) { return address + quantity <= TABLE; }
+/* In 16 bits: no request that the server lets through reaches beyond the last address. */
+static bool is_there(unsigned address, unsigned quantity) { return (uint16_t)(address + quantity - 1) < TABLE; }
 
 static void read_coils(const struct modbus_message *request, struct modbus_message *reply)
 {
@@ -111,13 +112,15 @@ static uint8_t serve(void *context, const struct modbus_message *request, struct
 static bool begin(const struct json *object)
 {
     const struct json *unit = json_get(object, "unit");
-    unsigned baud = 19200, number = 1;
+    unsigned baud = 19200;
     read_unsigned(object, "baud", UINT32_MAX, &baud);
     struct modbus_server_config config = modbus_server_default(read_modbus_line(object), baud);
-    if (unit != NULL)
+    if (unit != NULL) {
+        unsigned number = 0; /* which is not looked at without a unit */
         config.has_unit = unit->type == '0';
-    read_unsigned(object, "unit", UINT8_MAX, &number);
-    config.unit = (uint8_t)number;
+        read_unsigned(object, "unit", UINT8_MAX, &number);
+        config.unit = (uint8_t)number;
+    }
     if (json_get(object, "broadcast") != NULL)
         config.broadcast = json_true(json_get(object, "broadcast"));
     read_unsigned(object, "places", MODBUS_SERVER_PLACES, &config.places);
@@ -128,7 +131,17 @@ static bool begin(const struct json *object)
         coils[i] = i % 3 == 0;
         registers[i] = (uint16_t)(7 * i);
     }
-    return modbus_server_init(&session, &config);
+    if (config.framing == MODBUS_LINE_TCP)
+        config.silence = 0; /* which is not looked at */
+    unsigned places = config.places;
+    config.places = 0;
+    bool is_bounded = !modbus_server_init(&session, &config);
+    config.places = MODBUS_SERVER_PLACES + 1;
+    is_bounded = is_bounded && !modbus_server_init(&session, &config);
+    config.places = 1;
+    bool is_taken = modbus_server_init(&session, &config);
+    config.places = places;
+    return is_bounded && modbus_server_init(&session, &config) && is_taken;
 }
 
 static bool call(uint64_t now, const char *name, const struct json *argument)

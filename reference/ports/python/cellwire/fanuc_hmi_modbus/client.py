@@ -203,7 +203,7 @@ class Client(Session):
         """Section 7.3."""
         header, pdu = codec.split(frame, self.is_tcp)
         transaction = header.get("transaction")
-        stray = header | {"function": pdu[0] if item.message is None else item.message["function"]}
+        stray = header | {"function": pdu[0] % codec.EXCEPTION}
         flight = [request for request in self.all_in(Stage.IN_FLIGHT) if request.transaction == transaction]
         if not flight:
             self.take_late(stray, transaction)

@@ -294,7 +294,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private frame(frame: Frame): void {
     const { transaction = null, unit, pdu } = frame;
     const decoded = decodePdu(pdu, "server");
-    const code = "message" in decoded ? decoded.message.function : (pdu[0] ?? 0);
+    const code = (pdu[0] ?? 0) & 0x7f;
     const stray = { event: "stray", ...(transaction === null ? {} : { transaction }), unit, function: code } as const;
     const place = this.inFlight().find((candidate) => candidate.transaction === transaction);
     if (place === undefined) {

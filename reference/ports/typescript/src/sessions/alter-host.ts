@@ -62,6 +62,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     const { mode, limits, silence_cycles, max_delay, baud, reserve } = this.config;
     this.policy = this.config.policy;
     this.subroutine = this.config.subroutine;
+    integer(mode, 0, 31, "config");
     require(silence_cycles >= 2, "silence_cycles below 2 (AL-42)");
     const window = replyWindow(mode, baud, shortestMessage(this.framing, mode));
     require(window - lineTime(shortestReply(this.framing, 1), baud) >= reserve, "a window without room for a reply (AL-42)");

@@ -113,6 +113,10 @@ class Python:
         names = {alias.name for node in nodes for alias in node.names} | {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
         return {name.split(".")[-1] for name in names}
 
+    def valid(self, changes: list[tuple[Path, bytes]]) -> list[bool]:
+        """Whether each of these files can be run; is_noticed says it of one."""
+        return [True] * len(changes)
+
     def is_noticed(self, link: Link, path: Path, source: bytes, cases: list[int]) -> bool | None:
         """Whether a case notices the change; None: it is none."""
         found = self.forked(link, cases, (path, source, self.concerned(str(path))), False)
@@ -341,6 +345,10 @@ class Command:
             sys.exit(f"the port itself fails at {json.dumps(link.cases[wrong[0]][0])[:300]}")
         link.keep(dict.fromkeys(asked, 0.0))
         return {str(path) for path in self.folder.rglob("*")}
+
+    def valid(self, changes: list[tuple[Path, bytes]]) -> list[bool]:
+        """Whether each of these files can be built; is_noticed says it of one."""
+        return [True] * len(changes)
 
     def is_noticed(self, link: Link, path: Path, source: bytes, cases: list[int]) -> bool | None:
         copied = self.copy / path.relative_to(self.folder)

@@ -111,9 +111,8 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
         link = mutant_runs.Link(cases)
         loaded = port.runs.prepare(link, traced)
         count = counts[name] = Counter()
-        if isinstance(port.runs, mutant_runs.TypeScript):
-            taken = port.runs.valid([(path, mutant.changed(path.read_bytes())) for path, mutant in mutants])
-            mutants = [each for each, is_taken in zip(mutants, taken) if is_taken]
+        taken = port.runs.valid([(path, mutant.changed(path.read_bytes())) for path, mutant in mutants])
+        mutants = [each for each, is_taken in zip(mutants, taken) if is_taken]
         for path, mutant in mutants:
             if str(path) not in loaded:
                 continue

@@ -38,7 +38,8 @@ PASSED_OVER = {
     "import_from_statement", "preproc_include", "decorator", "comment", "type_qualifier", "static_assert_declaration", "literal_type",
 }  # fmt: skip
 FUNCTIONS = {
-    "function_definition", "class_definition", "function_declaration", "method_definition", "class_declaration", "variable_declarator",
+    "function_definition", "class_definition", "function_declaration", "method_definition", "class_declaration", "abstract_class_declaration",
+    "variable_declarator",
 }  # fmt: skip
 
 
@@ -280,7 +281,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
 def is_nested(node: Node) -> bool:
     """Whether it is in the body of a function, not in its head, and not in a module or a class."""
     while parent := node.parent:
-        if parent.type in FUNCTIONS - {"class_definition", "class_declaration", "variable_declarator"}:
+        if parent.type in FUNCTIONS - {"class_definition", "class_declaration", "abstract_class_declaration", "variable_declarator"}:
             return parent.child_by_field_name("body") == node
         node = parent
     return False

@@ -43,7 +43,7 @@ bool alter_controller_init(struct alter_controller *controller, const struct alt
     controller->segment = 1;
     val2_alter_init(&controller->decoder, VAL2_ALTER_HOST, config->framing);
     uint64_t frame = config->framing.leading_dle + 4u, message = config->mode & 4 ? 30 : 6, reply = 4;
-    return config->attempts > 0 && config->list_len <= VAL2_ALTER_MAX_LIST &&
+    return config->mode < 32 && config->attempts > 0 && config->list_len <= VAL2_ALTER_MAX_LIST &&
            line_time(frame + reply, config->baud) <= window(controller, frame + message);
 }
 

@@ -148,7 +148,7 @@ bool alter_host_init(struct alter_host *host, const struct alter_host_config *co
     /* AL-42 */
     uint64_t marks = config->framing.leading_dle + 4u, message = span(host, marks + (config->mode & 4 ? 30 : 6));
     uint64_t left = sooner(window(host), message < CYCLE ? CYCLE - message : 0);
-    return config->silence_cycles >= 2 && after(span(host, marks + 4), config->reserve) <= left;
+    return config->mode < 32 && config->silence_cycles >= 2 && after(span(host, marks + 4), config->reserve) <= left;
 }
 
 void alter_host_connected(struct alter_host *host, uint64_t now)

@@ -3,6 +3,7 @@
 #include "link.h"
 
 static const char *const COMMANDS[] = {"STA", "STP", "RST", "CLO", "SRV", "OVR", "MOV", "ACQ", "HND"};
+static const size_t FIELDS[] = {1, 1, 1, 1, 2, 2, 3, 2, 3}; /* of the object of each */
 static struct mmacell_proto_decoder decoder;
 
 void read_mmacell_dialect(const struct json *options, struct mmacell_proto_dialect *dialect)
@@ -157,6 +158,8 @@ bool read_mmacell_command(const struct json *object, struct mmacell_proto_messag
     while (kind < count && !json_is(name, COMMANDS[kind]))
         kind++;
     message->kind = (enum mmacell_proto_kind)kind;
+    if (kind == count || object->count != FIELDS[kind])
+        return false;
     switch (message->kind) {
     case MMACELL_PROTO_SRV:
         return json_boolean(json_get(object, "on"), &message->flag);
@@ -171,7 +174,7 @@ bool read_mmacell_command(const struct json *object, struct mmacell_proto_messag
         return read_number(json_get(object, "gripper"), &message->number) &&
                json_boolean(json_get(object, "open"), &message->flag);
     default:
-        return kind < count;
+        return true;
     }
 }
 
@@ -186,12 +189,12 @@ static bool read_reply(const struct json *object, struct mmacell_proto_message *
     const struct json *name = json_get(object, "reply"), *number = json_get(object, "error");
     message->kind = MMACELL_PROTO_OK;
     if (json_is(name, "ok"))
-        return true;
+        return object->count == 1;
     message->kind = MMACELL_PROTO_ER;
     if (json_is(name, "error"))
-        return read_number(number, &message->number);
+        return object->count == 2 && read_number(number, &message->number);
     message->kind = MMACELL_PROTO_STATUS;
-    return json_is(name, "status") && read_number(number, &message->number) && read_axes(object, message) &&
+    return json_is(name, "status") && object->count == 6 && read_number(number, &message->number) && read_axes(object, message) &&
            has_own_axes(message) && json_boolean(json_get(object, "moving"), &message->flag) &&
            json_boolean(json_get(object, "servo"), &message->servo) &&
            read_number(json_get(object, "override"), &message->override);

@@ -113,7 +113,10 @@ static bool read_host(const struct json *object, struct val2_alter_message *mess
     const struct json *reply = json_get(object, "reply"), *values = json_get(object, "values");
     int64_t exception, value;
     size_t axis = 0;
-    if (json_is(json_get(object, "kind"), "start_reply")) {
+    bool is_start_reply = json_is(json_get(object, "kind"), "start_reply");
+    if (object->count != (is_start_reply ? 2 : 3))
+        return false;
+    if (is_start_reply) {
         message->kind = VAL2_ALTER_START_REPLY;
         message->answer = json_is(reply, "accept") ? 0x00 : json_is(reply, "repeat") ? 0x01 : 0xFF;
         return message->answer != 0xFF || json_is(reply, "refuse");
@@ -138,16 +141,21 @@ static bool read_controller(const struct json *object, struct val2_alter_message
 {
     const struct json *kind = json_get(object, "kind"), *code = json_get(object, "error");
     const struct json *list = json_get(object, "data"), *transform = json_get(object, "transform");
+    const struct json *marked = json_get(object, "marked");
     int64_t value = 0, status, segment, percent;
+    bool is_start = json_is(kind, "start"), is_marked;
+    if (object->count != (is_start ? 3u + (code != NULL) + (marked != NULL) : json_is(kind, "end") ? 2u : 7u) ||
+        (marked != NULL && !json_boolean(marked, &is_marked)))
+        return false;
     /* Only a start message may leave it out. */
-    if ((code != NULL || !json_is(kind, "start")) && !json_integer(code, 0, UINT8_MAX, &value))
+    if ((code != NULL || !is_start) && !json_integer(code, 0, UINT8_MAX, &value))
         return false;
     message->code = (uint8_t)value;
     if (json_is(kind, "end")) {
         message->kind = VAL2_ALTER_END;
         return true;
     }
-    if (json_is(kind, "start")) {
+    if (is_start) {
         message->kind = VAL2_ALTER_START;
         if (list == NULL || list->count > UINT8_MAX || !json_integer(json_get(object, "mode"), 0, UINT8_MAX, &value))
             return false;

@@ -1,6 +1,6 @@
 /** mmacell-proto: the text protocol between the central controller of the MM&A cell and its devices. */
 
-import { Refused, boolean, integer, isInteger, oneOf } from "./check.js";
+import { Refused, boolean, fields, integer, isInteger, oneOf } from "./check.js";
 import { Decoder, bytesOf, latin1, type Found } from "./stream.js";
 import { LineFault, LineReader, type LineError } from "./mmacell-line.js";
 
@@ -91,8 +91,13 @@ export function encodeCommand(command: Command, dialect: Dialect = STRICT): Uint
   return line(commandText(command, dialect), dialect);
 }
 
+/** What a command, or a reply, has beside its name. */
+const COMMAND_FIELDS = { STA: [], STP: [], RST: [], CLO: [], SRV: ["on"], OVR: ["percent"], MOV: ["mode", "axes"], ACQ: ["camera"], HND: ["gripper", "open"] };
+const REPLY_FIELDS = { ok: [], error: ["error"], status: ["moving", "axes", "servo", "override", "error"] };
+
 function commandText(command: Command, dialect: Dialect): string {
-  const kind = oneOf((command as Partial<Command> | null)?.command, ["STA", "STP", "RST", "CLO", "SRV", "OVR", "MOV", "ACQ", "HND"]);
+  const kind = oneOf((command as Partial<Command> | null)?.command, Object.keys(COMMAND_FIELDS) as (keyof typeof COMMAND_FIELDS)[]);
+  fields(command, "command", ...COMMAND_FIELDS[kind]);
   switch (command.command) {
     case "SRV":
       return `SRV${boolean(command.on) ? "ON" : dialect.off ? "OFF" : "OF"}`;
@@ -115,7 +120,9 @@ export function encodeReply(reply: Reply, device: Device, dialect: Dialect = STR
 }
 
 function replyText(reply: Reply, device: Device, dialect: Dialect): string {
-  switch (oneOf((reply as Partial<Reply> | null)?.reply, ["ok", "error", "status"])) {
+  const kind = oneOf((reply as Partial<Reply> | null)?.reply, Object.keys(REPLY_FIELDS) as (keyof typeof REPLY_FIELDS)[]);
+  fields(reply, "reply", ...REPLY_FIELDS[kind]);
+  switch (kind) {
     case "ok":
       return "OK";
     case "error": {

@@ -1,6 +1,6 @@
 /** VAL II ALTER: the messages of a Unimation controller and the answers of its host. The decoder is in alter-decoder.ts. */
 
-import { Refused, fields, integer, integers, isInteger, oneOf } from "./check.js";
+import { Refused, boolean, fields, integer, integers, isInteger, oneOf } from "./check.js";
 import { byteAt, sum } from "./stream.js";
 
 export const DLE = 0x10;
@@ -38,7 +38,7 @@ export interface Start {
   /** What was wrong with the answer to the attempt before (AL-15); absent if nothing was. */
   error?: number;
   /** False where bit 7 of the control byte is clear (AL-13). */
-  marked?: false;
+  marked?: boolean;
 }
 
 export interface Motion {
@@ -114,7 +114,7 @@ function robotData(message: RobotMessage): number[] {
     case "start": {
       const { error, marked, ...rest } = message;
       fields(rest, "kind", "mode", "data");
-      if (marked !== undefined && marked !== false) throw new Refused("message", "marked is false, or absent");
+      if (marked !== undefined) boolean(marked);
       const data = integers(message.data, -0x8000, 0x7fff);
       if (data.length > MAX_LIST) throw new Refused("message", `a list of ${data.length} words`);
       return [0xa0 | integer(error ?? 0, 0, 7), integer(message.mode, 0, 255), ...data.flatMap(wordBytes)];

@@ -82,7 +82,7 @@ size_t mmacell_device_input(struct mmacell_device *device, const uint8_t *data, 
 bool mmacell_device_accept(struct mmacell_device *device, const struct mmacell_proto_message *order);
 bool mmacell_device_refuse(struct mmacell_device *device, int32_t error);
 
-/* NULL: the pose is not known. */
+/* NULL: the pose is not known, as one that mmacell_proto_round does not take (MM-52). */
 void mmacell_device_set_pose(struct mmacell_device *device, const int32_t *axes);
 void mmacell_device_arrived(struct mmacell_device *device);
 void mmacell_device_fail(struct mmacell_device *device, int32_t error);

@@ -27,7 +27,11 @@ static bool begin(const struct json *object)
         config.has_gap = false;
     else
         read_time(object, "gap", &config.gap);
-    if (list != NULL && list->count <= VAL2_ALTER_MAX_LIST && read_list(list, list->count, INT16_MIN, INT16_MAX, values)) {
+    if (list != NULL && list->count > VAL2_ALTER_MAX_LIST) {
+        config.list_len = VAL2_ALTER_MAX_LIST + 1;
+    } else if (list != NULL) {
+        if (!read_list(list, list->count, INT16_MIN, INT16_MAX, values))
+            return false;
         config.list_len = (uint8_t)list->count;
         for (size_t i = 0; i < list->count; i++)
             config.list[i] = (int16_t)values[i];

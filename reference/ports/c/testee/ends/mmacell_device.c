@@ -75,7 +75,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
         for (const struct json *at = argument->child; at != NULL && axis < AXES; at = at->next, axis++) {
             double value;
             if (!json_number(at, &value) || !mmacell_proto_round(value, mmacell_proto_decimals(AXES, axis), &pose[axis]))
-                return false;
+                break;
         }
         mmacell_device_set_pose(&session, axis == AXES ? pose : NULL);
     } else if (strcmp(name, "fail") == 0) {

@@ -11,6 +11,7 @@ from ..stream import (
     StreamDecoder,
     boolean,
     error,
+    fields,
     integer,
     one_of,
 )
@@ -23,6 +24,16 @@ AXES = {"robot": ROBOT, "platform": PLATFORM}
 ROBOT_CHARACTERS = 32  # MM-27
 MAX_COORDINATE = 999_999
 BARE_COMMANDS = ("STA", "STP", "RST", "CLO")
+# What an object has beside the name of its command, and beside that of its reply.
+COMMANDS: dict[str, set[str]] = {
+    **dict.fromkeys(BARE_COMMANDS, set()),
+    "SRV": {"on"},
+    "OVR": {"percent"},
+    "MOV": {"mode", "axes"},
+    "ACQ": {"camera"},
+    "HND": {"gripper", "open"},
+}
+REPLIES: dict[str, set[str]] = {"ok": set(), "error": {"error"}, "status": {"moving", "axes", "servo", "override", "error"}}
 MODES = {"A": "absolute", "R": "relative"}
 
 
@@ -216,7 +227,8 @@ def encode(message: Json, sender: str = "central", options: Json | None = None) 
 
 def encode_command(message: Json, dialect: Dialect) -> str:
     """A line of the central controller, without its end."""
-    name = one_of(message["command"], {*BARE_COMMANDS, "SRV", "OVR", "MOV", "ACQ", "HND"}, "command")
+    name = one_of(message["command"], set(COMMANDS), "command")
+    fields(message, {"command"} | COMMANDS[name])
     if name == "STP" and dialect.itr:
         return "ITR"
     if name == "SRV":
@@ -238,7 +250,8 @@ def encode_command(message: Json, dialect: Dialect) -> str:
 
 def encode_reply(message: Json, sender: str, dialect: Dialect) -> str:
     """A line of a device, without its end."""
-    name = one_of(message["reply"], {"ok", "error", "status"}, "reply")
+    name = one_of(message["reply"], set(REPLIES), "reply")
+    fields(message, {"reply"} | REPLIES[name])
     if name == "ok":
         return "OK"
     number = encode_integer(message["error"], dialect)

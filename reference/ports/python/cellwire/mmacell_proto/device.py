@@ -107,9 +107,12 @@ class Device(Session):
             raise NotTaken("not_pending")
 
     def set_pose(self, pose: Sequence[float]) -> None:
-        """Where the axes are: millimetres and radians."""
-        codec.encode_axes(pose, self.device)  # refuses what does not fit
-        self.pose = counts(pose)
+        """Where the axes are: millimetres and radians. What does not fit its fields is not known (MM-52)."""
+        try:
+            codec.encode_axes(pose, self.device)
+            self.pose = counts(pose)
+        except Refused:
+            self.pose = None
 
     def arrived(self) -> None:
         """The axes are at rest."""

@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass
 
-from ..stream import Item, Json, Refused, error, integer, integers, one_of
+from ..stream import Item, Json, Refused, boolean, error, fields, integer, integers, one_of
 
 DLE, STX, ETX = 0x10, 0x02, 0x03
 CONTROLLER_LIMIT, HOST_LIMIT = 30, 14  # AL-9
@@ -287,13 +287,17 @@ def encode_controller(message: Json) -> bytes:
     default = 0 if message["kind"] == "start" else None
     code = integer(message.get("error", default), 0, 7, "error")
     if message["kind"] == "start":
+        fields(message, {"kind", "mode", "data"} | (message.keys() & {"error", "marked"}))
+        boolean(message.get("marked", True), "marked")
         values = integers(message["data"], *WORD, range(15), "data")
         mode = integer(message["mode"], 0, 255, "mode")
         return bytes([0xA0 | code, mode]) + struct.pack(f"<{len(values)}h", *values)
     if message["kind"] == "end":
+        fields(message, {"kind", "error"})
         return bytes([0xE0 | code])
     if message["kind"] != "motion":
         raise Refused(f"a controller does not send {message['kind']}")
+    fields(message, {"kind", "phase", "error", "segment_status", "segment", "percent", "transform"})
     phase = one_of(message["phase"], {"running", "interrupted"}, "phase")
     status = integer(message["segment_status"], 0, 255, "segment_status")
     segment = integer(message["segment"], 0, 0xFFFF, "segment")
@@ -307,10 +311,12 @@ def encode_controller(message: Json) -> bytes:
 def encode_host(message: Json) -> bytes:
     """The data bytes of a message from the host."""
     if message["kind"] == "start_reply":
+        fields(message, {"kind", "reply"})
         reply = one_of(message["reply"], set(REPLIES.values()), "reply")
         return bytes(code for code, name in REPLIES.items() if name == reply)
     if message["kind"] != "reply":
         raise Refused(f"a host does not send {message['kind']}")
+    fields(message, {"kind", "exception", "values"})
     exception, values = integer(message["exception"], 0, 255, "exception"), message["values"]
     if not isinstance(values, list) or len(values) != AXES:
         raise Refused("values must be six")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from ..session import MS, NotTaken, after, earliest, span
-from ..stream import Item, Json
+from ..stream import Item, Json, Refused
 from . import codec
 from .codec import AXES
 from .line import CYCLE, Line, shortest_window, window
@@ -46,8 +46,12 @@ class ControllerConfig:
 
     def __post_init__(self) -> None:
         framing = codec.Framing(**self.framing)
-        if self.attempts == 0 or shortest_window(self.mode, framing, self.baud) < 0:
-            raise ValueError("0 attempts, or a window that does not hold a reply")  # AL-69
+        if self.mode > 31 or self.attempts == 0 or shortest_window(self.mode, framing, self.baud) < 0:
+            raise ValueError("no mode, 0 attempts, or a window that does not hold a reply")  # AL-69
+        try:
+            codec.encode_controller({"kind": "start", "mode": self.mode, "data": self.data})
+        except Refused as refused:
+            raise ValueError(str(refused)) from None
 
     @property
     def is_cumulative(self) -> bool:

@@ -62,8 +62,8 @@ class HostConfig:
 
     def __post_init__(self) -> None:
         shortest = shortest_window(self.mode, codec.Framing(**self.framing), self.baud)
-        if self.silence_cycles < 2 or shortest < self.reserve:
-            raise ValueError("silence_cycles below 2, or a window that does not hold a reply")  # AL-42
+        if self.mode > 31 or self.silence_cycles < 2 or shortest < self.reserve:
+            raise ValueError("no mode, silence_cycles below 2, or a window that does not hold a reply")  # AL-42
 
     @property
     def is_cumulative(self) -> bool:

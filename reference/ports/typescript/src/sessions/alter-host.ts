@@ -1,70 +1,13 @@
 /** The host of VAL II ALTER (section 7): it answers each message of the controller within its window. */
 
 import { Refused, integer, integers } from "../check.js";
-import {
-  DEFAULT_FRAMING,
-  encodeMessage,
-  type AlterError,
-  type End,
-  type Framing,
-  type HostMessage,
-  type Motion,
-  type RobotMessage,
-  type Start,
-} from "../val2-alter.js";
+import { DEFAULT_FRAMING, encodeMessage, type HostMessage, type Motion, type RobotMessage, type Start } from "../val2-alter.js";
 import { AlterAxes, type Aim } from "./alter-axes.js";
-import type { AxisState, Limits } from "./alter-limiter.js";
+import { ALTER_HOST_DEFAULTS, type AlterHostConfig, type AlterHostEvent, type Outcome, type Policy } from "./alter-host-config.js";
+import type { AxisState } from "./alter-limiter.js";
 import { CYCLE, replyWindow, shortestMessage, shortestReply, windowOf } from "./alter-timing.js";
 import { AlterLine } from "./alter-line.js";
-import { NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
-
-export type Policy = "accept" | "refuse" | "ignore";
-
-/** Times are in ns. */
-export interface AlterHostConfig {
-  framing: Partial<Framing>;
-  baud: number;
-  mode: number;
-  limits: Limits;
-  /** ALTER names an exception subroutine. */
-  subroutine: boolean;
-  policy: Policy;
-  repeats: number;
-  /** cycles of 28 ms */
-  silence_cycles: number;
-  gap: number;
-  target_timeout: number;
-  reserve: number;
-  max_delay: number;
-}
-
-export const ALTER_HOST_DEFAULTS: AlterHostConfig = {
-  framing: {},
-  baud: 38400,
-  mode: 23,
-  limits: { velocity: [90, 90, 90, 150, 150, 150], acceleration: [9, 9, 9, 15, 15, 15] },
-  subroutine: false,
-  policy: "accept",
-  repeats: 2,
-  silence_cycles: 4,
-  gap: 4e6,
-  target_timeout: 200e6,
-  reserve: 1e6,
-  max_delay: 10e6,
-};
-
-export type Outcome = "done" | "not_done" | { unknown: "ended" | "out_of_sequence" | "unclear" };
-
-export type AlterHostEvent =
-  | { event: "start"; message: Start }
-  | { event: "motion"; message: Motion }
-  | { event: "end"; message: End }
-  | { event: "lost"; reason: "disconnected" | "restart" | "silence" }
-  | { event: "exception"; exception: number; outcome: Outcome }
-  | { event: "stopped" | "missed" | "delayed" | "target_stale" }
-  | { event: "rejected"; error: number }
-  | { event: "corrupt"; error: AlterError }
-  | Unexpected;
+import { NEVER, isDue, lineTime, require, type Session } from "./session.js";
 
 /** An answer that is due: when it has to begin and to end. */
 interface Window {
@@ -119,6 +62,7 @@ export class AlterHost extends AlterLine<RobotMessage, AlterHostEvent> implement
     const { mode, limits, silence_cycles, max_delay, baud, reserve } = this.config;
     this.policy = this.config.policy;
     this.subroutine = this.config.subroutine;
+    integer(mode, 0, 31, "config");
     require(silence_cycles >= 2, "silence_cycles below 2 (AL-42)");
     const window = replyWindow(mode, baud, shortestMessage(this.framing, mode));
     require(window - lineTime(shortestReply(this.framing, 1), baud) >= reserve, "a window without room for a reply (AL-42)");

@@ -154,9 +154,13 @@ export class MmaDevice implements Session<DeviceEvent> {
     this.answer({ reply: "error", error });
   }
 
-  /** Where the device is, in mm and rad. */
+  /** Where the device is, in mm and rad; what does not fit its fields is not known (MM-52). */
   setPose(axes: number[]): void {
-    this.pose = countsOf(axes);
+    try {
+      this.pose = countsOf(axes);
+    } catch {
+      this.pose = null;
+    }
   }
 
   /** The axes are at rest. */

@@ -4,8 +4,8 @@ use crate::phase::Phase;
 
 /// What a PC session reports. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
 ///
-/// Outcomes, which are never dropped: `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown`, `Command` and `Disconnect`. Of
-/// `Progress` the last state is reported. The others are notices.
+/// Outcomes, which are never dropped: `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown` and `Command`. `Disconnect`
+/// waits until it is taken or the connection has ended. Of `Progress` the last state is reported. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]

@@ -4,7 +4,8 @@ use crate::robot::state::RecoveryStep;
 
 /// What a robot session reports.
 ///
-/// Outcomes, which are never dropped: `Connect`, `Disconnect`, the four of an order, `Alarm` and `Command`. The others are notices.
+/// Outcomes, which are never dropped: the four of an order, `Alarm` and `Command`. `Connect` and `Disconnect` wait until they are taken
+/// or out of date. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]

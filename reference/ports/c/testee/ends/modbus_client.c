@@ -4,11 +4,19 @@
 
 ADAPT(modbus_client)
 
+static struct modbus_client_config config;
+
+static bool init(unsigned places)
+{
+    config.places = places;
+    return modbus_client_init(&session, &config);
+}
+
 static bool begin(const struct json *object)
 {
     unsigned baud = 19200;
     read_unsigned(object, "baud", UINT32_MAX, &baud);
-    struct modbus_client_config config = modbus_client_default(read_modbus_line(object), baud);
+    config = modbus_client_default(read_modbus_line(object), baud);
     read_unsigned(object, "places", MODBUS_CLIENT_PLACES, &config.places);
     read_unsigned(object, "in_flight", MODBUS_CLIENT_PLACES, &config.in_flight);
     config.any_unit = json_true(json_get(object, "any_unit"));
@@ -22,14 +30,8 @@ static bool begin(const struct json *object)
     if (config.framing == MODBUS_LINE_TCP)
         config.silence = 0; /* which is not looked at */
     unsigned places = config.places;
-    config.places = 0;
-    bool is_bounded = !modbus_client_init(&session, &config);
-    config.places = MODBUS_CLIENT_PLACES + 1;
-    is_bounded = is_bounded && !modbus_client_init(&session, &config);
-    config.places = 1;
-    bool is_taken = modbus_client_init(&session, &config) || config.in_flight > 1;
-    config.places = places;
-    return is_bounded && modbus_client_init(&session, &config) && is_taken;
+    bool is_bounded = !init(0) && !init(MODBUS_CLIENT_PLACES + 1) && (init(1) || config.in_flight > 1);
+    return init(places) && is_bounded;
 }
 
 static bool call(uint64_t now, const char *name, const struct json *argument)

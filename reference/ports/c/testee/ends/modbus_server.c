@@ -109,12 +109,20 @@ static uint8_t serve(void *context, const struct modbus_message *request, struct
     }
 }
 
+static struct modbus_server_config config;
+
+static bool init(unsigned places)
+{
+    config.places = places;
+    return modbus_server_init(&session, &config);
+}
+
 static bool begin(const struct json *object)
 {
     const struct json *unit = json_get(object, "unit");
     unsigned baud = 19200;
     read_unsigned(object, "baud", UINT32_MAX, &baud);
-    struct modbus_server_config config = modbus_server_default(read_modbus_line(object), baud);
+    config = modbus_server_default(read_modbus_line(object), baud);
     if (unit != NULL) {
         unsigned number = 0; /* which is not looked at without a unit */
         config.has_unit = unit->type == '0';
@@ -134,14 +142,8 @@ static bool begin(const struct json *object)
     if (config.framing == MODBUS_LINE_TCP)
         config.silence = 0; /* which is not looked at */
     unsigned places = config.places;
-    config.places = 0;
-    bool is_bounded = !modbus_server_init(&session, &config);
-    config.places = MODBUS_SERVER_PLACES + 1;
-    is_bounded = is_bounded && !modbus_server_init(&session, &config);
-    config.places = 1;
-    bool is_taken = modbus_server_init(&session, &config);
-    config.places = places;
-    return is_bounded && modbus_server_init(&session, &config) && is_taken;
+    bool is_bounded = !init(0) && !init(MODBUS_SERVER_PLACES + 1) && init(1);
+    return init(places) && is_bounded;
 }
 
 static bool call(uint64_t now, const char *name, const struct json *argument)

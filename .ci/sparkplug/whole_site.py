@@ -218,10 +218,11 @@ consumer.refusing = False
 end = started + args.minutes * 60
 length = args.minutes * 60
 
+(folder / "command.py").write_text(PAGE.read_text().split("```python\n")[1].split("```")[0])
+
 
 def commands(round):
     """Orders something from each cell that takes commands, each id twice, by the page's command.py."""
-    (folder / "command.py").write_text(PAGE.read_text().split("```python\n")[1].split("```")[0])
     sent = {}
     for cell in cells:
         for id, order, wanted in cell.orders(round):

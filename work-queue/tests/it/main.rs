@@ -1,4 +1,4 @@
-//! All tests of the crate from without, in one program: they are linked once.
+//! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 #[cfg(all(feature = "alloc", not(loom)))]

@@ -291,7 +291,7 @@ impl<F: Framings> Decoder<F> {
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
             }
         }
-        Err(limit)
+        Err(limit.max(from))
     }
 
     /// Where the frame begins that ends first, and of those the longest; else what was tried. A beginning is noted with the byte

@@ -3,6 +3,7 @@
 use core::fmt::Debug;
 use std::format;
 use std::string::String;
+use std::vec;
 use std::vec::Vec;
 
 use super::{Rng, chunkings};
@@ -23,7 +24,16 @@ where
     D: Decoder<Error: Debug>,
     for<'a> D::Frame<'a>: Debug,
 {
-    let mut items = Vec::new();
+    decode_noting(decoder, pieces, |_, _| ())
+}
+
+/// The same; `note` gets how many bytes were pushed, and how many items they gave.
+fn decode_noting<D>(decoder: &mut D, pieces: &[&[u8]], mut note: impl FnMut(usize, usize)) -> Vec<Item>
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    let (mut items, mut pushed) = (Vec::new(), 0);
     for mut piece in pieces.iter().copied() {
         while !piece.is_empty() {
             let taken = decoder.push(piece);
@@ -31,6 +41,8 @@ where
             drain(decoder, &mut items);
             assert!(taken > 0 || items.len() > before, "the buffer is full, and nothing comes out of it");
             piece = &piece[taken..];
+            pushed += taken;
+            note(pushed, items.len());
         }
     }
     decoder.finish();
@@ -124,16 +136,23 @@ where
     items
 }
 
+/// In pieces of any size a stream gives the same items, each as soon as byte by byte.
 fn pieces_change_nothing<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], whole: &[Item], rng: &mut Rng)
 where
     D: Decoder<Error: Debug>,
     for<'a> D::Frame<'a>: Debug,
 {
+    let single: Vec<_> = stream.chunks(1).collect();
+    let mut shown = vec![0; stream.len() + 1];
+    let items = decode_noting(&mut new(), &single, |pushed, items| shown[pushed] = items);
+    assert_eq!(items, whole, "{name}: byte by byte: {stream:02X?}");
     let size = 1 + rng.below(stream.len());
     let pieces: Vec<_> = stream.chunks(size).collect();
-    assert_eq!(decode(&mut new(), &pieces), whole, "{name}: in pieces of {size}: {stream:02X?}");
-    let single: Vec<_> = stream.chunks(1).collect();
-    assert_eq!(decode(&mut new(), &single), whole, "{name}: byte by byte: {stream:02X?}");
+    let items = decode_noting(&mut new(), &pieces, |pushed, items| {
+        let expected = shown[pushed];
+        assert_eq!(items, expected, "{name}: items of {pushed} bytes in pieces of {size}: {stream:02X?}");
+    });
+    assert_eq!(items, whole, "{name}: in pieces of {size}: {stream:02X?}");
 }
 
 /// What was held when the decoder was cleared counts in the position, and does not change what follows.

@@ -124,7 +124,7 @@ fn run(
     next: &mut u16,
 ) -> Result<()> {
     let (mut meeting, ..) = Meeting::of_pc(endpoint, config.datagrams, config.dialect, CONNECT)?;
-    let session = LargePc::<Jobs>::sized(config)?.with_ranges(layout.clone())?;
+    let session = LargePc::<Jobs>::with_ranges(config, layout.clone())?;
     let mut program = Kawasaki {
         end,
         layout: layout.clone(),

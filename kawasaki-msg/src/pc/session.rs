@@ -75,7 +75,14 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When the configuration cannot work, or needs more.
     pub fn sized(config: PcConfig<'a>) -> Result<Self, ConfigError> {
-        let ranges = Ranges::<S>::default();
+        Self::with_ranges(config, Ranges::<S>::default())
+    }
+
+    /// As [`sized`](Self::sized), with other ranges of a job's fields: those of the robot.
+    ///
+    /// # Errors
+    /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
+    pub fn with_ranges(config: PcConfig<'a>, ranges: Ranges<S>) -> Result<Self, ConfigError> {
         config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
         Ok(Self {
             core: Core::new(config.machine(), Machine::new(), Decoder::sized(config.dialect.charset())),
@@ -86,15 +93,6 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             commands: [(0, 0); Commands::MAX as usize],
             received: None,
         })
-    }
-
-    /// The same session with other ranges of a job's fields: those of the robot.
-    ///
-    /// # Errors
-    /// When a range is empty, or a job with the longest values does not fit a packet or the session.
-    pub fn with_ranges(self, ranges: Ranges<S>) -> Result<Self, ConfigError> {
-        self.limits.check(&self.dialect, job::check::<S::Work>(&ranges)?, MESSAGE)?;
-        Ok(Self { ranges, ..self })
     }
 
     /// Begins an order. The robot receives it in its next cycle, also when it is not connected yet.

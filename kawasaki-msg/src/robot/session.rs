@@ -75,7 +75,19 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     /// # Errors
     /// When the configuration cannot work, or needs more.
     pub fn sized(config: RobotConfig<'a>, jobs: impl Into<Jobs<'a, W, R>>) -> Result<Self, ConfigError> {
-        let (jobs, ranges) = (jobs.into(), W::Ranges::default());
+        Self::with_ranges(config, jobs, W::Ranges::default())
+    }
+
+    /// As [`sized`](Self::sized), with other ranges of a job's fields: what the robot can reach.
+    ///
+    /// # Errors
+    /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
+    pub fn with_ranges(
+        config: RobotConfig<'a>,
+        jobs: impl Into<Jobs<'a, W, R>>,
+        ranges: W::Ranges,
+    ) -> Result<Self, ConfigError> {
+        let jobs = jobs.into();
         config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
         let queue = jobs.writer.max_number();
         if queue != config.max_number {
@@ -93,15 +105,6 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
             low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
             jobs,
         })
-    }
-
-    /// The same session with other ranges of a job's fields: what the robot can reach.
-    ///
-    /// # Errors
-    /// When a range is empty, or a job with the longest values does not fit a packet or the session.
-    pub fn with_ranges(self, ranges: W::Ranges) -> Result<Self, ConfigError> {
-        self.limits.check(&self.dialect, job::check::<W>(&ranges)?, MESSAGE)?;
-        Ok(Self { ranges, ..self })
     }
 
     /// The motion task has executed a job, where that is not said by [`Motion`](crate::motion::Motion). Hand over every report before

@@ -43,7 +43,7 @@ pub fn robot<W: Job, C: Connector>(
     let (queued, completed, max) = (Waker::default(), Waker::default(), config.max_number);
     let (jobs, motion) = motion::boxed_with(capacity, max, Hook(queued.clone()), Hook(completed.clone()))
         .map_err(|_| ConfigError::Queue { capacity, max })?;
-    let session = LargeRobot::sized(config, jobs)?.with_ranges(ranges)?;
+    let session = LargeRobot::with_ranges(config, jobs, ranges)?;
     let service = Queueing(core::marker::PhantomData);
     let (handle, task) = session::spawn_woken_by(completed, session, service, connector);
     Ok((Robot { handle }, Motion { motion, queued }, task))

@@ -69,14 +69,14 @@ fn a_configuration_that_cannot_work_is_refused() {
     let origin = Point::new(0, 0);
     let bounds = |min, max| {
         let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 9999).unwrap();
-        Robot::new(RobotConfig::TCP, writer).unwrap().with_ranges(Bounds { min, max }).err()
+        <Robot<_>>::with_ranges(RobotConfig::TCP, writer, Bounds { min, max }).err()
     };
     let empty = |field| Some(ConfigError::EmptyRange { field: Name::of(field) });
     assert_eq!(bounds(origin, origin), None, "a single point");
     assert_eq!(bounds(Point::new(1, 0), origin), empty("x1"));
     assert_eq!(bounds(Point::new(0, 1), origin), empty("y1"));
-    let pc = Pc::<&[Line]>::new(PcConfig::TCP).unwrap();
-    assert_eq!(pc.with_ranges(Bounds { min: Point::new(1, 0), max: origin }).err(), empty("x1"));
+    let pc = |min, max| <Pc<&[Line]>>::with_ranges(PcConfig::TCP, Bounds { min, max }).err();
+    assert_eq!(pc(Point::new(1, 0), origin), empty("x1"));
     let limits = |element, packet| PcConfig { limits: Limits { element, packet }, ..PcConfig::default() };
     type Nothing = fn(u32) -> Supply<Line>;
     let pc = |config| Pc::<Nothing>::new(config).err();

@@ -31,7 +31,7 @@ impl Bench {
     fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
         let config = RobotConfig { max_number, ..config };
-        let robot = Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap();
+        let robot = <Robot<_>>::with_ranges(config, writer, bounds).unwrap();
         let mut bench = Self { now: Duration::ZERO, robot, reader };
         bench.robot.handle_timeout(bench.now);
         assert_eq!(bench.events(), [RobotEvent::Connect]);

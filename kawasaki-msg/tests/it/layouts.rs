@@ -57,8 +57,8 @@ fn queued_within<W: Work>(
     wire: &[u8],
 ) -> Result<Job<W>, MessageError> {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = LargeRobot::sized(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
-    robot = robot.with_ranges(ranges).unwrap();
+    let config = RobotConfig { dialect, ..RobotConfig::TCP };
+    let mut robot = LargeRobot::with_ranges(config, writer, ranges).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
@@ -253,7 +253,7 @@ fn a_pc_refuses_a_job_that_does_not_fit() {
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(x, 0) };
     let jobs = [line(1), line(2), line(1001), line(4)];
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(1000, 1000) };
-    let mut pc = Pc::new(PcConfig::TCP).unwrap().with_ranges(bounds).unwrap();
+    let mut pc = <Pc<_>>::with_ranges(PcConfig::TCP, bounds).unwrap();
     pc.start(50, &jobs[..]).unwrap();
     pc.handle_connected(Duration::ZERO);
     let mut now = Duration::ZERO;

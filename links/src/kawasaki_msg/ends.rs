@@ -71,7 +71,7 @@ impl Owner for Pc {
     fn new(mut given: Given, rules: Rules<pc::Rule>) -> Result<Self> {
         let (dialect, layout) = plant(&mut given)?;
         let made = PcConfig { dialect, takeover: Takeover::Interrupt, rules, ..PcConfig::TCP };
-        let pc = LargePc::sized(given.configure(made)?)?.with_ranges(layout.clone())?;
+        let pc = LargePc::with_ranges(given.configure(made)?, layout.clone())?;
         Ok(Self { pc, layout, jobs: Rc::default() })
     }
 }
@@ -181,7 +181,7 @@ impl Owner for Robot {
         let made = given.configure(RobotConfig { dialect, rules, ..RobotConfig::TCP })?;
         let slots = slots.unwrap_or(SLOTS.min(usize::from(made.max_number).saturating_sub(1)));
         let (writer, reader) = robot_work_queue::boxed(slots, made.max_number)?;
-        let robot = LargeRobot::sized(made, writer)?.with_ranges(layout.clone())?;
+        let robot = LargeRobot::with_ranges(made, writer, layout.clone())?;
         Ok(Self { robot, layout, motion: Some(Motion { reader, executes: None }), taken: None })
     }
 

@@ -190,8 +190,7 @@ impl Plant {
             cumulative_acks: self.acks != Acks::Individual,
             ..config
         };
-        let pc = LargePc::<&[AnyWork]>::sized(config).map_err(refused)?;
-        pc.with_ranges(self.layout()?).map_err(refused)?;
+        LargePc::<&[AnyWork]>::with_ranges(config, self.layout()?).map_err(refused)?;
         Ok(config)
     }
 

@@ -35,8 +35,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Settings for KawasakiPc<W> {
     type Device = Pc<W>;
 
     fn device(&self) -> Result<Pc<W>, Error> {
-        let session = LargePc::sized(self.config).map_err(Error::settings)?;
-        let session = session.with_ranges(self.ranges.clone()).map_err(Error::settings)?;
+        let session = LargePc::with_ranges(self.config, self.ranges.clone()).map_err(Error::settings)?;
         Ok(Pc { settings: self.clone(), session, next: self.order, was_connected: false, is_wanted: false })
     }
 }

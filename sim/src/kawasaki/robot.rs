@@ -71,8 +71,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Kawasaki<W> {
     pub fn new(settings: KawasakiRobot<W>) -> Result<Self, Error> {
         let KawasakiRobot { config, ranges, queue, .. } = &settings;
         let (writer, queue) = boxed(*queue, config.max_number).map_err(Error::settings)?;
-        let session = LargeRobot::sized(*config, writer).map_err(Error::settings)?;
-        let session = session.with_ranges(ranges.clone()).map_err(Error::settings)?;
+        let session = LargeRobot::with_ranges(*config, writer, ranges.clone()).map_err(Error::settings)?;
         Ok(Self { settings, session, queue, executing: None })
     }
 

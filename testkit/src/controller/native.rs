@@ -26,11 +26,7 @@ impl Controller for Native {
 
     fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, _: u64) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, config.max_number).unwrap();
-        Self {
-            robot: LargeRobot::sized(config, writer).unwrap().with_ranges(bounds).unwrap(),
-            reader,
-            reports: Vec::new(),
-        }
+        Self { robot: LargeRobot::with_ranges(config, writer, bounds).unwrap(), reader, reports: Vec::new() }
     }
 
     fn execute(&mut self, _: Duration, overtakes: bool) -> Option<Job<Line>> {

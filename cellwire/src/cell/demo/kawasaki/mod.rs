@@ -92,7 +92,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let board = Lines::of(&layout)?;
     let lines = board.jobs(&picture);
     let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
-    let session = LargePc::sized(pc)?.with_ranges(layout.clone())?;
+    let session = LargePc::with_ranges(pc, layout.clone())?;
     // No job is anything else than a line.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
     let (udp, timeout) = (plant.udp, tcp::CONNECT_TIMEOUT);

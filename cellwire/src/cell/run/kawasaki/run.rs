@@ -102,7 +102,7 @@ impl<'a> Runner<'a> {
     /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
     pub fn run(mut self, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
         let layout = self.jobs.layout().clone();
-        let mut pc = LargePc::sized(self.config)?.with_ranges(layout)?;
+        let mut pc = LargePc::with_ranges(self.config, layout)?;
         if let Some(flight) = &self.journal.record().flight {
             if flight.max_number != self.config.max_number {
                 bail!(

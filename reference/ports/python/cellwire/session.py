@@ -1,5 +1,6 @@
 """What the sessions of all links share."""
 
+from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from .stream import Decoder, Item, Json
@@ -27,7 +28,7 @@ class NotTaken(Exception):
         self.refused: Json = {"kind": kind}
 
 
-class Session:
+class Session(ABC):
     """An end of a link: a function of time and input, without a clock and without a socket.
 
     Give it what happened, take `events`, then what it transmits, and come back at `deadline`. Times are whole nanoseconds, counted
@@ -55,13 +56,13 @@ class Session:
         """The state does not allow this input, which has changed nothing."""
         self.report("unexpected", state=str(state), input=given)
 
+    @abstractmethod
     def connected(self, now: int) -> None:
         """A connection was made, or the port was opened."""
-        raise NotImplementedError
 
+    @abstractmethod
     def disconnected(self, now: int) -> None:
         """The connection was lost."""
-        raise NotImplementedError
 
     def input(self, now: int, data: bytes) -> None:
         """Bytes came. What has come due comes first."""
@@ -83,15 +84,14 @@ class Session:
 
     def on_message(self, now: int, message: Json) -> None:
         """A message of the peer."""
-        raise NotImplementedError
 
     def on_error(self, now: int, item: Item) -> None:
         """Bytes that are no message."""
         self.report("corrupt", error=item.error)
 
+    @abstractmethod
     def timeout(self, now: int) -> None:
         """Time has passed."""
-        raise NotImplementedError
 
     def wants_timeout(self) -> bool:
         """Whether `timeout` is to be called at once, whatever the deadline."""
@@ -100,13 +100,13 @@ class Session:
     def transmitted(self, now: int) -> None:
         """The last byte of what was transmitted has left the port."""
 
+    @abstractmethod
     def transmit(self, now: int) -> bytes | None:
         """What is to be sent now."""
-        raise NotImplementedError
 
+    @abstractmethod
     def deadline(self) -> int | None:
         """When `timeout`, or `transmit`, is to be called at the latest."""
-        raise NotImplementedError
 
 
 def earliest(*times: int | None) -> int | None:

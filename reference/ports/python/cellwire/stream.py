@@ -3,7 +3,7 @@
 A message is the JSON object that reference/README.md describes, and so is an error.
 """
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -36,12 +36,17 @@ def error(kind: str, **fields: Any) -> Json:
 class Decoder(Protocol):
     """What the decoders of all links can do."""
 
-    def push(self, data: bytes) -> None: ...
-    def end(self) -> None: ...
-    def next(self) -> Item | None: ...
+    def push(self, data: bytes) -> None:
+        """Takes bytes, however the stream was divided."""
+
+    def end(self) -> None:
+        """No byte follows for now."""
+
+    def next(self) -> Item | None:
+        """The next message or error; None: more bytes are needed."""
 
 
-class StreamDecoder:
+class StreamDecoder(ABC):
     """Bytes in, items out. A link overrides `take`.
 
     Call `push` with what was read, then `next` until it is None. `end` says that the stream has ended, or that the line is
@@ -77,9 +82,9 @@ class StreamDecoder:
         self.dropped = 0
         return item
 
+    @abstractmethod
     def take(self) -> tuple[int, Json | None, Json | None]:
         """Length, message, and error (one of them is None) at the beginning of `held`; raises Incomplete."""
-        raise NotImplementedError
 
 
 def fields(value: Json, names: set[str]) -> None:
@@ -102,9 +107,9 @@ def integers(values: Any, low: int, high: int, count: range, name: str) -> list[
     return [integer(value, low, high, name) for value in values]
 
 
-def one_of(value: Any, names: Callable[[Any], bool] | set[str], name: str) -> str:
+def one_of(value: Any, names: set[str], name: str) -> str:
     """The value, if it is one of the names."""
-    if not isinstance(value, str) or not (value in names if isinstance(names, set) else names(value)):
+    if not isinstance(value, str) or value not in names:
         raise Refused(f"{name} must not be {value!r}")
     return value
 

@@ -1,5 +1,6 @@
 """What both ends of val2-alter share: the decoder, the gap that ends a frame, and the queue of events (AL-38, AL-52, AL-91, AL-96)."""
 
+from abc import abstractmethod
 from typing import Any
 
 from ..session import MS, Session, after, span
@@ -55,8 +56,9 @@ class Line(Session):
         """Whether so many more outcomes fit (AL-96)."""
         return sum(isinstance(event, Outcome) for event in self.events) + outcomes <= PLACES
 
+    @abstractmethod
     def is_open(self) -> bool:
-        raise NotImplementedError
+        """Whether bytes are read."""
 
     def input(self, now: int, data: bytes) -> None:
         if not self.is_open():
@@ -90,10 +92,10 @@ class Line(Session):
             else:
                 self.on_frame(now, item, item.message)
 
+    @abstractmethod
     def on_failure(self, now: int, kind: str) -> None:
         """A frame is corrupt, but it is not known yet which bytes its error covers (AL-38)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def on_frame(self, now: int, item: Item, message: Json) -> None:
         """A message of the peer."""
-        raise NotImplementedError

@@ -33,8 +33,6 @@ export interface Session<E> {
 export class Events<E> {
   private readonly waiting: E[] = [];
 
-  constructor(private readonly places = NEVER) {}
-
   push(event: E): void {
     this.waiting.push(event);
   }
@@ -43,20 +41,15 @@ export class Events<E> {
     return this.waiting.shift() ?? null;
   }
 
-  /** How many more have room. */
-  get room(): number {
-    return this.places - this.waiting.length;
-  }
-
   /** How many of these wait. */
   count(test: (event: E) => boolean): number {
     return this.waiting.filter(test).length;
   }
 }
 
-/** Whether a deadline is due: at its own instant. Never is not. */
+/** Whether a deadline is due: at its own instant. */
 export function isDue(deadline: number, now: number): boolean {
-  return now >= deadline && deadline < NEVER;
+  return now >= deadline;
 }
 
 /** The time of so many bytes of so many bits at a rate, rounded down to a nanosecond; rate 0 never ends. */

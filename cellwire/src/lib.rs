@@ -184,7 +184,7 @@ fn with_settings(command: clap::Command, settings: &[Setting]) -> clap::Command 
     let between = if own.is_empty() || tables.is_empty() {
         ""
     } else {
-        "\nIn tables, which a file has rather than a command line:\n\n"
+        "\nIn tables, for a settings file rather than --set:\n\n"
     };
     command.after_long_help(format!("{before}Settings, for --set and --settings:\n\n{own}{between}{tables}"))
 }

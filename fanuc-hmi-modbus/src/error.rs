@@ -57,7 +57,7 @@ pub enum DecodeError {
         /// The code.
         found: u8,
     },
-    /// The PDU has other bytes than its function code and its byte count ask for.
+    /// The PDU's length is not the one that its function code and byte count require.
     #[error("a PDU of function {function} has {found} bytes here, not {expected}")]
     PduLength {
         /// The function code.
@@ -128,7 +128,7 @@ pub enum EncodeError {
         max: u16,
     },
     /// The last coil or register would lie beyond PDU address 65535.
-    #[error("{quantity} from address {address} exceed address 65535")]
+    #[error("{quantity} items from address {address} exceed address 65535")]
     Address {
         /// The first PDU address.
         address: u16,
@@ -228,7 +228,7 @@ pub enum ConfigError {
     /// Every request would time out as it is sent.
     #[error("the timeout is zero")]
     Timeout,
-    /// No server has this unit: 0 is the broadcast.
+    /// Unit 0 is the broadcast in this configuration.
     #[error("unit {found} is invalid for a server")]
     Unit {
         /// The unit.
@@ -249,7 +249,7 @@ pub struct ListingError {
     pub error: AssignmentError,
 }
 
-/// Why an assignment is none.
+/// Why an assignment is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -262,7 +262,7 @@ pub enum AssignmentError {
         found: usize,
     },
     /// The number of the slot.
-    #[error("a slot is 1 to 80")]
+    #[error("the slot is not within 1 to 80")]
     Slot,
     /// A field that a slot does not have, or a value that is no number where one must stand.
     #[error("slot {slot} has no such field, or the value is invalid")]

@@ -106,7 +106,7 @@ impl<'a> Frame<&'a [u8]> {
         }
     }
 
-    /// The RTU frame that these bytes are as a whole, as a silence on both sides shows.
+    /// Decodes all of these bytes as one RTU frame, which has a silence on both sides.
     ///
     /// # Errors
     /// When the CRC is wrong, or there are fewer than 4 or more than 256 bytes.

@@ -13,7 +13,7 @@ pub enum Framing {
     },
     /// RTU frames through a TCP connection ("RTU over TCP"), where a gap shows nothing of the line beyond it.
     RtuOverTcp {
-        /// After how long without a byte a client takes a reply that is not whole as cut, and a server reads on behind what is no frame.
+        /// The silence after which a client gives up an incomplete reply, and a server reads on after bytes that are not a frame.
         /// Longer than any delay of the network.
         stall: Duration,
     },

@@ -7,7 +7,7 @@ use crate::message::{Bits, BitsMut, Exception, Request, Words, WordsMut, functio
 /// the tables that it has.
 ///
 /// An address is that of the first item, and all items are within 0 to 65535. A method that gives an exception changes nothing.
-/// Function 23 reads twice, so that a read that cannot be answered leaves no write; the reply has what is there after
+/// Function 23 reads before and after the write, so nothing is written if the read fails; the reply has the values after
 /// the write.
 ///
 /// ```

@@ -25,7 +25,8 @@ fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
             fields.source("SL §2.5.1.1").time("silence", SOME_TIME, about, silence);
         }
         Framing::RtuOverTcp { stall } => {
-            let about = "in RTU over TCP, the silence that ends a frame";
+            let about =
+                "in RTU over TCP, the silence that ends an incomplete reply, or bytes that are no frame";
             fields.time("stall", SOME_TIME, about, stall);
         }
     }

@@ -2,8 +2,8 @@
 
 pub use crate::error::TextError;
 
-/// The bytes of a string in registers, the first in the high byte of the first register, up to the first NUL or the end; how many.
-/// `out` has room for two a register, or what does not fit is left out.
+/// Reads a string from registers, high byte first, up to the first NUL or the end; returns how many bytes it has.
+/// Bytes that do not fit `out`, two per register, are dropped.
 ///
 /// ```
 /// assert_eq!(fanuc_hmi_modbus::text::read(&[0x5041, 0x5254, 0x0041], &mut [0; 6]), 4); // PART, then NUL

@@ -123,7 +123,7 @@ impl Client {
         Self { unit, ..self.clone() }
     }
 
-    /// What all handles have: events, the state of the connection, the end.
+    /// The generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Requests> {
         &self.handle
     }

@@ -82,7 +82,7 @@ pub enum EncodeError {
         found: u8,
     },
     /// Only packets of eight data bytes are written.
-    #[error("{found} data bytes, but only packets of {expected} can be written")]
+    #[error("a packet has {expected} data bytes, not {found}")]
     Layout {
         /// 8.
         expected: usize,

@@ -156,7 +156,7 @@ impl<'a> Dialect<'a> {
         self.entries.iter().find(|entry| name == *entry.name)
     }
 
-    /// What the sessions can do without, and this table does not have: each with what they cannot promise then.
+    /// The optional messages and fields that this table lacks, each with the guarantee that is lost.
     pub fn lacks(&self) -> impl Iterator<Item = Lack> + use<'a> {
         let table = *self;
         lacks::LACKS.iter().copied().filter(move |lack| match (table.entry(lack.role), lack.field) {

@@ -303,7 +303,7 @@ pub enum ConfigError {
     #[error("a queue of {capacity} jobs does not match job numbers up to {max}")]
     #[allow(missing_docs, reason = "see the error's message")]
     Queue { capacity: usize, max: u16 },
-    /// Job numbers are from 1 to 9999.
+    /// The highest job number is from 2 to 9999.
     #[error("the highest job number is {found}, not from 2 to 9999")]
     #[allow(missing_docs, reason = "see the error's message")]
     MaxNumber { found: u16 },

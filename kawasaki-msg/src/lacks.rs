@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::role::{Field, Role};
 
-/// A message or a field that a table does not have and the sessions can do without; shown, what they cannot promise then.
+/// An optional message or field that a table lacks; displayed as the guarantee that is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lack {
     /// The message.

@@ -107,7 +107,7 @@ pub type Ends<'q, W, M = NoWake, S = NoWake> = (Jobs<'q, W, M>, Motion<'q, W, S>
 
 /// The end of the [`Robot`](crate::Robot): it queues the jobs that the PC sends, and learns which are executed.
 ///
-/// A [`Writer`] alone is one as well, for a motion task that says by another way what it has executed, as from another processor: that
+/// A [`Writer`] alone is one as well, for a motion task that reports executed jobs in another way, as from another processor: each report
 /// is handed over with [`Robot::job_done`](crate::Robot::job_done).
 #[derive(Debug)]
 pub struct Jobs<'q, W, M: Wake = NoWake> {
@@ -130,7 +130,7 @@ impl<W, M: Wake> Jobs<'_, W, M> {
 
 /// The end of the motion task: takes jobs, executes them, completes them. Nothing here ever waits for the session.
 ///
-/// It takes again whenever it is woken: that is when a cleared queue is swept.
+/// Call [`take`](Self::take) whenever it is woken: that also sweeps a cleared queue.
 #[derive(Debug)]
 pub struct Motion<'q, W, S: Wake = NoWake> {
     jobs: Reader<'q, Job<W>, S>,

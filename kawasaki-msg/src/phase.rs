@@ -8,7 +8,7 @@
 pub enum Phase {
     /// 0: no order.
     Idle,
-    /// 1: the start was sent, its acknowledgement has not come.
+    /// 1: an order is to begin, and is not acknowledged yet.
     Starting,
     /// 2: jobs are sent and executed.
     Active,
@@ -16,7 +16,7 @@ pub enum Phase {
     Ending,
     /// 4: the queue is being cleared; the job that is being executed is the last.
     Interrupted,
-    /// 5: nothing helped; the motion program has to (thesis, section 6.3).
+    /// 5: the recovery has failed; the motion program must act (thesis, section 6.3).
     Alarm,
     /// A code that this version does not know. No session is ever in it.
     Other(u8),

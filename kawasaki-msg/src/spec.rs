@@ -149,7 +149,7 @@ impl Configure for PcConfig<'_> {
         fields.time("silence", SOME_TIME, about, silence);
         let choices =
             [("never", Takeover::Never), ("end", Takeover::End), ("interrupt", Takeover::Interrupt)];
-        let about = "what happens to another active order: its queue is executed, or it is interrupted";
+        let about = "how another active order is ended: not at all, after its queue, or interrupted";
         fields.source("§11.2").choice("takeover", &choices, about, takeover);
         let about = "how often a start is retried that was refused without an active order";
         fields.whole("start_retries", 0..=u16::MAX, "times", about, start_retries);

@@ -16,7 +16,7 @@ pub enum DecodeError {
         skipped: usize,
     },
     /// The head is not followed by the frame flag: a false head, or a corrupt flag.
-    #[error("the frame flag is {expected:02X}h, found {found:02X}h (at byte {offset})")]
+    #[error("expected the frame flag {expected:02X}h, found {found:02X}h (at byte {offset})")]
     Flag {
         /// Its place in the frame.
         offset: usize,
@@ -87,7 +87,7 @@ pub enum DecodeError {
 #[non_exhaustive]
 pub enum EncodeError {
     /// The buffer is too short.
-    #[error("{needed} bytes do not fit {available}")]
+    #[error("{needed} bytes are needed, the buffer has {available}")]
     BufferTooSmall {
         /// The bytes to write.
         needed: usize,

@@ -126,7 +126,7 @@ impl fmt::Display for Expected {
 #[non_exhaustive]
 pub enum EncodeError {
     /// The buffer is too small.
-    #[error("{needed} bytes do not fit {found}")]
+    #[error("{needed} bytes are needed, the buffer has {found}")]
     Buffer {
         /// The length of the message.
         needed: usize,

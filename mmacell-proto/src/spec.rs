@@ -10,10 +10,10 @@ use crate::message::ErrorCode;
 impl Configure for Dialect {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { itr, ovrd, clos, off, lone_lf, blank, wide_integers } = self;
-        fields.source("§6 steps 17 and 20").flag("itr", "ITR is STP", itr);
-        fields.source("§6 step 4").flag("ovrd", "OVRD is OVR", ovrd);
-        fields.source("§4.10").flag("clos", "HND…CLOS is HND…CLOSE", clos);
-        fields.flag("off", "SRVOFF is SRVOF", off);
+        fields.source("§6 steps 17 and 20").flag("itr", "ITR in place of STP", itr);
+        fields.source("§6 step 4").flag("ovrd", "OVRD in place of OVR", ovrd);
+        fields.source("§4.10").flag("clos", "HND…CLOS in place of HND…CLOSE", clos);
+        fields.flag("off", "SRVOFF in place of SRVOF", off);
         fields.source("§4").flag("lone_lf", "a line ends with a line feed alone", lone_lf);
         fields.source("§4").flag("blank", "a blank follows the sign of an integer", blank);
         let about = "all five digits of an integer count, also above 32767";
@@ -47,7 +47,7 @@ impl Configure for CentralConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { accepts, writes, timeout, settle, tolerance, rules: _ } = self;
         fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
-        let about = "how long after a motion's start a status may be from before it";
+        let about = "how long after a motion starts a status may still predate it";
         fields.time("settle", ANY_TIME, about, settle);
         let about = "the distance from the target that counts as arrived: 1 µm, 0.1 mrad";
         fields.whole("tolerance", 0..=u32::MAX, "units", about, tolerance);

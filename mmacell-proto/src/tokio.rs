@@ -65,7 +65,7 @@ pub enum Error {
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
     /// The device has not executed it.
-    #[error("the device refuses the command: {0:?}")]
+    #[error("the device refuses the command: {0}")]
     Refused(ErrorCode),
     /// The connection has ended before the command was sent.
     #[error("the connection ended before the command was sent: {0:?}")]
@@ -111,7 +111,7 @@ impl<P: Pose + Send + 'static> Device<P> {
         arrived.map(|(status, _)| status).ok_or(Error::Stopped)
     }
 
-    /// What all handles have: events, the state of the connection, the end.
+    /// The generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Commands<P>> {
         &self.handle
     }

@@ -42,7 +42,7 @@ impl<const N: usize> StreamBuffer<N> {
         self.bytes.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// The byte that came alone after the first `searched` ones.
+    /// The byte after the first `searched` ones, if exactly one follows.
     #[inline]
     pub fn byte_after(&self, searched: usize) -> Option<u8> {
         let is_alone = self.start + searched + 1 == self.end;
@@ -60,7 +60,7 @@ impl<const N: usize> StreamBuffer<N> {
         self.start == self.end
     }
 
-    /// Gives the first bytes away, `length` of those that are held.
+    /// Removes the first `length` bytes, and returns them.
     #[inline]
     pub fn take(&mut self, length: usize) -> &[u8] {
         let first = self.start;
@@ -74,7 +74,7 @@ impl<const N: usize> StreamBuffer<N> {
         self.position
     }
 
-    /// Gives all bytes away.
+    /// Discards all bytes.
     pub const fn clear(&mut self) {
         self.position += self.len() as u64;
         self.start = self.end;

@@ -12,7 +12,7 @@ use crate::left::Left;
 use crate::turn::{Clock, Outgoing, Passed, Told, Turn};
 use crate::{Ended, Session};
 
-/// The loop over a port, which [`poll`](Self::poll) goes on with as far as it can without a wait.
+/// The loop over a port, which [`poll`](Self::poll) runs as far as it can without waiting.
 ///
 /// `INPUT` bytes are read at once, up to the session's [`MAX_INPUT`](Session::MAX_INPUT); `OUT` is its
 /// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) or more: a shorter buffer does not compile.
@@ -36,7 +36,7 @@ where
         Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
 
-    /// Another time than [`STALL`](crate::STALL).
+    /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
         Self { left: Left::with_stall(stall), ..self }
@@ -47,9 +47,9 @@ where
         &mut self.port.0
     }
 
-    /// Reads what has come, writes what is to be sent and what the port has room for, and gives every event to `handler`. It returns when
-    /// it must be called again at the latest. It must also be called when bytes have come, when the port has room again, and when what
-    /// the session works with beside bytes and time has changed, as the queue that a robot fills: from the interrupts of all these, where
+    /// Reads what has come, writes what is to be sent and what the port has room for, and gives every event to `handler`. Returns the latest time when
+    /// it must be called again. It must also be called when bytes have come, when the port has room again, and when what
+    /// the session uses besides bytes and time has changed, such as the queue that a robot fills: from the interrupts of all these, where
     /// they have one priority, or from one that they trigger.
     ///
     /// The port sends its bytes on its own: it is not flushed. While the session does not

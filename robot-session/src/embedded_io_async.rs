@@ -40,7 +40,7 @@ where
         Self { port: Port(reader, writer), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
 
-    /// Another time than [`STALL`](crate::STALL).
+    /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
         Self { left: Left::with_stall(stall), ..self }
@@ -59,7 +59,7 @@ where
     /// One turn: events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`,
     /// then the events of that. While the session does not [want input](Session::wants_input), bytes stay in the port.
     ///
-    /// `wake` is what a session works with beside bytes and time, as the `wait` of an `embassy_sync` signal that the hook of a queue
+    /// `wake` ends when the session's other inputs have changed, such as the `wait` of an `embassy_sync` signal that the hook of a queue
     /// sets, or [`pending`]. After a turn that was woken the next one does not wait: between the two the caller hands over what it was
     /// woken for.
     ///

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use crate::session::Session;
 
-/// How a loop ended that no error ended.
+/// How a loop ended without an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Ended<B> {
     /// The handler has ended it.

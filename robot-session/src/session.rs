@@ -16,7 +16,7 @@ use core::time::Duration;
 ///   connection. No state of a connection carries over to the next, except what the machine keeps on purpose.
 /// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
 ///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
-/// - **Wakes.** Nothing is polled. Other inputs of a session, such as the queue that a robot fills,
+/// - **Wakes.** Nothing busy-waits. Other inputs of a session, such as the queue that a robot fills,
 ///   are read in [`handle_timeout`](Self::handle_timeout). The code that changes such an input wakes the caller,
 ///   which then calls it. The drivers have a `waker`: a turn ends when it is used, and the next one calls `handle_timeout` at once.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,

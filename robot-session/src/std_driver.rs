@@ -81,7 +81,7 @@ pub fn now() -> Duration {
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,
 /// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one returned. An
-/// error of the transport is returned in its place; the events have said what became of what was in flight. A session that works with something else than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
+/// error of the transport is returned in its place; the events have said what became of what was in flight. A session with inputs other than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
 ///
 /// # Errors
 /// The transport's.
@@ -123,13 +123,13 @@ impl<T: Transport> Driver<T> {
         Self { transport, input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker: None }
     }
 
-    /// Another time than [`STALL`](crate::STALL).
+    /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// What ends the wait of a turn, or its next one.
+    /// A waker that ends the wait of the current turn, or of the next.
     ///
     /// # Errors
     /// The system's, which has no descriptor or no loopback address.

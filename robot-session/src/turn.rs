@@ -85,7 +85,7 @@ pub trait Clock {
     /// The time since an epoch of its choice.
     fn now(&self) -> Duration;
 
-    /// Waits until then, and not at all for what is past.
+    /// Waits until `at`; returns at once if that is past.
     fn sleep_until(&self, at: Duration) -> impl Future<Output = ()>;
 }
 

@@ -2,7 +2,7 @@
 
 /// An input that is not allowed in the state that a machine is in. Nothing has changed.
 ///
-/// A session counts it in its statistics. From a caller who keeps the contract, and from any peer, it never comes.
+/// A session counts it in its statistics. Neither a caller that keeps the contract nor any peer can cause it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

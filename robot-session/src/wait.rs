@@ -26,7 +26,7 @@ impl<'a> Wait<'a> {
         Self { limit, waker, room }
     }
 
-    /// A wait that nothing ends but a time.
+    /// A wait that ends only at its limit.
     #[must_use]
     pub fn limited(limit: Duration) -> Self {
         Self::new(Some(limit), None, false)

@@ -47,7 +47,7 @@ pub enum DecodeError {
         limit: usize,
     },
     /// The line fell silent in the middle of a frame.
-    #[error("frame at byte {offset} broke off after {length} bytes")]
+    #[error("frame at byte {offset} is cut off after {length} bytes")]
     Incomplete {
         /// The frame's first byte.
         offset: usize,
@@ -163,7 +163,7 @@ pub enum EncodeError {
         available: usize,
     },
     /// More data than a frame of this link holds.
-    #[error("{found} data bytes, a frame holds {limit}")]
+    #[error("{found} data bytes exceed the {limit} of a frame")]
     TooLong {
         /// The data's length.
         found: usize,
@@ -203,7 +203,7 @@ pub enum SessionError {
     #[error("not connected")]
     NotConnected,
     /// Outcomes wait to be fetched, and there is no room for another.
-    #[error("there are events to fetch")]
+    #[error("event queue full")]
     EventsFull,
 }
 
@@ -230,6 +230,6 @@ pub enum ConfigError {
         found: u32,
     },
     /// A controller makes at least one attempt to start.
-    #[error("no attempt to start")]
+    #[error("the number of start attempts is 0")]
     Attempts,
 }

@@ -14,7 +14,7 @@ impl Configure for WorkstationConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { pause, stale_after, max_hold, rules: _ } = self;
         let above = timing::CYCLE + Duration::from_nanos(1)..=Duration::MAX;
-        let about = "the time without an answer after which the operator pauses the picture and it is requested again";
+        let about = "the pause between two display cycles after which an unanswered request is repeated";
         fields.source("§9.4").time("pause", above.clone(), about, pause);
         let about = "the time without a pose after which the picture is stale and a request is missed";
         fields.time("stale_after", above, about, stale_after);

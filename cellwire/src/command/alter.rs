@@ -38,21 +38,21 @@ pub struct Args {
     /// The graphics workstation's port
     #[arg(long, value_name = "PORT")]
     viewer: Option<String>,
-    /// The baud rate of the robot's port
-    #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD, value_parser = serial::baud_rate())]
-    robot_baud: u32,
-    /// The mode of the robot's ALTER instruction; other modes are refused
-    #[arg(long, value_name = "N", default_value_t = Mode::CUMULATIVE_23.0, value_parser = clap::value_parser!(u8).range(0..=31))]
-    mode: u8,
-    /// The baud rate of the ball's port
-    #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD, value_parser = serial::baud_rate())]
-    ball_baud: u32,
+    /// The baud rate of the robot's port [default: 38400]
+    #[arg(long, value_name = "N", value_parser = serial::baud_rate())]
+    robot_baud: Option<u32>,
+    /// The mode of the robot's ALTER instruction; other modes are refused [default: 23]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=31))]
+    mode: Option<u8>,
+    /// The baud rate of the ball's port [default: 9600]
+    #[arg(long, value_name = "N", value_parser = serial::baud_rate())]
+    ball_baud: Option<u32>,
     /// The baud rate of the workstation's port
     #[arg(long, value_name = "N", default_value_t = val2_viewer::timing::BAUD, value_parser = serial::baud_rate())]
     viewer_baud: u32,
-    /// The speed at full force, in percent of 100 mm/s and 30 °/s
-    #[arg(long, value_name = "PERCENT", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=100))]
-    speed: u16,
+    /// The speed at full force, in percent of 100 mm/s and 30 °/s [default: 100]
+    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u16).range(1..=100))]
+    speed: Option<u16>,
     /// The robot's program has a gripper subroutine: keys 1 and 2 of the ball close and open it
     #[arg(long)]
     clamp: bool,
@@ -62,9 +62,9 @@ pub struct Args {
     /// The arm moves only while a key of the input is held
     #[arg(long)]
     hold_to_run: bool,
-    /// The key for --hold-to-run
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
-    hold_key: u8,
+    /// The key for --hold-to-run [default: 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=32))]
+    hold_key: Option<u8>,
     /// A TOML file with the input profile: dead zone, gain, filter, axes; see the settings of profile below
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
@@ -112,19 +112,22 @@ impl InputArgs {
 }
 
 impl Args {
-    /// The options, then the profile, then the settings.
+    /// The profile, over it the settings, and over these the options.
     fn settings(&self) -> Result<Settings> {
         let mut settings = Settings::default();
-        (settings.alter.baud, settings.alter.mode) = (self.robot_baud, Mode(self.mode));
-        settings.alter.subroutine = self.clamp;
-        settings.polls.baud = self.ball_baud;
-        (settings.profile.speed, settings.profile.hold_key) = (self.speed, self.hold_key);
         if let Some(file) = &self.profile {
             let given = toml::from_str(&input::text(file)?)
                 .with_context(|| format!("{} is not valid TOML", file.display()))?;
             settings.profile = settings::read("a profile", settings.profile, &given)?;
         }
         settings = settings::read("alter", settings, &self.set.read()?)?;
+        let Settings { alter, polls, profile, .. } = &mut settings;
+        alter.baud = self.robot_baud.unwrap_or(alter.baud);
+        alter.mode = self.mode.map_or(alter.mode, Mode);
+        alter.subroutine |= self.clamp;
+        polls.baud = self.ball_baud.unwrap_or(polls.baud);
+        profile.speed = self.speed.unwrap_or(profile.speed);
+        profile.hold_key = self.hold_key.unwrap_or(profile.hold_key);
         settings.profile.limits = settings.alter.limits;
         Ok(settings)
     }
@@ -160,4 +163,36 @@ pub fn run(args: &Args) -> Result<bool> {
         std::process::exit(interrupt::INTERRUPTED);
     }
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::{Args, Mode};
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn an_option_overrides_the_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let (profile, settings) = (folder.path().join("hand.toml"), folder.path().join("alter.toml"));
+        std::fs::write(&profile, "speed = 20\nhold_key = 3").unwrap();
+        std::fs::write(&settings, "mode = 5\nbaud = 19200").unwrap();
+        let files = ["--profile", profile.to_str().unwrap(), "--settings", settings.to_str().unwrap()];
+        let read = |options: &[&str]| {
+            let words = ["alter", "--robot", "r", "--keyboard"].iter().chain(&files).chain(options);
+            Command::try_parse_from(words).unwrap().args.settings().unwrap()
+        };
+        let found = read(&[]);
+        assert_eq!((found.profile.speed, found.profile.hold_key), (20, 3));
+        assert_eq!((found.alter.mode, found.alter.baud), (Mode(5), 19_200));
+        let found = read(&["--speed", "5", "--mode", "23", "--robot-baud", "9600"]);
+        assert_eq!((found.profile.speed, found.profile.hold_key), (5, 3));
+        assert_eq!((found.alter.mode, found.alter.baud), (Mode(23), 9600));
+    }
 }

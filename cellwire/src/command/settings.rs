@@ -14,7 +14,7 @@ use cellwire_links::settings::{self, Refused, Setting};
 /// Settings other than the defaults.
 #[derive(Debug, clap::Args)]
 pub(super) struct SetArgs {
-    /// A setting, such as baud=19200; overrides --settings
+    /// A setting, such as baud=19200; overrides --settings; an option of the same meaning overrides both
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
     /// A TOML file of settings, one `name = value` a line; a name with a dot is in a [table]

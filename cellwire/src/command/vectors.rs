@@ -21,7 +21,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Decodes and encodes every vector; prints one line per link, and every vector that differs. Of `reference/field`: every
+    /// Decodes and encodes every vector; prints one line per link, and every vector that differs. For `reference/field`: every
     /// vector, stream and story of each file
     Check {
         /// The folder of the vectors; by default `reference/vectors`, or the built-in ones

@@ -23,7 +23,7 @@ const BYTES_A_LINE: usize = 16;
 /// `--trace`: whether bytes are kept, how many, and where they are written.
 #[derive(Debug, Clone, clap::Args)]
 pub struct TraceArgs {
-    /// Keep the last N bytes of each direction with their times, and write them to a file when a session ends or is interrupted
+    /// Keep the last N bytes (1000) of each direction with their times, and write them to a file when a session ends or is interrupted
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     trace: Option<u32>,
     /// The folder of the trace files

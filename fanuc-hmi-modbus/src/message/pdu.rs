@@ -10,7 +10,7 @@ pub trait Pdu: sealed::Sealed {
     /// Writes the PDU to the beginning of `out`, and returns how many bytes it took.
     ///
     /// # Errors
-    /// When the specification does not allow the message, or `out` is too small: then nothing of use is in `out`.
+    /// When the specification does not allow the message, or `out` is too small: the contents of `out` are then unspecified.
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError>;
 }
 

@@ -54,7 +54,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// A server without a connection.
     ///
     /// # Errors
-    /// It would be unit 0, which is the broadcast; the type is for another framing.
+    /// It would be unit 0 where that is the broadcast; the type is for another framing.
     pub fn new(config: ServerConfig, registers: R) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= 255, "a server has 1 to 255 places") };
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {

@@ -29,7 +29,7 @@ use crate::error::{FieldError, FieldFault, Name};
 /// }
 /// ```
 pub trait Work: Copy + Default {
-    /// What is known of the fields' ranges only when the program runs; `()` where all is in the code.
+    /// The parts of the fields' ranges that are known only at run time; `()` if there are none.
     type Ranges: Clone + Default + fmt::Debug;
 
     /// Visits every field in the order of the wire. The fields after a value may depend on it: a job of one kind may have others

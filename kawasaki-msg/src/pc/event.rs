@@ -18,7 +18,7 @@ pub enum PcEvent {
     OrderStarted { order: u16 },
     /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be retried.
     OrderRefused { order: u16, active: u16, given_up: bool },
-    /// How many jobs are executed, all of them from the first on; the robot has queued this many.
+    /// How many jobs are executed, from the first on, and how many the robot has queued.
     Progress { executed: u32, queued: u32 },
     /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too;
     /// [`Pc::is_executed`](crate::Pc::is_executed) has all of them.

@@ -95,7 +95,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         })
     }
 
-    /// Begins an order. The robot receives it in its next cycle, also when it is not connected yet.
+    /// Begins an order. The robot receives it in its next cycle; it need not be connected yet.
     ///
     /// # Errors
     /// When there is an order already, `order` is 0, or the event queue is full.
@@ -172,7 +172,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         self.ask(Input::Interrupt).map_err(|_| SessionError::NoOrder)
     }
 
-    /// Sends a command past the queue with the next answer, once: no reply is defined for it. What became of it is
+    /// Sends a command that bypasses the queue, once, with the next answer: no reply is defined for it. Its outcome is
     /// [`PcEvent::Command`].
     ///
     /// # Errors

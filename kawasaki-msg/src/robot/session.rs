@@ -21,8 +21,8 @@ use crate::statistics::RobotStatistics;
 
 /// The session of a robot: it opens the connection, speaks first in every cycle, and queues the jobs that the PC sends.
 ///
-/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write. The [`Wake`] of its queue says when it has to look
-/// at it: a loop that makes a turn of a driver whose waker is that hook needs no other turn. On [`RobotEvent::Connect`] open a connection
+/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write. The [`Wake`] of its queue tells it when to look
+/// at it: if that hook is the waker of a driver, the loop needs no other turns. On [`RobotEvent::Connect`] open a connection
 /// and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///

@@ -1,4 +1,4 @@
-//! What a program that is killed has to know of its order when it is started again.
+//! What a killed program has to know about its order when it restarts.
 
 use core::fmt::Write as _;
 use core::future::Future;
@@ -26,7 +26,7 @@ pub struct Kept {
 
 /// Keeps how far an order is, before the robot can know of it.
 pub trait Keep: Send + 'static {
-    /// Keeps it, so that not even a loss of power takes it away, as far as the program is to survive that.
+    /// Stores it durably: even across a loss of power, if the program is to survive that.
     ///
     /// # Errors
     /// It could not be kept: the packet is not sent, and the connection ends.

@@ -110,14 +110,14 @@ pub enum Error {
     /// There is no connection, and the attempt to make one has failed; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
-    /// The robot has refused the order, for another one or, with 0, for none; it was tried as often as the configuration says.
+    /// The robot has refused the order because of its active one (0: none), after all configured retries.
     #[error("the robot refuses the order; its active one is {active}")]
     Refused {
         /// The robot's order.
         active: u16,
     },
-    /// The robot no longer knows the order: it was restarted, or another client has begun another one.
-    #[error("the outcome of jobs {executed} to {sent} is unknown: the robot no longer knows the order")]
+    /// See [`PcEvent::OutcomeUnknown`](crate::PcEvent::OutcomeUnknown).
+    #[error("of {sent} jobs sent, {executed} are executed, the others are unknown")]
     OutcomeUnknown {
         /// How many are executed, from the first on.
         executed: u32,
@@ -191,7 +191,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.handle.call(|reply| Call::Command { id, value, reply }).await?
     }
 
-    /// What all handles have: events, the state of the connection, the end.
+    /// The generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Orders<W, K>> {
         &self.handle
     }

@@ -69,7 +69,7 @@ impl<W: Job> Robot<W> {
         self.handle.call(Call::ResetOrder).await?
     }
 
-    /// What all handles have: events, the state of the connection, the end.
+    /// The generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Queueing<W>> {
         &self.handle
     }

@@ -58,7 +58,7 @@ fn json_that_is_no_message_says_what_it_should_be() {
     let mut buffer = [0; 64];
     let mut payload = Payload::new(&mut buffer, &Profile::default());
     let error = payload.deserialize(serde_json::json!({"items": [{"f32": vec![0; 16]}]})).unwrap_err();
-    assert_eq!(error.to_string(), "66 bytes do not fit 64");
+    assert_eq!(error.to_string(), "66 bytes are needed, the buffer has 64");
     assert!(payload.as_bytes().is_empty());
 }
 

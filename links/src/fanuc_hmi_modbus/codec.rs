@@ -136,6 +136,6 @@ mod tests {
         assert_eq!(error, "quantity 126 in function 3 is not within 1 to 125");
         let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 65535, "quantity": 2});
         let error = tcp.encode(request).unwrap_err().to_string();
-        assert_eq!(error, "2 from address 65535 exceed address 65535");
+        assert_eq!(error, "2 items from address 65535 exceed address 65535");
     }
 }

@@ -324,7 +324,10 @@ fn a_range_is_refused_with_a_clear_sentence() {
             "an error reply needs a number other than 0"
         );
     }
-    assert_eq!(refusal(Command::<NoPose>::Status.encode(&mut buffer[..4])), "5 bytes do not fit 4");
+    assert_eq!(
+        refusal(Command::<NoPose>::Status.encode(&mut buffer[..4])),
+        "5 bytes are needed, the buffer has 4"
+    );
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub trait Connector: Send {
     /// Makes a connection, or waits for one. A dropped future has made none.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Transport>> + Send;
 
-    /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never for who dials.
+    /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never returns if it dials.
     fn replaced(&mut self) -> impl Future<Output = ()> + Send {
         pending()
     }

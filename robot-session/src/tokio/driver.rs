@@ -59,13 +59,13 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Self { port: Port(transport), input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker }
     }
 
-    /// Another time than [`STALL`](crate::STALL).
+    /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// What ends the wait of a turn, or its next one.
+    /// A waker that ends the wait of the current turn, or of the next.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
     }

@@ -193,7 +193,7 @@ impl<S: Service> Handle<S> {
         while link.changed().await.is_ok() {}
     }
 
-    /// What makes the session look at what it works with beside bytes and time, as the queue between a robot's session and its motion
+    /// Makes the session look at its inputs other than bytes and time, such as the queue between a robot's session and its motion
     /// task.
     pub fn waker(&self) -> Waker {
         self.waker.clone()

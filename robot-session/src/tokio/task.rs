@@ -34,7 +34,7 @@ pub fn spawn<S: Service, C: Connector>(
     spawn_woken_by(Waker::default(), session, service, connector)
 }
 
-/// As [`spawn`], for a session that works with something else than bytes and time, whose hook was made with this waker.
+/// As [`spawn`], for a session with inputs other than bytes and time, whose hook was made with this waker.
 pub fn spawn_woken_by<S: Service, C: Connector>(
     waker: Waker,
     session: S::Session,
@@ -175,7 +175,7 @@ impl<S: Service, C: Connector> Task<S, C> {
     /// `pollster::block_on`.
     ///
     /// # Errors
-    /// The system's, which has no thread or no descriptor left.
+    /// The system has no thread or descriptor left.
     pub fn thread(self) -> io::Result<JoinHandle<Box<S::Session>>>
     where
         S: 'static,

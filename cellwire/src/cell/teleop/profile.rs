@@ -123,7 +123,7 @@ impl Configure for Profile {
         fields.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
         let about = "pass only the strongest axis";
         fields.flag("dominant", about, &mut self.filter.dominant);
-        let about = "values up to this count as zero; all of them below it is rest";
+        let about = "values up to this count as zero; when all do, the input is at rest";
         fields.whole("dead_zone", 0..=50, "% of full deflection", about, &mut self.dead_zone);
         let about = "the speed at full deflection";
         fields.whole("speed", 1..=100, "% of the limits", about, &mut self.speed);

@@ -158,6 +158,9 @@ impl PortArgs {
         defaults(&mut port.config);
         settings::read("modbus", ClientSettings(&mut port.config), &self.set.read()?)
             .map_err(|error| self.set.located(error.into()))?;
+        if let Some(given) = self.timeout {
+            port.config.timeout = Duration::from_millis(given);
+        }
         Ok(port)
     }
 }

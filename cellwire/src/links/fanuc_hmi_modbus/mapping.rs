@@ -279,7 +279,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
             "{:#}",
             Mapping::parse("\nSETVAR $SNPX_ASG[99].$SIZE 1", WordOrder::LowFirst).unwrap_err()
         );
-        assert_eq!(error, "line 2: a slot is 1 to 80");
+        assert_eq!(error, "line 2: the slot is not within 1 to 80");
         let other_file = Mapping::parse("/PROG MOVE\n/END\n", WordOrder::LowFirst).unwrap_err().to_string();
         assert!(other_file.starts_with("there is no assignment; expected lines such as"), "{other_file}");
         let telemetry = Mapping::telemetry(1, WordOrder::LowFirst).unwrap();

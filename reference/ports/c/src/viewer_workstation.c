@@ -55,7 +55,7 @@ void viewer_workstation_disconnected(struct viewer_workstation *station, uint64_
 
 void viewer_workstation_timeout(struct viewer_workstation *station, uint64_t now)
 {
-    if (station->is_live && now >= station->live_until)
+    if (now >= station->live_until)
         lose_picture(station);
     if (station->request == VIEWER_WORKSTATION_WAITING && now >= station->missed_from) { /* VV-40 */
         station->request = VIEWER_WORKSTATION_OVERDUE;

@@ -210,7 +210,7 @@ impl Number {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[error("{value} times the multiply does not fit {least} to {most}")]
+#[error("{value} does not fit: the registers hold {least} to {most} after the multiply")]
 #[non_exhaustive]
 pub struct NumberError {
     /// The value, before multiplication.

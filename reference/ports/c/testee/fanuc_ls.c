@@ -297,6 +297,10 @@ static void print_document(struct fanuc_ls_file *file, size_t name_limit)
 {
     struct fanuc_ls_entry entry;
     struct fanuc_ls_fault found[FANUC_LS_MAX_FINDINGS];
+    /* Once without a word: the second time must be as the first one. */
+    while (fanuc_ls_next(file, &entry))
+        fanuc_ls_findings(file, &entry, name_limit, found);
+    fanuc_ls_rewind(file);
     while (fanuc_ls_next(file, &entry)) {
         size_t offset = (size_t)(entry.place.at - file->text.at);
         if (entry.kind == FANUC_LS_LINE && entry.place.length == 0)

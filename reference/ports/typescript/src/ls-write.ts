@@ -109,9 +109,7 @@ function withoutEnds(program: Program): Program {
     if (typeof instruction === "string") return instruction;
     if ("comment" in instruction) return { comment: trimEnd(instruction.comment) };
     if ("other" in instruction) return { other: trimEnd(instruction.other) };
-    if (!("motion" in instruction)) return instruction;
-    const { options, via_options } = instruction.motion;
-    return { motion: { ...instruction.motion, options: trimEnd(options), via_options: trimEnd(via_options) } };
+    return instruction;
   });
   return { ...program, instructions, application: nullOr(program.application, (lines) => lines.map(trimEnd)) };
 }
@@ -310,7 +308,7 @@ function writeAxis(axis: Axis): string {
 function writeCoordinate(value: number): string {
   const size = Math.abs(value);
   const sign = value < 0 || Object.is(value, -0) ? "-" : "";
-  const three = size < 1e21 ? size.toFixed(3) : `${plainDecimal(size)}.000`;
+  const three = size < 1e21 ? size.toFixed(3) : `${BigInt(size)}.000`;
   const decimals = Number(three) === size ? three : plainDecimal(size);
   const short = size === 0 && sign === "" ? decimals : decimals.replace(/^0\./, ".");
   return (sign + short).padStart(10);

@@ -115,7 +115,6 @@ static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
         return false;
     if (!fanuc_ls_read_attribute(&cursor, &entry->attribute)) {
         entry->fault = cursor.fault;
-        cursor.at = entry->fault.at;
         do
             fanuc_ls_take_line(&cursor.at, end);
         while (fanuc_ls_skip_white(cursor.at, end) != cursor.at);
@@ -154,8 +153,8 @@ static void read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     entry->body = fanuc_ls_skip_white(body, trimmed);
     if (trimmed[-1] == ';') {
         struct fanuc_ls_cursor cursor = {.at = body, .end = trimmed - 1, .scratch = file->scratch};
-        fanuc_ls_read_instruction(&cursor, &entry->instruction);
-        entry->fault = cursor.fault;
+        if (!fanuc_ls_read_instruction(&cursor, &entry->instruction))
+            entry->fault = cursor.fault;
         return;
     }
     /* The last `;` of its last line; a line end is before each. */
@@ -216,8 +215,8 @@ static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *ent
     file->at = stop;
     entry->place = fanuc_ls_trim_end(between(at, stop));
     struct fanuc_ls_cursor cursor = {.at = at, .end = stop, .scratch = file->scratch};
-    fanuc_ls_read_position(&cursor, &entry->position);
-    entry->fault = cursor.fault;
+    if (!fanuc_ls_read_position(&cursor, &entry->position))
+        entry->fault = cursor.fault;
     return true;
 }
 

@@ -2,14 +2,12 @@
 #include "fanuc_ls_scan.h"
 
 /* The text before a character that is on the same line. */
-static bool read_until(struct fanuc_ls_cursor *cursor, char stop, struct fanuc_ls_text *text)
+static bool read_until(struct fanuc_ls_cursor *cursor, const char *stop, struct fanuc_ls_text *text)
 {
-    const char *found = memchr(cursor->at, stop, (size_t)(cursor->end - cursor->at));
-    if (found == NULL)
-        return false;
-    *text = between(cursor->at, found);
-    cursor->at = found;
-    return !has(*text, '\r') && !has(*text, '\n');
+    const char *begin = cursor->at;
+    bool is_found = seek(cursor, stop);
+    *text = between(begin, cursor->at);
+    return is_found;
 }
 
 /* LS-48: one position and nothing else. */
@@ -27,7 +25,7 @@ bool fanuc_ls_read_position(struct fanuc_ls_cursor *cursor, struct fanuc_ls_posi
         space(cursor);
         const char *begin = cursor->at;
         bool quoted = take(cursor, "\"");
-        if (!read_until(cursor, quoted ? '"' : ']', &position->name))
+        if (!read_until(cursor, quoted ? "\"" : "]", &position->name))
             return fail(cursor, FANUC_LS_POSITION, begin);
         cursor->at += quoted;
         position->name = fanuc_ls_trim(position->name);
@@ -86,7 +84,7 @@ bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *
     const char *quote = cursor->at;
     if (!expect(cursor, "'", FANUC_LS_CONFIGURATION))
         return false;
-    if (!read_until(cursor, '\'', &group->configuration))
+    if (!read_until(cursor, "'", &group->configuration))
         return fail(cursor, FANUC_LS_CONFIGURATION, quote);
     cursor->at++;
     return spaced(cursor, ",", FANUC_LS_CONFIGURATION);

@@ -32,7 +32,7 @@ static bool reference(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, s
         return fail(cursor, kind, cursor->at);
     const char *inner = cursor->at;
     size_t depth = 0;
-    for (; cursor->at < cursor->end && *cursor->at != '\r' && *cursor->at != '\n'; cursor->at++) {
+    for (; seek(cursor, "[]"); cursor->at++) {
         if (*cursor->at == ']' && depth == 0) {
             *inside = between(inner, cursor->at);
             *text = between(begin, ++cursor->at);
@@ -131,14 +131,11 @@ static struct fanuc_ls_text join_words(struct fanuc_ls_cursor *cursor, const cha
 {
     char *out = cursor->scratch;
     while (at < end) {
-        const char *stop = memchr(at, '\n', (size_t)(end - at));
-        stop = stop == NULL ? end : stop;
-        struct fanuc_ls_text line = fanuc_ls_trim(between(at, stop));
+        struct fanuc_ls_text line = fanuc_ls_trim(fanuc_ls_take_line(&at, end));
         if (line.length > 0 && cursor->scratch > out)
             *cursor->scratch++ = ' ';
         memcpy(cursor->scratch, line.at, line.length);
         cursor->scratch += line.length;
-        at = stop + 1;
     }
     return between(out, cursor->scratch);
 }
@@ -177,8 +174,9 @@ bool fanuc_ls_read_attribute(struct fanuc_ls_cursor *cursor, struct fanuc_ls_att
             return false;
     while (take(cursor, ","));
     /* With its line end, which may have ended the last item. */
-    const char *line_end = memchr(cursor->at, '\n', (size_t)(cursor->end - cursor->at));
-    attribute->value = between(begin, line_end == NULL ? cursor->end : line_end + 1);
+    const char *behind = cursor->at;
+    fanuc_ls_take_line(&behind, cursor->end);
+    attribute->value = between(begin, behind);
     return expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
 }
 

@@ -22,6 +22,14 @@ static inline void skip(struct fanuc_ls_cursor *cursor, const char *set)
         cursor->at++;
 }
 
+/* Moves to the first of these characters that is on the same line; false: there is none. */
+static inline bool seek(struct fanuc_ls_cursor *cursor, const char *set)
+{
+    while (cursor->at < cursor->end && !is_one_of(*cursor->at, set) && !is_one_of(*cursor->at, "\r\n"))
+        cursor->at++;
+    return is_one_of(here(cursor), set);
+}
+
 static inline void space(struct fanuc_ls_cursor *cursor) { skip(cursor, " \t\r\n"); }
 
 static inline bool take(struct fanuc_ls_cursor *cursor, const char *word)

@@ -46,10 +46,8 @@ const char *fanuc_ls_skip_word(const char *at, const char *end)
 
 bool fanuc_ls_is_name(struct fanuc_ls_text name)
 {
-    for (const char *at = name.at; at < end_of(name); at++)
-        if ((unsigned char)*at >= 0x80 || !fanuc_ls_is_word(at, end_of(name)))
-            return false;
-    return *name.at > '9'; /* no digit: what else is a word is behind them */
+    bool is_word = fanuc_ls_skip_word(name.at, end_of(name)) == end_of(name), is_ascii = fanuc_ls_characters(name) == name.length;
+    return is_word && is_ascii && byte_at(name.at, end_of(name)) > '9'; /* no digit: what else is a word is behind them */
 }
 
 bool fanuc_ls_is_control(uint32_t c) { return c < 0x20 || (c >= 0x7F && c < 0xA0); }
@@ -116,5 +114,8 @@ struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text)
 
 bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other)
 {
-    return one.length == other.length && (one.length == 0 || memcmp(one.at, other.at, one.length) == 0);
+    for (size_t i = 0; i < one.length && i < other.length; i++)
+        if (one.at[i] != other.at[i])
+            return false;
+    return one.length == other.length;
 }

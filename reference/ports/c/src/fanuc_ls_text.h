@@ -43,7 +43,7 @@ bool fanuc_ls_to_number(struct fanuc_ls_text digits, uint64_t *value); /* false:
 bool fanuc_ls_is_word(const char *at, const char *end); /* a letter, a digit or `_` is here */
 bool fanuc_ls_is_control(uint32_t c);
 const char *fanuc_ls_skip_word(const char *at, const char *end); /* what follows letters, digits and `_` */
-bool fanuc_ls_is_name(struct fanuc_ls_text name);                /* of a program; it is not empty */
+bool fanuc_ls_is_name(struct fanuc_ls_text name);                /* of a program */
 bool fanuc_ls_is_closed(struct fanuc_ls_text line);              /* it ends with `;`, white space not counted */
 bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block);
 int fanuc_ls_section(struct fanuc_ls_text line); /* -1: it begins none */

@@ -91,7 +91,7 @@ bool fanuc_ls_write_head(struct fanuc_ls_writer *writer, struct fanuc_ls_text na
         put(writer, kind);
     }
     put_word(writer, "\r\n");
-    return check(writer, is_kind && name.length > 0 && name.length <= name_limit && fanuc_ls_is_name(name));
+    return check(writer, is_kind && name.length <= name_limit && fanuc_ls_is_name(name));
 }
 
 bool fanuc_ls_write_section(struct fanuc_ls_writer *writer, const char *name)
@@ -176,7 +176,7 @@ static void spell(double value, int decimals, char out[MAX_NUMBER])
 {
     do
         snprintf(out, MAX_NUMBER, "%.*f", decimals++, value);
-    while (strtod(out, NULL) != value);
+    while (fabs(strtod(out, NULL) - value) > 0); /* of none that is not finite */
 }
 
 /* Takes the zero before the point out. */
@@ -199,27 +199,27 @@ static void put_target(struct fanuc_ls_writer *writer, const struct fanuc_ls_tar
     put_word(writer, "]");
 }
 
-static bool is_same_target(const struct fanuc_ls_target *one, const struct fanuc_ls_target *other)
-{
-    return one->kind == other->kind && fanuc_ls_same(one->name, other->name);
-}
-
-/* Whether a motion that was written is read as itself. Its letter and its numbers are: where another kind of target, speed or termination
- * is read, a text is another one as well. */
+/* Whether a motion that was written is read as itself. Its letter and its numbers are: where a target is missing, or another kind of target,
+ * speed or termination is read, a text is another one as well. */
 static bool is_same_motion(const struct fanuc_ls_motion *one, const struct fanuc_ls_motion *other)
 {
-    return is_same_target(&one->via, &other->via) && is_same_target(&one->target, &other->target) &&
-           fanuc_ls_same(one->via_options, other->via_options) && fanuc_ls_same(one->speed_text, other->speed_text) &&
+    return fanuc_ls_same(one->via.name, other->via.name) && fanuc_ls_same(one->via_options, other->via_options) &&
+           fanuc_ls_same(one->target.name, other->target.name) && fanuc_ls_same(one->speed_text, other->speed_text) &&
            fanuc_ls_same(one->cnt_register, other->cnt_register) && fanuc_ls_same(one->options, other->options);
 }
 
-static bool put_motion(struct fanuc_ls_writer *writer, const struct fanuc_ls_motion *motion)
+/* What can be said of a motion before it is written. */
+static bool is_motion(const struct fanuc_ls_motion *motion)
+{
+    bool fits = motion->speed_kind == FANUC_LS_SPEED_NAMED || fanuc_ls_fits(motion->letter, motion->unit);
+    bool is_in_range = motion->speed_kind != FANUC_LS_SPEED_FIXED || fanuc_ls_in_range(motion->speed, motion->unit);
+    return fits && is_in_range && is_text(motion->via.name) && is_text(motion->via_options) && is_text(motion->target.name) &&
+           is_text(motion->speed_text) && is_text(motion->cnt_register) && is_text(motion->options);
+}
+
+static void put_motion(struct fanuc_ls_writer *writer, const struct fanuc_ls_motion *motion)
 {
     char letter[2] = {motion->letter, '\0'}, speed[MAX_NUMBER];
-    if (motion->speed_kind != FANUC_LS_SPEED_NAMED && !fanuc_ls_fits(motion->letter, motion->unit))
-        return false;
-    if (motion->speed_kind == FANUC_LS_SPEED_FIXED && !fanuc_ls_in_range(motion->speed, motion->unit))
-        return false;
     put_word(writer, letter);
     if (motion->via.kind != FANUC_LS_TARGET_NONE) {
         put_word(writer, " ");
@@ -251,8 +251,6 @@ static bool put_motion(struct fanuc_ls_writer *writer, const struct fanuc_ls_mot
     put_word(writer, motion->options.length > 0 ? " " : "");
     put_lines(writer, motion->options);
     put_word(writer, "   ");
-    return is_text(motion->via.name) && is_text(motion->via_options) && is_text(motion->target.name) && is_text(motion->speed_text) &&
-           is_text(motion->cnt_register) && is_text(motion->options);
 }
 
 static bool write_nested(struct fanuc_ls_writer *writer, struct fanuc_ls_text text)
@@ -276,7 +274,8 @@ bool fanuc_ls_write_instruction(struct fanuc_ls_writer *writer, const struct fan
     size_t begin = writer->length;
     switch (instruction->kind) {
     case FANUC_LS_MOTION:
-        is_right = put_motion(writer, &instruction->motion);
+        is_right = is_motion(&instruction->motion);
+        put_motion(writer, &instruction->motion);
         break;
     case FANUC_LS_USER_FRAME:
         put_number(writer, "  UFRAME_NUM=%llu", instruction->number);
@@ -344,18 +343,18 @@ static bool put_configuration(struct fanuc_ls_writer *writer, struct fanuc_ls_te
 
 bool fanuc_ls_write_group(struct fanuc_ls_writer *writer, const struct fanuc_ls_group *group, const struct fanuc_ls_axis *axes, size_t count)
 {
+    bool is_right = count > 0;
     put_number(writer, "   GP%llu:\r\n\tUF : ", group->number);
     put_frame(writer, group->has_frame, group->user_frame);
     put_word(writer, ", UT : ");
     put_frame(writer, group->has_tool, group->user_tool);
     put_word(writer, ",\t");
-    if (group->keyword.at != NULL && !put_configuration(writer, group->keyword, group->configuration))
-        return check(writer, false);
+    if (group->keyword.at != NULL)
+        is_right &= put_configuration(writer, group->keyword, group->configuration);
     put_word(writer, "\r\n");
     for (size_t i = 0; i < count; i++) {
         const struct fanuc_ls_axis *axis = &axes[i];
-        if (axis->is_taught && !isfinite(axis->value))
-            return check(writer, false);
+        is_right &= !axis->is_taught || isfinite(axis->value);
         put_word(writer, i == 0 ? "\t" : i % 3 == 0 ? ",\r\n\t" : ",\t");
         put_word(writer, axis->name);
         put_word(writer, axis->name[0] == 'J' || axis->name[0] == 'E' ? "=" : " =");
@@ -366,7 +365,7 @@ bool fanuc_ls_write_group(struct fanuc_ls_writer *writer, const struct fanuc_ls_
         put_word(writer, axis->is_mm ? "  mm" : " deg");
     }
     put_word(writer, "\r\n");
-    return check(writer, count > 0);
+    return check(writer, is_right);
 }
 
 bool fanuc_ls_write_position_end(struct fanuc_ls_writer *writer) { return fanuc_ls_write_section(writer, "};"); }

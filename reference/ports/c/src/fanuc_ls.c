@@ -1,29 +1,13 @@
-#include "cellwire/fanuc_ls.h"
-
-#include <string.h>
-
 #include "fanuc_ls_text.h"
 
 static const char *const SECTIONS[] = {"/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"};
 enum { PROG, ATTR, APPL, MN, POS, END };
 
-static bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
 static const char *skip_blanks(const char *at, const char *end)
 {
-    while (at < end && (*at == ' ' || *at == '\t'))
+    while (is_one_of(byte_at(at, end), " \t"))
         at++;
     return at;
-}
-
-static bool ends_with(struct fanuc_ls_text text, char c) { return text.length > 0 && text.at[text.length - 1] == c; }
-
-/* The line that begins here, without its line feed; `*at` moves to the next one. */
-static struct fanuc_ls_text take_line(const char **at, const char *end)
-{
-    const char *begin = *at, *stop = memchr(begin, '\n', (size_t)(end - begin));
-    *at = stop == NULL ? end : stop + 1;
-    return between(begin, stop == NULL ? end : stop);
 }
 
 int fanuc_ls_section(struct fanuc_ls_text line)
@@ -40,9 +24,9 @@ int fanuc_ls_section(struct fanuc_ls_text line)
 bool fanuc_ls_is_nested(struct fanuc_ls_text line, uint64_t last, bool in_block)
 {
     const char *end = end_of(line), *body = line.at, *digits;
-    while (body < end && *body == ' ')
+    while (byte_at(body, end) == ' ')
         body++;
-    for (digits = body; digits < end && is_digit(*digits);)
+    for (digits = body; is_digit(byte_at(digits, end));)
         digits++;
     uint64_t own;
     bool follows = fanuc_ls_to_number(between(body, digits), &own) && own == last + 1;
@@ -69,7 +53,7 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
     int last = PROG;
     const char *begin = start, *at = start;
     while (at < end && last != END) {
-        struct fanuc_ls_text line = take_line(&at, end);
+        struct fanuc_ls_text line = fanuc_ls_take_line(&at, end);
         int found = fanuc_ls_section(line);
         if ((found == PROG && line.at != start) || (found == APPL && last == APPL))
             found = -1;
@@ -131,9 +115,8 @@ static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
         return false;
     if (!fanuc_ls_read_attribute(&cursor, &entry->attribute)) {
         entry->fault = cursor.fault;
-        cursor.at = entry->fault.at;
         do
-            take_line(&cursor.at, end);
+            fanuc_ls_take_line(&cursor.at, end);
         while (fanuc_ls_skip_white(cursor.at, end) != cursor.at);
     }
     entry->place = fanuc_ls_trim_end(between(at, cursor.at));
@@ -141,13 +124,11 @@ static bool next_attribute(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     return true;
 }
 
-static bool is_closed(struct fanuc_ls_text line) { return ends_with(fanuc_ls_trim_end(line), ';'); }
-
 /* The digits before the `:` and what follows it; false: there is no `:`. */
 static bool split_head(struct fanuc_ls_text statement, struct fanuc_ls_text *digits, const char **body)
 {
     const char *end = end_of(statement), *at = fanuc_ls_skip_white(statement.at, end), *stop = at;
-    while (stop < end && is_digit(*stop))
+    while (is_digit(byte_at(stop, end)))
         stop++;
     *digits = between(at, stop);
     stop = skip_blanks(stop, end);
@@ -172,8 +153,8 @@ static void read_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     entry->body = fanuc_ls_skip_white(body, trimmed);
     if (trimmed[-1] == ';') {
         struct fanuc_ls_cursor cursor = {.at = body, .end = trimmed - 1, .scratch = file->scratch};
-        fanuc_ls_read_instruction(&cursor, &entry->instruction);
-        entry->fault = cursor.fault;
+        if (!fanuc_ls_read_instruction(&cursor, &entry->instruction))
+            entry->fault = cursor.fault;
         return;
     }
     /* The last `;` of its last line; a line end is before each. */
@@ -192,7 +173,7 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     const char *end = end_of(file->sections[MN]), *at = file->at, *body;
     struct fanuc_ls_text line, digits;
     line.at = NULL;
-    while (at < end && fanuc_ls_trim(line = take_line(&at, end)).length == 0)
+    while (at < end && fanuc_ls_trim(line = fanuc_ls_take_line(&at, end)).length == 0)
         line.at = NULL;
     file->at = at;
     if (line.at == NULL)
@@ -202,8 +183,8 @@ static bool next_statement(struct fanuc_ls_file *file, struct fanuc_ls_entry *en
     if (!entry->is_nested) {
         entry->has_number = split_head(line, &digits, &body) && fanuc_ls_to_number(digits, &entry->number);
         file->last = entry->has_number ? entry->number : file->last + 1;
-        while (!is_closed(line)) {
-            line = take_line(&at, end);
+        while (!fanuc_ls_is_closed(line)) {
+            line = fanuc_ls_take_line(&at, end);
             const char *mark = skip_blanks(line.at, end_of(line));
             if (!fanuc_ls_begins(mark, end_of(line), ":"))
                 break;
@@ -222,10 +203,10 @@ static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *ent
     const char *end = end_of(file->sections[POS]), *at = fanuc_ls_skip_white(file->at, end), *stop = at;
     if (at == end)
         return false;
-    take_line(&stop, end);
+    fanuc_ls_take_line(&stop, end);
     while (stop < end) {
         const char *next = stop, *words;
-        struct fanuc_ls_text line = take_line(&next, end);
+        struct fanuc_ls_text line = fanuc_ls_take_line(&next, end);
         words = fanuc_ls_skip_white(line.at, end_of(line));
         if (fanuc_ls_begins(words, end_of(line), "P["))
             break;
@@ -234,8 +215,8 @@ static bool next_position(struct fanuc_ls_file *file, struct fanuc_ls_entry *ent
     file->at = stop;
     entry->place = fanuc_ls_trim_end(between(at, stop));
     struct fanuc_ls_cursor cursor = {.at = at, .end = stop, .scratch = file->scratch};
-    fanuc_ls_read_position(&cursor, &entry->position);
-    entry->fault = cursor.fault;
+    if (!fanuc_ls_read_position(&cursor, &entry->position))
+        entry->fault = cursor.fault;
     return true;
 }
 
@@ -250,7 +231,7 @@ bool fanuc_ls_next(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
             continue;
         if (!file->is_begun)
             file->at = section.at;
-        bool is_first = !file->is_begun, found = false;
+        bool is_first = !file->is_begun, found;
         file->is_begun = true;
         switch (file->next) {
         case FANUC_LS_HEAD:
@@ -262,15 +243,14 @@ bool fanuc_ls_next(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry)
             break;
         case FANUC_LS_LINE:
             found = file->at < end_of(section);
-            entry->line = fanuc_ls_trim_end(take_line(&file->at, end_of(section)));
+            entry->line = fanuc_ls_trim_end(fanuc_ls_take_line(&file->at, end_of(section)));
             entry->place = fanuc_ls_trim(entry->line);
             break;
         case FANUC_LS_STATEMENT:
             found = next_statement(file, entry);
             break;
-        case FANUC_LS_POSITION_ENTRY:
+        default:
             found = next_position(file, entry);
-            break;
         }
         if (found)
             return true;

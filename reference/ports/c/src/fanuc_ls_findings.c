@@ -1,8 +1,4 @@
 /* What a document finds besides faults (LS-50, LS-54). Nothing is remembered: what stands elsewhere is read again. */
-#include "cellwire/fanuc_ls.h"
-
-#include <string.h>
-
 #include "fanuc_ls_text.h"
 
 bool fanuc_ls_fits(char letter, enum fanuc_ls_unit unit)
@@ -17,34 +13,25 @@ static bool is(struct fanuc_ls_text text, const char *word) { return text.length
 /* The number that a text begins with, behind white space. */
 static bool leading_number(struct fanuc_ls_text text, uint64_t *value)
 {
-    struct fanuc_ls_text digits = fanuc_ls_trim(text);
-    size_t count = 0;
-    while (count < digits.length && digits.at[count] >= '0' && digits.at[count] <= '9')
-        count++;
-    digits.length = count;
-    return fanuc_ls_to_number(digits, value);
-}
-
-/* Whether a word ends right before `at`. */
-static bool is_word_before(const char *begin, const char *at)
-{
-    const char *first = at;
-    if (at == begin)
-        return false;
-    do
-        first--;
-    while (first > begin && ((unsigned char)*first & 0xC0) == 0x80);
-    return fanuc_ls_is_word(first, at);
+    const char *begin = fanuc_ls_skip_white(text.at, end_of(text)), *at = begin;
+    while (is_digit(byte_at(at, end_of(text))))
+        at++;
+    return fanuc_ls_to_number(between(begin, at), value);
 }
 
 /* Whether an instruction names a position, or chooses any when it runs. */
 static bool names(struct fanuc_ls_text text, uint64_t number)
 {
+    const char *end = end_of(text);
     uint64_t found;
-    for (const char *at = text.at; at < end_of(text); at++)
-        if (fanuc_ls_begins(at, end_of(text), "P[") && !is_word_before(text.at, at) &&
-            (!leading_number(between(at + 2, end_of(text)), &found) || found == number))
+    size_t length;
+    bool is_in_word = false;
+    for (const char *at = text.at; at < end; at += length) {
+        if (!is_in_word && fanuc_ls_begins(at, end, "P[") && (!leading_number(between(at + 2, end), &found) || found == number))
             return true;
+        is_in_word = fanuc_ls_is_word(at, end);
+        fanuc_ls_character(at, end, &length);
+    }
     return false;
 }
 
@@ -100,8 +87,7 @@ static bool is_first_motion(const struct fanuc_ls_file *file, uint64_t number, c
     struct fanuc_ls_file other = again(file);
     struct fanuc_ls_entry entry;
     while (fanuc_ls_next(&other, &entry) && entry.place.at < place)
-        if (entry.kind == FANUC_LS_STATEMENT && entry.fault.kind == FANUC_LS_OK && entry.instruction.kind == FANUC_LS_MOTION &&
-            goes_to(&entry.instruction.motion, number))
+        if (entry.fault.kind == FANUC_LS_OK && goes_to(&entry.instruction.motion, number))
             return false;
     return true;
 }
@@ -197,66 +183,70 @@ static bool is_miscounted(const struct fanuc_ls_file *file, const struct fanuc_l
     return stated != 0 && stated != *count;
 }
 
-static bool is_name(struct fanuc_ls_text name)
-{
-    for (const char *at = name.at; at < end_of(name); at++)
-        if ((unsigned char)*at >= 0x80 || !fanuc_ls_is_word(at, end_of(name)))
-            return false;
-    return *name.at > '9'; /* no digit: what else is a word is behind them */
-}
-
 static bool is_untaught(struct fanuc_ls_cursor groups)
 {
     struct fanuc_ls_group group;
     struct fanuc_ls_axis axis;
     while (fanuc_ls_next_group(&groups, &group))
-        for (bool is_first = true; fanuc_ls_next_axis(&groups, &axis, is_first); is_first = false)
+        while (fanuc_ls_next_axis(&groups, &axis, false))
             if (!axis.is_taught)
                 return true;
     return false;
 }
 
+static size_t find_in_head(const struct fanuc_ls_file *file, const char *at, size_t name_limit, struct fanuc_ls_fault *found)
+{
+    size_t count = 0;
+    if (!fanuc_ls_is_name(file->name))
+        add(found, &count, FANUC_LS_NAME, at);
+    else if (file->name.length > name_limit)
+        add_numbers(add(found, &count, FANUC_LS_NAME_LENGTH, at), name_limit, file->name.length);
+    return count;
+}
+
+static size_t find_in_attribute(const struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, struct fanuc_ls_fault *found)
+{
+    uint64_t stated = fanuc_ls_characters(fanuc_ls_comment(&entry->attribute)), lines;
+    size_t count = 0;
+    if (stated > FANUC_LS_COMMENT_LENGTH)
+        add(found, &count, FANUC_LS_COMMENT, entry->place.at)->found = stated;
+    if (is_line_count(entry) && fanuc_ls_to_number(entry->attribute.value, &stated) && is_miscounted(file, entry, stated, &lines))
+        add_numbers(add(found, &count, FANUC_LS_LINE_COUNT, entry->place.at), stated, lines);
+    return count;
+}
+
+static size_t find_in_position(const struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, struct fanuc_ls_fault *found)
+{
+    const char *at = entry->place.at;
+    uint64_t number = entry->position.number;
+    size_t count = 0, same = count_positions(file, number, at);
+    if (same == 1 && !is_used(file, number))
+        add(found, &count, FANUC_LS_UNUSED, at)->found = number;
+    else if (same == 2)
+        add(found, &count, FANUC_LS_REPEATED, at)->found = number;
+    if (is_untaught(entry->position.groups))
+        add(found, &count, FANUC_LS_UNTAUGHT, at)->found = number;
+    return count;
+}
+
 size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, size_t name_limit,
                          struct fanuc_ls_fault found[FANUC_LS_MAX_FINDINGS])
 {
-    const char *at = entry->place.at;
     size_t count = 0;
-    uint64_t stated, lines;
+    if (entry->kind == FANUC_LS_STATEMENT)
+        count = find_in_statement(file, entry, found);
+    if (entry->fault.kind != FANUC_LS_OK)
+        return count;
     switch (entry->kind) {
     case FANUC_LS_HEAD:
-        if (!is_name(file->name))
-            add(found, &count, FANUC_LS_NAME, at);
-        else if (file->name.length > name_limit)
-            add_numbers(add(found, &count, FANUC_LS_NAME_LENGTH, at), name_limit, file->name.length);
-        break;
+        return find_in_head(file, entry->place.at, name_limit, found);
     case FANUC_LS_ATTRIBUTE_ENTRY:
-        if (entry->fault.kind != FANUC_LS_OK)
-            break;
-        stated = fanuc_ls_characters(fanuc_ls_comment(&entry->attribute));
-        if (stated > FANUC_LS_COMMENT_LENGTH)
-            add(found, &count, FANUC_LS_COMMENT, at)->found = stated;
-        if (is_line_count(entry) && fanuc_ls_to_number(entry->attribute.value, &stated) && is_miscounted(file, entry, stated, &lines))
-            add_numbers(add(found, &count, FANUC_LS_LINE_COUNT, at), stated, lines);
-        break;
-    case FANUC_LS_LINE:
-        break;
+        return find_in_attribute(file, entry, found);
     case FANUC_LS_STATEMENT:
-        count = find_in_statement(file, entry, found);
-        if (entry->fault.kind == FANUC_LS_OK)
-            count += find_undefined(file, entry, found + count);
-        break;
+        return count + find_undefined(file, entry, found + count);
     case FANUC_LS_POSITION_ENTRY:
-        if (entry->fault.kind != FANUC_LS_OK)
-            break;
-        stated = entry->position.number;
-        lines = count_positions(file, stated, at);
-        if (lines == 1 && !is_used(file, stated))
-            add(found, &count, FANUC_LS_UNUSED, at)->found = stated;
-        else if (lines == 2)
-            add(found, &count, FANUC_LS_REPEATED, at)->found = stated;
-        if (is_untaught(entry->position.groups))
-            add(found, &count, FANUC_LS_UNTAUGHT, at)->found = stated;
-        break;
+        return find_in_position(file, entry, found);
+    default:
+        return 0;
     }
-    return count;
 }

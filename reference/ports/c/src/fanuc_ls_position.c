@@ -2,15 +2,12 @@
 #include "fanuc_ls_scan.h"
 
 /* The text before a character that is on the same line. */
-static bool read_until(struct fanuc_ls_cursor *cursor, char stop, struct fanuc_ls_text *text)
+static bool read_until(struct fanuc_ls_cursor *cursor, const char *stop, struct fanuc_ls_text *text)
 {
     const char *begin = cursor->at;
-    for (; cursor->at < cursor->end && *cursor->at != '\r' && *cursor->at != '\n'; cursor->at++)
-        if (*cursor->at == stop) {
-            *text = between(begin, cursor->at);
-            return true;
-        }
-    return false;
+    bool is_found = seek(cursor, stop);
+    *text = between(begin, cursor->at);
+    return is_found;
 }
 
 /* LS-48: one position and nothing else. */
@@ -28,7 +25,7 @@ bool fanuc_ls_read_position(struct fanuc_ls_cursor *cursor, struct fanuc_ls_posi
         space(cursor);
         const char *begin = cursor->at;
         bool quoted = take(cursor, "\"");
-        if (!read_until(cursor, quoted ? '"' : ']', &position->name))
+        if (!read_until(cursor, quoted ? "\"" : "]", &position->name))
             return fail(cursor, FANUC_LS_POSITION, begin);
         cursor->at += quoted;
         position->name = fanuc_ls_trim(position->name);
@@ -42,28 +39,27 @@ bool fanuc_ls_read_position(struct fanuc_ls_cursor *cursor, struct fanuc_ls_posi
     if (cursor->fault.kind != FANUC_LS_OK || !spaced(cursor, "}", FANUC_LS_GROUP) || !spaced(cursor, ";", FANUC_LS_GROUP))
         return false;
     space(cursor);
-    if (fanuc_ls_trim(between(cursor->at, cursor->end)).length > 0)
-        return fail(cursor, FANUC_LS_POSITION, cursor->at);
-    return true;
+    return fanuc_ls_trim(between(cursor->at, cursor->end)).length == 0 || fail(cursor, FANUC_LS_POSITION, cursor->at);
 }
 
 static bool read_frame(struct fanuc_ls_cursor *cursor, const char *name, bool *is_there, uint16_t *number)
 {
-    uint32_t value = 0;
+    uint32_t value;
     if (!spaced(cursor, name, FANUC_LS_FRAMES) || !spaced(cursor, ":", FANUC_LS_FRAMES))
         return false;
     space(cursor);
     *is_there = !take(cursor, "F");
-    if (*is_there && !whole(cursor, UINT16_MAX, FANUC_LS_FRAMES, &value))
-        return false;
-    *number = (uint16_t)value;
+    if (*is_there) {
+        if (!whole(cursor, UINT16_MAX, FANUC_LS_FRAMES, &value))
+            return false;
+        *number = (uint16_t)value;
+    }
     return spaced(cursor, ",", FANUC_LS_FRAMES);
 }
 
 bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *group)
 {
     uint32_t value;
-    size_t length;
     if (cursor->fault.kind != FANUC_LS_OK)
         return false;
     space(cursor);
@@ -75,10 +71,8 @@ bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *
     if (!read_frame(cursor, "UF", &group->has_frame, &group->user_frame) || !read_frame(cursor, "UT", &group->has_tool, &group->user_tool))
         return false;
     space(cursor);
-    const char *begin = cursor->at, *end = begin;
-    for (; fanuc_ls_is_word(end, cursor->end); end += length)
-        fanuc_ls_character(end, cursor->end, &length);
-    group->keyword = between(begin, end);
+    const char *end = fanuc_ls_skip_word(cursor->at, cursor->end);
+    group->keyword = between(cursor->at, end);
     if (fanuc_ls_characters(group->keyword) < 3) {
         group->keyword = between(NULL, NULL);
         return true;
@@ -90,7 +84,7 @@ bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *
     const char *quote = cursor->at;
     if (!expect(cursor, "'", FANUC_LS_CONFIGURATION))
         return false;
-    if (!read_until(cursor, '\'', &group->configuration))
+    if (!read_until(cursor, "'", &group->configuration))
         return fail(cursor, FANUC_LS_CONFIGURATION, quote);
     cursor->at++;
     return spaced(cursor, ",", FANUC_LS_CONFIGURATION);
@@ -98,7 +92,7 @@ bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *
 
 static bool read_axis_name(struct fanuc_ls_cursor *cursor, char name[3])
 {
-    char first = here(cursor), second = cursor->end - cursor->at > 1 ? cursor->at[1] : '\0';
+    char first = here(cursor), second = byte_at(cursor->at + 1, cursor->end);
     bool is_numbered = is_one_of(first, "JE") && second >= '1' && second <= '9';
     if (!is_numbered && !is_one_of(first, "XYZWPR"))
         return false;

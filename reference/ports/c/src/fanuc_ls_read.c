@@ -10,19 +10,15 @@ static bool is_alphabetic(char c) { return (c | 0x20) >= 'a' && (c | 0x20) <= 'z
 /* Moves over blanks, and over line ends with the `:` that continues an instruction. */
 static void joint(struct fanuc_ls_cursor *cursor)
 {
-    skip(cursor, " \t");
     for (;;) {
+        skip(cursor, " \t");
         struct fanuc_ls_cursor next = *cursor;
         skip(&next, "\r");
         if (here(&next) != '\n')
             return;
         next.at++;
         skip(&next, " \t");
-        if (here(&next) != ':')
-            return;
-        next.at++;
-        skip(&next, " \t");
-        cursor->at = next.at;
+        cursor->at = next.at + 1; /* behind the `:` */
     }
 }
 
@@ -36,7 +32,7 @@ static bool reference(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, s
         return fail(cursor, kind, cursor->at);
     const char *inner = cursor->at;
     size_t depth = 0;
-    for (; cursor->at < cursor->end && *cursor->at != '\r' && *cursor->at != '\n'; cursor->at++) {
+    for (; seek(cursor, "[]"); cursor->at++) {
         if (*cursor->at == ']' && depth == 0) {
             *inside = between(inner, cursor->at);
             *text = between(begin, ++cursor->at);
@@ -53,19 +49,19 @@ static struct fanuc_ls_text join_lines(struct fanuc_ls_cursor *cursor, struct fa
 {
     const char *at = text.at, *end = text.at + text.length;
     char *out = cursor->scratch;
-    while (at < end && is_one_of(*at, " \t\r\n"))
+    while (is_one_of(byte_at(at, end), "\r\n"))
         at++;
     for (bool is_first = true;; is_first = false) {
         const char *stop = memchr(at, '\n', (size_t)(end - at)), *next = stop == NULL ? NULL : stop + 1;
         stop = stop == NULL ? end : stop;
-        while (at < stop && is_one_of(*at, " \t\r"))
+        while (is_one_of(byte_at(at, stop), " \t\r"))
             at++;
         while (stop > at && is_one_of(stop[-1], " \t\r"))
             stop--;
         if (!is_first) {
             *cursor->scratch++ = '\n';
             at++; /* the `:` */
-            while (at < stop && is_one_of(*at, " \t"))
+            while (is_one_of(byte_at(at, stop), " \t"))
                 at++;
         }
         memcpy(cursor->scratch, at, (size_t)(stop - at));
@@ -94,12 +90,10 @@ static bool attribute_name(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind ki
 /* Whether a line begins that looks like the next attribute (LS-10). */
 static bool begins_another(const char *at, const char *end)
 {
-    if (!fanuc_ls_is_word(at, end) || *at == '_' || (*at >= '0' && *at <= '9'))
+    if (!fanuc_ls_is_word(at, end) || *at == '_' || is_digit(*at))
         return false;
-    for (; at < end && *at != '\n'; at++)
-        if (*at == '=' || *at == ':')
-            return true;
-    return false;
+    struct fanuc_ls_text line = fanuc_ls_take_line(&at, end);
+    return has(line, '=') || has(line, ':');
 }
 
 /* Where a line ends a value in whose quotes it stands; NULL: it does not. */
@@ -137,14 +131,11 @@ static struct fanuc_ls_text join_words(struct fanuc_ls_cursor *cursor, const cha
 {
     char *out = cursor->scratch;
     while (at < end) {
-        const char *stop = memchr(at, '\n', (size_t)(end - at));
-        stop = stop == NULL ? end : stop;
-        struct fanuc_ls_text line = fanuc_ls_trim(between(at, stop));
+        struct fanuc_ls_text line = fanuc_ls_trim(fanuc_ls_take_line(&at, end));
         if (line.length > 0 && cursor->scratch > out)
             *cursor->scratch++ = ' ';
         memcpy(cursor->scratch, line.at, line.length);
         cursor->scratch += line.length;
-        at = stop + 1;
     }
     return between(out, cursor->scratch);
 }
@@ -183,8 +174,9 @@ bool fanuc_ls_read_attribute(struct fanuc_ls_cursor *cursor, struct fanuc_ls_att
             return false;
     while (take(cursor, ","));
     /* With its line end, which may have ended the last item. */
-    const char *line_end = memchr(cursor->at, '\n', (size_t)(cursor->end - cursor->at));
-    attribute->value = between(begin, line_end == NULL ? cursor->end : line_end + 1);
+    const char *behind = cursor->at;
+    fanuc_ls_take_line(&behind, cursor->end);
+    attribute->value = between(begin, behind);
     return expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
 }
 
@@ -276,7 +268,7 @@ static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *m
         return true;
     }
     const char *end = cursor->at;
-    while (end < cursor->end && (is_alphabetic(*end) || *end == '_' || *end == '.'))
+    while (is_alphabetic(byte_at(end, cursor->end)) || is_one_of(byte_at(end, cursor->end), "_."))
         end++;
     char behind = end < cursor->end ? *end : ' ';
     if (behind == '[') {
@@ -294,7 +286,6 @@ static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *m
         cursor->at = end;
         return true;
     }
-    motion->speed_kind = FANUC_LS_SPEED_FIXED;
     if (!decimal(cursor, FANUC_LS_SPEED, &motion->speed))
         return false;
     joint(cursor);
@@ -304,7 +295,6 @@ static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *m
 /* LS-46, in the order of LS-35. */
 static bool read_motion(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *motion)
 {
-    memset(motion, 0, sizeof *motion);
     motion->letter = *cursor->at++;
     joint(cursor);
     if (!read_target(cursor, &motion->target))
@@ -338,7 +328,7 @@ bool fanuc_ls_read_instruction(struct fanuc_ls_cursor *cursor, struct fanuc_ls_i
     space(cursor);
     while (cursor->end > cursor->at && is_one_of(cursor->end[-1], " \t\r\n"))
         cursor->end--;
-    instruction->kind = FANUC_LS_EMPTY;
+    memset(instruction, 0, sizeof *instruction);
     if (cursor->at == cursor->end)
         return true;
     if (take(cursor, "!")) {
@@ -350,7 +340,7 @@ bool fanuc_ls_read_instruction(struct fanuc_ls_cursor *cursor, struct fanuc_ls_i
         instruction->text = between(begin, cursor->scratch);
         return true;
     }
-    if (is_one_of(*cursor->at, "JLCAS") && cursor->end - cursor->at > 1 && is_one_of(cursor->at[1], " \t")) { /* LS-16 */
+    if (is_one_of(*cursor->at, "JLCAS") && is_one_of(byte_at(cursor->at + 1, cursor->end), " \t")) { /* LS-16 */
         instruction->kind = FANUC_LS_MOTION;
         return read_motion(cursor, &instruction->motion);
     }

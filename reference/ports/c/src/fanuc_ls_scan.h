@@ -4,11 +4,8 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "fanuc_ls_text.h"
-
-#define MAX_DECIMAL 400
 
 static inline bool fail(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, const char *at)
 {
@@ -17,9 +14,7 @@ static inline bool fail(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind,
     return false;
 }
 
-static inline char here(const struct fanuc_ls_cursor *cursor) { return cursor->at < cursor->end ? *cursor->at : '\0'; }
-
-static inline bool is_one_of(char c, const char *set) { return c != '\0' && strchr(set, c) != NULL; }
+static inline char here(const struct fanuc_ls_cursor *cursor) { return byte_at(cursor->at, cursor->end); }
 
 static inline void skip(struct fanuc_ls_cursor *cursor, const char *set)
 {
@@ -27,14 +22,21 @@ static inline void skip(struct fanuc_ls_cursor *cursor, const char *set)
         cursor->at++;
 }
 
+/* Moves to the first of these characters that is on the same line; false: there is none. */
+static inline bool seek(struct fanuc_ls_cursor *cursor, const char *set)
+{
+    while (cursor->at < cursor->end && !is_one_of(*cursor->at, set) && !is_one_of(*cursor->at, "\r\n"))
+        cursor->at++;
+    return is_one_of(here(cursor), set);
+}
+
 static inline void space(struct fanuc_ls_cursor *cursor) { skip(cursor, " \t\r\n"); }
 
 static inline bool take(struct fanuc_ls_cursor *cursor, const char *word)
 {
-    size_t length = strlen(word);
-    if ((size_t)(cursor->end - cursor->at) < length || memcmp(cursor->at, word, length) != 0)
+    if (!fanuc_ls_begins(cursor->at, cursor->end, word))
         return false;
-    cursor->at += length;
+    cursor->at += strlen(word);
     return true;
 }
 
@@ -52,45 +54,31 @@ static inline bool spaced(struct fanuc_ls_cursor *cursor, const char *word, enum
 static inline bool whole(struct fanuc_ls_cursor *cursor, uint32_t largest, enum fanuc_ls_kind kind, uint32_t *value)
 {
     const char *begin = cursor->at;
-    uint64_t number = 0;
-    while (here(cursor) >= '0' && here(cursor) <= '9') {
-        if (number <= UINT32_MAX)
-            number = number * 10 + (uint64_t)(*cursor->at - '0');
+    uint64_t number;
+    while (is_digit(here(cursor)))
         cursor->at++;
-    }
+    if (!fanuc_ls_to_number(between(begin, cursor->at), &number) || number > largest)
+        return fail(cursor, kind, begin);
     *value = (uint32_t)number;
-    if (cursor->at > begin && number <= largest)
-        return true;
-    cursor->at = begin;
-    return fail(cursor, kind, begin);
+    return true;
 }
 
-/* LS-31. Digits beyond what fits are zeros: 400 are enough for every number that is finite. */
+/* LS-31. The characters go to the buffer for copied texts: strtod wants an end. */
 static inline bool decimal(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, double *value)
 {
-    char digits[MAX_DECIMAL];
     const char *at = cursor->at;
-    size_t count = 0, length = 0, dropped = 0;
-    bool has_point = false;
-    if (at < cursor->end && (*at == '+' || *at == '-'))
-        digits[length++] = *at++;
-    digits[length++] = '0'; /* for all zeros before the number */
-    size_t first = length;
-    for (; at < cursor->end && ((*at >= '0' && *at <= '9') || (*at == '.' && !has_point)); at++) {
+    char *to = cursor->scratch;
+    bool has_digit = false, has_point = false;
+    if (is_one_of(byte_at(at, cursor->end), "+-"))
+        *to++ = *at++;
+    for (; is_digit(byte_at(at, cursor->end)) || (byte_at(at, cursor->end) == '.' && !has_point); at++) {
+        has_digit |= *at != '.';
         has_point |= *at == '.';
-        count += *at != '.';
-        if (*at == '0' && length == first)
-            continue;
-        if (length < sizeof digits - 1)
-            digits[length++] = *at;
-        else
-            dropped += !has_point;
+        *to++ = *at;
     }
-    digits[length] = '\0';
-    if (count == 0)
-        return fail(cursor, kind, cursor->at);
-    *value = strtod(digits, NULL);
-    if (!isfinite(*value) || (dropped > 0 && *value != 0))
+    *to = '\0';
+    *value = strtod(cursor->scratch, NULL);
+    if (!has_digit || !isfinite(*value))
         return fail(cursor, kind, cursor->at);
     cursor->at = at;
     return true;

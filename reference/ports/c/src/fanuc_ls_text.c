@@ -1,6 +1,11 @@
 #include "fanuc_ls_text.h"
 
-#include <string.h>
+struct fanuc_ls_text fanuc_ls_take_line(const char **at, const char *end)
+{
+    const char *begin = *at, *stop = memchr(begin, '\n', (size_t)(end - begin));
+    *at = stop == NULL ? end : stop + 1;
+    return between(begin, stop == NULL ? end : stop);
+}
 
 /* The character here, and its length; the text is UTF-8. */
 uint32_t fanuc_ls_character(const char *at, const char *end, size_t *length)
@@ -25,20 +30,27 @@ bool fanuc_ls_is_white(uint32_t c)
 
 static bool is_letter(uint32_t c) { return c < 0x80 ? (c | 0x20) >= 'a' && (c | 0x20) <= 'z' : !fanuc_ls_is_white(c); }
 
-static bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
 bool fanuc_ls_is_word(const char *at, const char *end)
 {
     size_t length;
     return at < end && (*at == '_' || is_digit(*at) || is_letter(fanuc_ls_character(at, end, &length)));
 }
 
-bool fanuc_ls_is_control(const char *at, const char *end)
+const char *fanuc_ls_skip_word(const char *at, const char *end)
 {
     size_t length;
-    uint32_t c = fanuc_ls_character(at, end, &length);
-    return c < 0x20 || (c >= 0x7F && c < 0xA0);
+    for (; fanuc_ls_is_word(at, end); at += length)
+        fanuc_ls_character(at, end, &length);
+    return at;
 }
+
+bool fanuc_ls_is_name(struct fanuc_ls_text name)
+{
+    bool is_word = fanuc_ls_skip_word(name.at, end_of(name)) == end_of(name), is_ascii = fanuc_ls_characters(name) == name.length;
+    return is_word && is_ascii && byte_at(name.at, end_of(name)) > '9'; /* no digit: what else is a word is behind them */
+}
+
+bool fanuc_ls_is_control(uint32_t c) { return c < 0x20 || (c >= 0x7F && c < 0xA0); }
 
 size_t fanuc_ls_characters(struct fanuc_ls_text text)
 {
@@ -83,6 +95,17 @@ struct fanuc_ls_text fanuc_ls_trim_end(struct fanuc_ls_text text)
     return between(text.at, kept);
 }
 
+bool fanuc_ls_is_closed(struct fanuc_ls_text line)
+{
+    uint32_t last = 0;
+    size_t length;
+    for (const char *at = line.at; at < end_of(line); at += length) {
+        uint32_t c = fanuc_ls_character(at, end_of(line), &length);
+        last = fanuc_ls_is_white(c) ? last : c;
+    }
+    return last == ';';
+}
+
 struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text)
 {
     const char *end = end_of(text);
@@ -91,5 +114,8 @@ struct fanuc_ls_text fanuc_ls_trim(struct fanuc_ls_text text)
 
 bool fanuc_ls_same(struct fanuc_ls_text one, struct fanuc_ls_text other)
 {
-    return (one.at == NULL) == (other.at == NULL) && one.length == other.length && (one.length == 0 || memcmp(one.at, other.at, one.length) == 0);
+    for (size_t i = 0; i < one.length && i < other.length; i++)
+        if (one.at[i] != other.at[i])
+            return false;
+    return one.length == other.length;
 }

@@ -297,6 +297,7 @@ static void print_document(struct fanuc_ls_file *file, size_t name_limit)
 {
     struct fanuc_ls_entry entry;
     struct fanuc_ls_fault found[FANUC_LS_MAX_FINDINGS];
+    size_t first = 0, second = 0;
     while (fanuc_ls_next(file, &entry)) {
         size_t offset = (size_t)(entry.place.at - file->text.at);
         if (entry.kind == FANUC_LS_LINE && entry.place.length == 0)
@@ -308,11 +309,20 @@ static void print_document(struct fanuc_ls_file *file, size_t name_limit)
             print_entry(file, &entry);
         print("}");
         size_t count = fanuc_ls_findings(file, &entry, name_limit, found);
+        first += 1 + count;
         for (size_t i = 0; i < count; i++) {
             print_item(offset, entry.place.length, false);
             print_fault(file, &found[i]);
             print("}");
         }
+    }
+    fanuc_ls_rewind(file);
+    while (fanuc_ls_next(file, &entry))
+        if (entry.kind != FANUC_LS_LINE || entry.place.length > 0)
+            second += 1 + fanuc_ls_findings(file, &entry, name_limit, found);
+    if (first != second) {
+        print_item(0, 0, false);
+        print("\"again\":%zu}", second);
     }
 }
 

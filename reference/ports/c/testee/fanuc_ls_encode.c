@@ -11,17 +11,15 @@
 static char out[MAX_TEXT], scratch[MAX_TEXT + 1], characters[MAX_TEXT];
 static size_t characters_used;
 
-/* A string as UTF-8, ended by a zero for those who look one further; false: it is none. */
+/* A string as UTF-8; false: it is none. */
 static bool read_text(const struct json *value, struct fanuc_ls_text *out)
 {
-    size_t room = sizeof characters - characters_used;
-    long length = json_utf8(value, characters + characters_used, room > 0 ? room - 1 : 0);
+    long length = json_utf8(value, characters + characters_used, sizeof characters - characters_used);
     if (length < 0)
         return false;
     out->at = characters + characters_used;
     out->length = (size_t)length;
     characters_used += out->length;
-    characters[characters_used++] = '\0';
     return true;
 }
 
@@ -205,7 +203,8 @@ static bool encode_position(struct fanuc_ls_writer *writer, const struct json *o
     return fanuc_ls_write_position_end(writer);
 }
 
-static bool encode(struct fanuc_ls_writer *writer, const struct json *request)
+/* Writes a program into a place of this size. */
+static bool encode(struct fanuc_ls_writer *writer, const struct json *request, size_t size)
 {
     const struct json *message = json_get(request, "message"), *attributes = json_get(message, "attributes");
     const struct json *application = json_get(message, "application"), *instructions = json_get(message, "instructions");
@@ -213,6 +212,8 @@ static bool encode(struct fanuc_ls_writer *writer, const struct json *request)
     bool cut = json_is(json_get(json_get(request, "options"), "comment"), "truncate");
     struct fanuc_ls_instruction instruction;
     struct fanuc_ls_text name, kind, line;
+    characters_used = 0;
+    fanuc_ls_writer_init(writer, out, size, scratch);
     if (!read_text(json_get(message, "name"), &name) || !read_optional(json_get(message, "kind"), &kind) || instructions == NULL ||
         positions == NULL || !fanuc_ls_write_head(writer, name, kind, (size_t)name_limit_of(request)))
         return false;
@@ -242,9 +243,13 @@ static bool encode(struct fanuc_ls_writer *writer, const struct json *request)
 void answer_written(const struct json *request)
 {
     struct fanuc_ls_writer writer;
-    characters_used = 0;
-    fanuc_ls_writer_init(&writer, out, sizeof out, scratch);
-    if (!encode(&writer, request)) {
+    bool is_written = encode(&writer, request, sizeof out);
+    size_t length = writer.length;
+    if (is_written && (encode(&writer, request, length - 1) || !encode(&writer, request, length))) {
+        print("{\"wrong\":\"a program has another size than it needs\"}\n");
+        return;
+    }
+    if (!is_written) {
         print("{\"refused\":\"no program that can be written\"}\n");
         return;
     }

@@ -170,7 +170,7 @@ export function isSpeedInRange(value: number, unit: Unit): boolean {
 
 /** The characters of a comment that count: without its quotes and the white space at its end (LS-11). */
 export function commentOf(text: string): string {
-  return trimEnd(text.length >= 2 && text.startsWith('"') && text.endsWith('"') ? text.slice(1, -1) : text);
+  return trimEnd(text.startsWith('"') && text.endsWith('"') ? text.slice(1, -1) : text);
 }
 
 /** White space, as a class of a regular expression (LS-55). */

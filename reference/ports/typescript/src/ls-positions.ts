@@ -6,19 +6,18 @@ import { Cursor, LsFault, linesOf, type Span } from "./ls-scan.js";
 /** Where the positions of a section are; a text that does not begin with `P[` is none. */
 export function dividePositions(text: string, section: Span): Span[] {
   const starts: { line: number; start: number }[] = [];
-  const white = new RegExp(`^[${WS}]*`);
+  const visible = new RegExp(`[^${WS}]`);
   for (const line of linesOf(text, section)) {
-    const content = text.slice(line.start, line.end);
-    const start = line.start + (white.exec(content)?.[0].length ?? 0);
-    if (start < line.end && (starts.length === 0 || text.startsWith("P[", start))) starts.push({ line: line.start, start });
+    const white = text.slice(line.start, line.end).search(visible);
+    const start = line.start + white;
+    if (white >= 0 && (starts.length === 0 || text.startsWith("P[", start))) starts.push({ line: line.start, start });
   }
   return starts.map(({ start }, index) => ({ start, end: starts[index + 1]?.line ?? section.end }));
 }
 
-/** The number behind `P[` of a position that may have a fault (LS-36). */
-export function numberOfPosition(text: string): number | null {
-  const digits = new RegExp(`^P\\[[${WS}]*([0-9]+)`).exec(text)?.[1];
-  return digits === undefined || Number(digits) > MAX_U32 ? null : Number(digits);
+/** The number behind `P[` of a position that may have a fault (LS-36); NaN, if there is none. */
+export function numberOfPosition(text: string): number {
+  return Number(new RegExp(`^P\\[[${WS}]*([0-9]+)`).exec(text)?.[1]);
 }
 
 export function readPosition(text: string, { start, end }: Span): Position {
@@ -34,10 +33,7 @@ export function readPosition(text: string, { start, end }: Span): Position {
   cursor.expect("{", "position");
   cursor.gap();
   const groups: Group[] = [];
-  while (cursor.skip("GP")) {
-    groups.push(readGroup(cursor));
-    cursor.gap();
-  }
+  while (cursor.skip("GP")) groups.push(readGroup(cursor));
   cursor.expect("}", "group");
   cursor.gap();
   cursor.expect(";", "group");
@@ -52,11 +48,11 @@ function readName(cursor: Cursor): string {
   const quoted = cursor.skip('"');
   const name = cursor.take(quoted ? /[^"\r\n]*/y : /[^\]\r\n]*/y);
   if (!cursor.has(quoted ? '"' : "]")) throw new LsFault("position", start);
-  if (quoted) cursor.skip('"');
+  cursor.skip('"');
   return trim(name);
 }
 
-/** Behind `GP`. */
+/** Behind `GP`, and the white space behind it. */
 function readGroup(cursor: Cursor): Group {
   const number = cursor.number(255, "group");
   cursor.gap();

@@ -46,13 +46,17 @@ function read(text: string): Read {
   const parts = divide(text);
   return {
     parts,
-    attributes: parts.attributes === null ? [] : readAttributes(text, parts.attributes),
-    statements: divideStatements(text, parts.main).map((statement) => ({
+    attributes: within(parts.attributes, (section) => readAttributes(text, section)),
+    statements: within(parts.main, (section) => divideStatements(text, section)).map((statement) => ({
       text: statement,
       part: attempt(visible(text, statement), () => readStatement(text, statement)),
     })),
-    positions: parts.positions === null ? [] : dividePositions(text, parts.positions).map((span) => attempt(span, () => readPosition(text, span))),
+    positions: within(parts.positions, (section) => dividePositions(text, section)).map((span) => attempt(span, () => readPosition(text, span))),
   };
+}
+
+function within<T>(section: Span | null, divide: (section: Span) => T[]): T[] {
+  return section === null ? [] : divide(section);
 }
 
 /** From the first to the last character that is no white space. */
@@ -121,8 +125,7 @@ class Findings {
     this.lineNumbers = lineNumbers(read.statements.map((statement) => statement.text));
     const named = read.statements.map((statement) => namedPositions(this.slice(statement.text)));
     this.used = named.includes(null) ? null : new Set(named.flatMap((numbers) => numbers ?? []));
-    const numbers = read.positions.map((part) => numberOfPosition(this.slice(part)));
-    this.defined = new Set(numbers.filter((number) => number !== null));
+    this.defined = new Set(read.positions.map((part) => numberOfPosition(this.slice(part))));
   }
 
   items(): DocumentItem[] {
@@ -182,7 +185,7 @@ class Findings {
     const length = characters(commentOf(text));
     if (COMMENT_NAMES.includes(name) && length > MAX_COMMENT) findings.push(this.warning(part.start, "comment_length", { found: length }));
     const found = this.read.statements.filter((statement) => !statement.text.nested).length;
-    const expected = /^[0-9]+$/.test(text) ? Number(text) : 0;
+    const expected = /^[0-9]+$/.test(text) ? Number(text) : NaN;
     const wrong = expected !== 0 && expected <= MAX_U32 && expected !== found;
     if (wrong && part === this.lastLineCount() && this.statementsAreGood()) {
       findings.push(this.warning(part.start, "line_count", { expected, found }));
@@ -232,9 +235,8 @@ class Findings {
 
   private ofPosition(part: Part<Position>, seen: Map<number, number>): Finding[] {
     const number = numberOfPosition(this.slice(part));
-    if (number === null) return [];
     // A position with a fault counts once (LS-36).
-    const times = "fault" in part ? Math.max(seen.get(number) ?? 0, 1) : (seen.get(number) ?? 0) + 1;
+    const times = "fault" in part ? (seen.get(number) ?? 1) : (seen.get(number) ?? 0) + 1;
     seen.set(number, times);
     if ("fault" in part) return [];
     const findings: Finding[] = [];

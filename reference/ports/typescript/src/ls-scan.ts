@@ -12,30 +12,18 @@ export class LsFault extends Error {
   }
 }
 
-/** A line: its text is without its line end (LS-5). */
-export interface Line {
-  start: number;
-  /** The end of its text. */
-  end: number;
-  /** The beginning of the next line. */
-  next: number;
-}
-
 /** A part of a text, by its indices. */
 export interface Span {
   start: number;
   end: number;
 }
 
-/** The lines of a part: it is cut behind each LF. */
-export function linesOf(text: string, { start, end }: Span): Line[] {
-  const lines: Line[] = [];
+/** The lines of a part, which ends as a line does: it is cut behind each LF (LS-5). */
+export function linesOf(text: string, { start, end }: Span): Span[] {
+  const lines: Span[] = [];
   for (let at = start; at < end; ) {
-    const feed = text.indexOf("\n", at);
-    const next = feed < 0 || feed >= end ? end : feed + 1;
-    let last = next > at && text[next - 1] === "\n" ? next - 1 : next;
-    while (last > at && text[last - 1] === "\r") last -= 1;
-    lines.push({ start: at, end: last, next });
+    const next = text.indexOf("\n", at) + 1 || end;
+    lines.push({ start: at, end: next });
     at = next;
   }
   return lines;
@@ -58,12 +46,7 @@ export class Places {
 }
 
 export function utf8Length(text: string): number {
-  let length = 0;
-  for (const character of text) {
-    const code = character.codePointAt(0) ?? 0;
-    length += code < 0x80 ? 1 : code < 0x800 ? 2 : code < 0x10000 ? 3 : 4;
-  }
-  return length;
+  return new TextEncoder().encode(text).length;
 }
 
 const WHITE = new RegExp(`[${WS}]*`, "y");

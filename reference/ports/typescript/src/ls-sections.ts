@@ -1,7 +1,7 @@
 /** Where the parts of an LS file are: sections, attributes and statements (LS-56 to LS-58). */
 
-import { LETTER, MAX_U32, WS, trim, type Attribute } from "./fanuc-ls.js";
-import { Cursor, LsFault, isLetter, linesOf, withoutEnd, type Line, type Span } from "./ls-scan.js";
+import { LETTER, MAX_U32, WS, trim, trimEnd, type Attribute } from "./fanuc-ls.js";
+import { Cursor, LsFault, isLetter, linesOf, withoutEnd, type Span } from "./ls-scan.js";
 
 const SECTIONS = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"] as const;
 type Section = (typeof SECTIONS)[number];
@@ -15,7 +15,7 @@ export interface Parts {
   kind: string | null;
   attributes: Span | null;
   application: Span | null;
-  main: Span;
+  main: Span | null;
   positions: Span | null;
 }
 
@@ -28,19 +28,15 @@ function sectionOf(line: string): { section: Section; end: number } | null {
   return found === null ? null : { section: found[1] as Section, end: found[0].length };
 }
 
-export function beginsSection(line: string): string | null {
-  return sectionOf(line)?.section ?? null;
-}
-
 /** Divides a file; an error is thrown (LS-56). */
 export function divide(text: string): Parts {
   const start = text.search(new RegExp(`[^${WS}\\ufeff]`));
   if (start < 0) throw new LsFault("program", text.length);
   const [first, ...lines] = linesOf(text, { start, end: text.length });
-  const head = readHead(text, first ?? { start, end: text.length, next: text.length });
-  const begins: Partial<Record<Section, { own: Line; line: number }>> = {};
+  const head = readHead(text, first ?? { start, end: text.length });
+  const begins: Partial<Record<Section, Span>> = {};
   let last: Section = "/PROG";
-  for (const [index, line] of lines.entries()) {
+  for (const line of lines) {
     const content = text.slice(line.start, line.end);
     const found = sectionOf(content);
     if (found === null || found.section === "/PROG" || (found.section === "/APPL" && last === "/APPL")) {
@@ -52,10 +48,10 @@ export function divide(text: string): Parts {
     const before = SECTIONS.indexOf(last) < MAIN;
     if (order <= SECTIONS.indexOf(last) || (order > MAIN && before)) throw new LsFault(before ? "main" : "end", line.start);
     if (section === "/MN" && !BLANK.test(content.slice(found.end))) throw new LsFault("main", line.start + found.end);
-    begins[section] = { own: line, line: index };
+    begins[section] = line;
     last = section;
     if (section !== "/END") continue;
-    const behind = line.next;
+    const behind = line.end;
     const trailing = text.slice(behind).search(new RegExp(`[^${WS}\\u001a]`));
     if (trailing >= 0) throw new LsFault("trailing", behind + trailing);
     return { ...head, ...spans(begins) };
@@ -63,25 +59,25 @@ export function divide(text: string): Parts {
   throw new LsFault(SECTIONS.indexOf(last) < MAIN ? "main" : "end", text.length);
 }
 
-function readHead(text: string, line: Line): Pick<Parts, "head" | "name" | "kind"> {
+function readHead(text: string, line: Span): Pick<Parts, "head" | "name" | "kind"> {
   const content = text.slice(line.start, line.end);
   if (sectionOf(content)?.section !== "/PROG") throw new LsFault("program", line.start);
-  const found = new RegExp(`^/PROG[${WS}]*([^${WS}]+)([^]*)$`).exec(content);
+  const found = new RegExp(`^/PROG[${WS}]*([^${WS}]+)([^]*)`).exec(content);
   if (found === null) throw new LsFault("program", withoutEnd(text, line).end);
   const [, name = "", rest = ""] = found;
   const start = line.start + content.length - rest.length - name.length;
   return { head: withoutEnd(text, { start, end: line.end }), name, kind: trim(rest) || null };
 }
 
-function spans(begins: Partial<Record<Section, { own: Line }>>): Pick<Parts, "attributes" | "application" | "main" | "positions"> {
-  const own = SECTIONS.map((section) => begins[section]?.own);
+function spans(begins: Partial<Record<Section, Span>>): Pick<Parts, "attributes" | "application" | "main" | "positions"> {
+  const lines = SECTIONS.map((section) => begins[section]);
   const span = (section: Section): Span | null => {
-    const line = begins[section]?.own;
+    const line = begins[section];
     if (line === undefined) return null;
-    const behind = own.find((other) => other !== undefined && other.start > line.start);
-    return { start: line.next, end: behind?.start ?? line.next };
+    const behind = lines.find((other) => other !== undefined && other.start > line.start);
+    return { start: line.end, end: behind?.start ?? line.end };
   };
-  return { attributes: span("/ATTR"), application: span("/APPL"), main: span("/MN") ?? { start: 0, end: 0 }, positions: span("/POS") };
+  return { attributes: span("/ATTR"), application: span("/APPL"), main: span("/MN"), positions: span("/POS") };
 }
 
 /** A part that was read, or its error. */
@@ -158,21 +154,19 @@ function readValue(cursor: Cursor, ends: string): string {
 function valueEnd(cursor: Cursor, ends: string): number | null {
   const { rest, at } = cursor;
   let quoted = false;
-  let line = 0;
   for (let place = 0; place < rest.length; place += 1) {
     const character = rest[place] ?? "";
     if (character === '"') {
       quoted = !quoted;
     } else if (quoted && (character === "\r" || character === "\n")) {
-      const part = rest.slice(line, line + withoutEnd(rest.slice(line, place), { start: 0, end: place - line }).end);
-      const closed = ends.includes(part.slice(-1)) && part.slice(-2, -1) === '"' && part.split('"').length > 2;
-      return closed && part !== "" ? at + line + part.length - 1 : null;
+      const part = trimEnd(rest.slice(0, place));
+      const closed = new RegExp(`"[^\\n]*"[${ends}]$`).test(part);
+      return closed ? at + part.length - 1 : null;
     } else if (!quoted && ends.includes(character)) {
       return at + place;
     } else if (character === "\n") {
-      line = place + 1;
-      const next = /^[^\n]*/.exec(rest.slice(line))?.[0] ?? "";
-      if (isLetter(next) && /[=:]/.test(next)) return null;
+      const next = rest.slice(place + 1);
+      if (isLetter(next) && /^[^\n]*[=:]/.test(next)) return null;
     }
   }
   return null;
@@ -194,36 +188,38 @@ function numberOf(line: string): number | null {
 
 export function divideStatements(text: string, section: Span): StatementText[] {
   const statements: StatementText[] = [];
-  const lines = linesOf(text, section);
-  const content = (line: Line): string => text.slice(line.start, line.end);
   let last = 0;
-  let block = false;
-  for (let index = 0; index < lines.length; index += 1) {
-    const line = lines[index];
-    if (line === undefined || BLANK.test(content(line))) continue;
-    block = isNested(content(line), last, block);
-    if (block) {
-      statements.push({ start: line.start, end: line.end, nested: true, number: null });
-      continue;
+  // Of the line above, if no semicolon has closed it.
+  let open: StatementText | undefined;
+  for (const line of linesOf(text, section)) {
+    const content = text.slice(line.start, line.end);
+    const current: StatementText | undefined = /^[ \t]*:/.test(content) ? open : undefined;
+    open = undefined;
+    if (BLANK.test(content)) continue;
+    if (current !== undefined) {
+      current.end = line.end;
+      if (!isClosed(content)) open = current;
+    } else if (isNested(content, last, statements.at(-1)?.nested === true)) {
+      statements.push({ ...line, nested: true, number: null });
+    } else {
+      const number = numberOf(content);
+      last = number ?? last + 1;
+      const statement = { ...line, nested: false, number };
+      statements.push(statement);
+      if (!isClosed(content)) open = statement;
     }
-    let current = line;
-    for (let next = lines[index + 1]; next !== undefined; next = lines[index + 1]) {
-      if (trim(content(current)).endsWith(";") || !/^[ \t]*:/.test(content(next))) break;
-      current = next;
-      index += 1;
-    }
-    const number = numberOf(content(line));
-    last = number ?? last + 1;
-    statements.push({ start: line.start, end: current.end, nested: false, number });
   }
   return statements;
 }
 
+function isClosed(line: string): boolean {
+  return trimEnd(line).endsWith(";");
+}
+
 /** Whether a line belongs to the block of the motion above it (LS-15). */
 function isNested(line: string, last: number, block: boolean): boolean {
-  const spaces = /^ */.exec(line)?.[0].length ?? 0;
+  const spaces = line.search(/[^ ]/);
   if (spaces < 5 || last === 0) return false;
   const behind = line.slice(spaces);
-  const digits = /^[0-9]+/.exec(behind)?.[0];
-  return block || (!behind.startsWith(":") && (digits === undefined || Number(digits) !== last + 1));
+  return block || (!behind.startsWith(":") && Number(/^[0-9]+/.exec(behind)?.[0]) !== last + 1);
 }

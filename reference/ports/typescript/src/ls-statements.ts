@@ -45,26 +45,24 @@ export function readStatement(text: string, statement: StatementText): Statement
 }
 
 /** Without spaces, tabs, CR and LF at its ends. */
-function inner(text: string, { start, end }: Span): Span {
-  const part = text.slice(start, end);
-  const from = start + (/^[ \t\r\n]*/.exec(part)?.[0].length ?? 0);
-  const to = end - (/[ \t\r\n]*$/.exec(part)?.[0].length ?? 0);
-  return { start: Math.min(from, to), end: to };
+function inner(text: string): string {
+  return text.replace(/^[ \t\r\n]+|[ \t\r\n]+$/g, "");
 }
 
 /** A text whose lines continue with `:`. */
-export function joined(text: string): string {
-  const lines = text.replace(/^[ \t\r\n]+|[ \t\r\n]+$/g, "").split("\n");
-  return lines
+function joined(text: string): string {
+  return inner(text)
+    .split("\n")
     .map((line) => line.replace(/^[ \t\r]+|[ \t\r]+$/g, ""))
     .map((line, index) => (index === 0 ? line : line.replace(/^:[ \t]*/, "")))
     .join("\n");
 }
 
-function readInstruction(text: string, span: Span): { instruction: Instruction; place: number } {
-  const { start, end } = inner(text, span);
-  const t = text.slice(start, end);
-  return { instruction: instructionOf(text, t, { start, end }), place: start };
+function readInstruction(text: string, { start, end }: Span): { instruction: Instruction; place: number } {
+  const part = text.slice(start, end);
+  const t = inner(part);
+  const place = start + part.indexOf(t);
+  return { instruction: instructionOf(text, t, { start: place, end: place + t.length }), place };
 }
 
 function instructionOf(text: string, t: string, span: Span): Instruction {
@@ -75,26 +73,21 @@ function instructionOf(text: string, t: string, span: Span): Instruction {
   }
   if (/^[JLCAS][ \t]/.test(t)) return { motion: readMotion(new Cursor(text, span.start, span.end)) };
   const [, what, digits] = /^(UFRAME|UTOOL)_NUM=[ \t]*([0-9]+)$/.exec(t) ?? [];
-  if (digits !== undefined && Number(digits) <= 0xffff) {
+  if (Number(digits) <= 0xffff) {
     return what === "UFRAME" ? { user_frame: Number(digits) } : { user_tool: Number(digits) };
   }
   return { other: joined(t) };
 }
 
 function readMotion(cursor: Cursor): Motion {
-  const kind = MOTION_LETTERS[cursor.next as keyof typeof MOTION_LETTERS];
-  cursor.at += 1;
+  const kind = MOTION_LETTERS[cursor.take(/[JLCAS]/y) as keyof typeof MOTION_LETTERS];
   cursor.joint();
   let target = readTarget(cursor);
   let via: Target | null = null;
   let via_options = "";
   if (kind === "circular") {
     via = target;
-    const feed = cursor.rest.indexOf("\n");
-    if (feed >= 0) {
-      via_options = trim(cursor.rest.slice(0, feed));
-      cursor.at += feed;
-    }
+    via_options = trim(cursor.take(/[^\n]*(?=\n)/y));
     cursor.joint();
     target = readTarget(cursor);
   }
@@ -129,16 +122,18 @@ function readReference(cursor: Cursor, kind: FaultKind): Reference {
   return { letters, inside: cursor.slice(inside, cursor.at - 1), text: cursor.slice(start) };
 }
 
+const NUMBERED = new RegExp(`^[${WS}]*([0-9]+)[${WS}]*(?::([^]*))?$`);
+
 function readTarget(cursor: Cursor): Target {
   const { letters, inside, text } = readReference(cursor, "target");
-  const colon = inside.indexOf(":");
-  const digits = trim(colon < 0 ? inside : inside.slice(0, colon));
-  if ((letters !== "P" && letters !== "PR") || !/^[0-9]+$/.test(digits) || Number(digits) > MAX_U32) return { other: text };
-  const numbered = { number: Number(digits), name: colon < 0 ? null : trim(inside.slice(colon + 1)) };
+  const [, digits, name] = NUMBERED.exec(inside) ?? [];
+  if ((letters !== "P" && letters !== "PR") || !(Number(digits) <= MAX_U32)) return { other: text };
+  const numbered = { number: Number(digits), name: name === undefined ? null : trim(name) };
   return letters === "P" ? { position: numbered } : { register: numbered };
 }
 
 const SPEED_WORD = /[A-Za-z_.]*/y;
+const TERMINATION = new RegExp(`FINE(?![${LETTER}0-9_])|CNT`, "y");
 
 function readSpeed(cursor: Cursor): Speed {
   const start = cursor.at;
@@ -149,12 +144,12 @@ function readSpeed(cursor: Cursor): Speed {
   }
   const word = cursor.look(SPEED_WORD);
   const behind = cursor.slice(start + word.length, start + word.length + 1);
-  if (word !== "" && behind === "[") {
+  if (behind === "[") {
     const register = readReference(cursor, "speed").text;
     cursor.joint();
     return { register: { register, unit: readUnit(cursor) } };
   }
-  if (word !== "" && /^[ \t\r\n]?$/.test(behind) && hasNoTermination(cursor)) {
+  if (word !== "" && /^[ \t\r\n]?$/.test(behind) && cursor.look(TERMINATION) === "") {
     cursor.at += word.length;
     return { named: word };
   }
@@ -177,26 +172,10 @@ function readUnit(cursor: Cursor): Unit {
   return unitHere(cursor) ?? cursor.fail("speed_unit");
 }
 
-function hasNoTermination(cursor: Cursor): boolean {
-  const start = cursor.at;
-  try {
-    return readTermination(cursor) === null;
-  } catch (fault) {
-    if (fault instanceof LsFault) return false;
-    throw fault;
-  } finally {
-    cursor.at = start;
-  }
-}
-
 function readTermination(cursor: Cursor): Termination {
-  const start = cursor.at;
-  if (cursor.skip("FINE")) {
-    if (!cursor.hasWord("_")) return "fine";
-    cursor.at = start;
-    return null;
-  }
-  if (!cursor.skip("CNT")) return null;
+  const word = cursor.take(TERMINATION);
+  if (word === "") return null;
+  if (word === "FINE") return "fine";
   cursor.joint();
   if (/[A-Za-z]/.test(cursor.next)) return { continuous_register: readReference(cursor, "continuous").text };
   const place = cursor.at;

@@ -90,7 +90,7 @@ enum fanuc_ls_unit { FANUC_LS_PERCENT, FANUC_LS_SEC, FANUC_LS_MSEC, FANUC_LS_MM_
 
 enum fanuc_ls_termination_kind { FANUC_LS_NO_TERMINATION, FANUC_LS_FINE, FANUC_LS_CNT, FANUC_LS_CNT_REGISTER };
 
-/* LS-46 */
+/* LS-46; what a motion does not have is zeros. */
 struct fanuc_ls_motion {
     char letter; /* LS-47 */
     struct fanuc_ls_target via, target;
@@ -114,7 +114,7 @@ enum fanuc_ls_instruction_kind {
     FANUC_LS_NESTED,
 };
 
-/* LS-53 */
+/* LS-53; what an instruction does not have is zeros. */
 struct fanuc_ls_instruction {
     enum fanuc_ls_instruction_kind kind;
     uint16_t number;           /* of a frame or a tool */
@@ -181,7 +181,7 @@ void fanuc_ls_rewind(struct fanuc_ls_file *file);
 /* The next entry; false: there is none. Its copied texts are there until the next one is read. */
 bool fanuc_ls_next(struct fanuc_ls_file *file, struct fanuc_ls_entry *entry);
 
-#define FANUC_LS_MAX_FINDINGS 6
+#define FANUC_LS_MAX_FINDINGS 4
 
 /* The other findings of an entry that was just read, in their order (LS-54); returns how many. */
 size_t fanuc_ls_findings(struct fanuc_ls_file *file, const struct fanuc_ls_entry *entry, size_t name_limit,

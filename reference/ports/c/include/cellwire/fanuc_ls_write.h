@@ -1,5 +1,5 @@
-/* fanuc-ls: TP programs as text, written (section 6). Every function returns false where LS-37 refuses; then nothing of the whole
- * program is to be used. They are called in the order of a file. */
+/* fanuc-ls: TP programs as text, written (section 6). Every function returns false where LS-37 refuses, where `out` has no room, and from
+ * there on; then nothing of the whole program is to be used. They are called in the order of a file. */
 #ifndef CELLWIRE_FANUC_LS_WRITE_H
 #define CELLWIRE_FANUC_LS_WRITE_H
 
@@ -14,7 +14,7 @@ struct fanuc_ls_writer {
     size_t size, length;
     char *scratch; /* for what is read again; as long as the longest part */
     uint64_t last; /* number of the last statement */
-    bool in_block, is_full;
+    bool in_block, is_wrong;
 };
 
 struct fanuc_ls_pair {

@@ -77,9 +77,9 @@ function read<T>(table: readonly T[] | undefined, address: number, quantity: num
 
 /** Writes all values, or none and gives the code of an exception. */
 function write<T>(table: T[] | undefined, address: number, values: readonly T[]): number | null {
-  if (table === undefined) return ILLEGAL_FUNCTION;
-  if (address + values.length > table.length) return ILLEGAL_ADDRESS;
-  table.splice(address, values.length, ...values);
+  const before = read(table, address, values.length);
+  if (typeof before === "number") return before;
+  table?.splice(address, values.length, ...values);
   return null;
 }
 

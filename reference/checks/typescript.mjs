@@ -87,12 +87,12 @@ const step = new Script("current()");
 /** What a function gives, null where it fails or takes longer than that, and the seconds of a processor; the clock alone says nothing. */
 function limited(call, seconds) {
   globalThis.current = call;
-  for (;;) {
+  for (let wait = seconds; ; wait *= 2) {
     const begun = process.cpuUsage();
     let result = null;
     let late = false;
     try {
-      result = step.runInThisContext({ timeout: Math.ceil(1000 * seconds) });
+      result = step.runInThisContext({ timeout: Math.ceil(1000 * wait) });
     } catch (error) {
       late = error?.code === "ERR_SCRIPT_EXECUTION_TIMEOUT";
     }

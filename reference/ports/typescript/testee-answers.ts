@@ -295,10 +295,13 @@ const ENDS: Record<string, (config: Record<string, unknown>) => End> = {
 /** The tables of the server in the stories (README). */
 function serverTables(): MemoryTables {
   const addresses = Array.from({ length: 100 }, (_, address) => address);
+  const coils = addresses.map((address) => address % 3 === 0);
   return new MemoryTables(
     {
-      coils: addresses.map((address) => address % 3 === 0),
-      discreteInputs: addresses.map((address) => address % 3 !== 0),
+      coils,
+      get discreteInputs() {
+        return coils.map((isOn) => !isOn);
+      },
       holdingRegisters: addresses.map((address) => 7 * address),
     },
     {

@@ -26,7 +26,8 @@ export type ModbusError = FrameError | PduError;
 
 /** The longest RTU frame (FM-6). */
 export const MAX_RTU = 256;
-const MIN_RTU = 4;
+/** The shortest. */
+export const MIN_RTU = 4;
 /** Transaction, protocol and length stand before what a header counts. */
 const HEADER = 6;
 const MIN_LENGTH = 2;
@@ -38,7 +39,6 @@ const GIVEN_UP = { tcp: 504, rtu: 265 };
 
 /** The frame of a message (FM-36). */
 export function encodeFrame(message: ModbusMessage, sender: Sender, framing: Framing = "tcp"): Uint8Array {
-  if (typeof message !== "object" || message === null) throw new Refused("message", "no object");
   const { transaction, unit, ...pdu } = message;
   if ((transaction !== undefined) !== (framing === "tcp")) throw new Refused("message", "a transaction is of TCP alone");
   const body = [integer(unit, 0, 255), ...(sender === "client" ? encodeRequest(pdu as Request) : encodeReply(pdu as Reply))];
@@ -132,12 +132,9 @@ abstract class FrameDecoder extends Decoder<Frame, FrameError> {
 
   protected read(): Result {
     if (this.corrupt) {
-      if (this.held.length === 0) {
-        if (this.ended) this.leaveCorruption();
-        return null;
-      }
-      const noise = this.corrupted((length) => ({ kind: "noise", length }), 0);
-      if (noise === null || noise.length > 0) return noise;
+      const length = this.extent(0);
+      if (length === null) return null;
+      if (length > 0) return { length, error: { kind: "noise", length } };
     }
     return this.held.length === 0 ? null : this.readFrame();
   }
@@ -153,16 +150,23 @@ abstract class FrameDecoder extends Decoder<Frame, FrameError> {
   protected abstract search(window: Uint8Array, from: number, full: boolean): Search;
 
   /** The error of a corruption, which covers the bytes before the next frame. */
-  protected corrupted(error: (length: number) => FrameError, from: number): Result {
+  protected corrupted(error: FrameError, from = 0): Result {
+    this.corruptionFound ??= error;
+    const length = this.extent(from);
+    return length === null ? null : { length, error };
+  }
+
+  /** How many bytes of a corruption come before the next frame; null: more bytes have to come to know it. */
+  private extent(from: number): number | null {
     const window = this.held.subarray(0, WINDOW);
-    const full = window.length === WINDOW;
-    const found = this.search(window, from, full);
-    if (!this.corrupt) this.corruptionFound ??= error(0);
+    const found = this.search(window, from, window.length === WINDOW);
     if (found === null && !this.ended) return null;
-    const length = found === null ? this.held.length : "place" in found ? found.place : found.length;
-    if (found !== null && "length" in found) this.corrupt = true;
-    else this.leaveCorruption();
-    return { length, error: error(length) };
+    if (found !== null && "length" in found) {
+      this.corrupt = true;
+      return found.length;
+    }
+    this.leaveCorruption();
+    return found === null ? this.held.length : found.place;
   }
 
   protected cut(expected: number): Result {
@@ -177,9 +181,9 @@ export class TcpFrameDecoder extends FrameDecoder {
     const { held } = this;
     if (held.length < HEADER) return this.cut(HEADER + 1);
     const [protocol, length] = [wordAt(held, 2), wordAt(held, 4)];
-    const skip = length <= MAX_LENGTH ? HEADER + length : 1;
-    if (protocol !== 0) return this.corrupted(() => ({ kind: "protocol", found: protocol }), skip);
-    if (!isHeader(held)) return this.corrupted(() => ({ kind: "mbap_length", found: length }), skip);
+    const skip = length <= MAX_LENGTH ? HEADER + length : 0;
+    if (protocol !== 0) return this.corrupted({ kind: "protocol", found: protocol }, skip);
+    if (!isHeader(held)) return this.corrupted({ kind: "mbap_length", found: length }, skip);
     const size = HEADER + length;
     if (held.length < size) return this.cut(size);
     const message = { transaction: wordAt(held, 0), unit: byteAt(held, HEADER), pdu: held.subarray(HEADER + 1, size) };
@@ -191,7 +195,7 @@ export class TcpFrameDecoder extends FrameDecoder {
       const here = window.subarray(place);
       if (here.length < HEADER) return full ? { length: GIVEN_UP.tcp } : null;
       if (!isHeader(here)) continue;
-      if (place === from && from > 1) return { place };
+      if (place === from && from > 0) return { place };
       const length = rtuLength(here.subarray(HEADER), this.sender);
       if (length === "silence") continue;
       if ("needed" in length) {
@@ -215,22 +219,22 @@ export class RtuFrameDecoder extends FrameDecoder {
     const { held, ended } = this;
     const length = rtuLength(held, this.sender);
     if (length === "silence") {
-      if (held.length > MAX_RTU) return this.corrupted(() => ({ kind: "too_long", found: MAX_RTU + 1 }), 1);
+      if (held.length > MAX_RTU) return this.corrupted({ kind: "too_long", found: MAX_RTU + 1 });
       if (!ended) return null;
-      if (held.length < MIN_RTU) return this.corrupted(() => ({ kind: "cut", expected: MIN_RTU, found: held.length }), 1);
+      if (held.length < MIN_RTU) return this.corrupted({ kind: "cut", expected: MIN_RTU, found: held.length });
       return this.checked(held.length);
     }
     if ("needed" in length) return this.cut(length.needed);
     const size = length.known;
-    if (size > MAX_RTU) return this.corrupted(() => ({ kind: "too_long", found: size }), 1);
+    if (size > MAX_RTU) return this.corrupted({ kind: "too_long", found: size });
     if (held.length >= size) return this.checked(size);
-    return ended ? this.corrupted(() => ({ kind: "cut", expected: size, found: held.length }), 1) : null;
+    return ended ? this.corrupted({ kind: "cut", expected: size, found: held.length }) : null;
   }
 
   private checked(length: number): Result {
     const frame = this.held.subarray(0, length);
     const [expected, found] = [crcOf(frame.subarray(0, -2)), crcAtEnd(frame)];
-    if (found !== expected) return this.corrupted(() => ({ kind: "crc", expected, found, length }), 1);
+    if (found !== expected) return this.corrupted({ kind: "crc", expected, found, length });
     return { length, message: { unit: byteAt(frame, 0), pdu: frame.subarray(1, -2) } };
   }
 

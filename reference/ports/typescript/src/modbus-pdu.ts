@@ -51,15 +51,10 @@ export type PduError =
 
 const COIL_ON = 0xff00;
 const MAX_REPLY_BYTES = 250;
-const FUNCTIONS = [1, 2, 3, 4, 5, 6, 15, 16, 22, 23];
 
 /** The most that a function can read or write at once (section 4.1). */
-export const MAX_QUANTITY: Readonly<Record<number, number>> = { 1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123, 23: 125 };
+export const MAX_QUANTITY = { 1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123, 23: 125 } as const;
 export const MAX_WRITE_OF_23 = 121;
-
-function maxQuantity(code: number): number {
-  return MAX_QUANTITY[code] ?? 1;
-}
 
 // Encoding
 
@@ -82,8 +77,8 @@ class PduWriter {
   }
 
   /** A byte count, and the bits after it (FM-8). */
-  bits(values: unknown): this {
-    const packed = packBits(values as boolean[]);
+  bits(values: readonly boolean[]): this {
+    const packed = packBits(values);
     this.bytes.push(packed.length, ...packed);
     return this;
   }
@@ -96,22 +91,22 @@ class PduWriter {
 }
 
 /** Bits, eight to a byte, the first in bit 0 (FM-8). */
-export function packBits(bits: readonly boolean[]): number[] {
-  const packed = new Array<number>(Math.ceil(bits.length / 8)).fill(0);
+export function packBits(bits: readonly boolean[]): Uint8Array {
+  const packed = new Uint8Array(Math.ceil(bits.length / 8));
   bits.forEach((bit, index) => {
-    if (bit) packed[index >> 3] = (packed[index >> 3] ?? 0) | (1 << (index & 7));
+    if (bit) packed[index >> 3] = byteAt(packed, index >> 3) | (1 << (index & 7));
   });
   return packed;
 }
 
 /** A bit is true, false, 1 or 0. */
 function bit(value: unknown): boolean {
-  return value === 1 || value === 0 ? value === 1 : boolean(value);
+  return value === 1 || (value !== 0 && boolean(value));
 }
 
-function bitList(values: unknown): boolean[] {
-  if (!Array.isArray(values)) throw new Refused("message", "no list of bits");
-  return values.map(bit);
+function list<T>(values: T[]): T[] {
+  if (!Array.isArray(values)) throw new Refused("message", "no list");
+  return values;
 }
 
 function coil(value: unknown): number {
@@ -121,42 +116,42 @@ function coil(value: unknown): number {
 /** Refuses a number of values that the function does not take, and a run beyond the last address (FM-36). */
 function run(address: number, quantity: number, max: number): void {
   integer(quantity, 1, max, "quantity");
-  if (integer(address, 0, 0xffff) + quantity > 0x10000) throw new Refused("address", `${quantity} from ${address} on`);
+  integer(address, 0, 0x10000 - quantity, "address");
 }
 
 /** The PDU of a request. */
 export function encodeRequest(request: Request): number[] {
-  const code = integer((request as Partial<Request> | null)?.function, 0, 255);
+  const code: number = request.function;
   const pdu = new PduWriter(code);
-  switch (request.function) {
+  switch (code) {
     case 1:
     case 2:
     case 3:
     case 4: {
       const { address, quantity } = request as { address: number; quantity: number };
       fields(request, "function", "address", "quantity");
-      run(address, quantity, maxQuantity(code));
+      run(address, quantity, MAX_QUANTITY[code]);
       return pdu.words(address, quantity).bytes;
     }
     case 15: {
-      const { address, values } = request as { address: number; values: unknown };
+      const { address, values } = request as { address: number; values: unknown[] };
       fields(request, "function", "address", "values");
-      const bits = bitList(values);
-      run(address, bits.length, maxQuantity(code));
+      const bits = list(values).map(bit);
+      run(address, bits.length, MAX_QUANTITY[code]);
       return pdu.words(address, bits.length).bits(bits).bytes;
     }
     case 16: {
-      const { address, values } = request as { address: number; values: unknown };
+      const { address, values } = request as { address: number; values: number[] };
       fields(request, "function", "address", "values");
-      const registers = integers(values, 0, 0xffff);
-      run(address, registers.length, maxQuantity(code));
+      const registers = list(values);
+      run(address, registers.length, MAX_QUANTITY[code]);
       return pdu.words(address, registers.length).registers(registers).bytes;
     }
     case 23: {
       const { address, quantity, write_address, values } = request as Extract<Request, { write_address: number }>;
       fields(request, "function", "address", "quantity", "write_address", "values");
-      const registers = integers(values, 0, 0xffff);
-      run(address, quantity, maxQuantity(code));
+      const registers = list(values);
+      run(address, quantity, MAX_QUANTITY[code]);
       run(write_address, registers.length, MAX_WRITE_OF_23);
       return pdu.words(address, quantity, write_address, registers.length).registers(registers).bytes;
     }
@@ -167,33 +162,33 @@ export function encodeRequest(request: Request): number[] {
 
 /** The PDU of a reply. */
 export function encodeReply(reply: Reply): number[] {
-  const code = integer((reply as Partial<Reply> | null)?.function, 0, 255);
+  const code: number = reply.function;
   if ("exception" in reply) {
     fields(reply, "function", "exception");
     return [0x80 | integer(code, 1, 127, "function"), integer(reply.exception, 0, 255)];
   }
   const pdu = new PduWriter(code);
-  switch (reply.function) {
+  switch (code) {
     case 1:
     case 2: {
       fields(reply, "function", "bits");
-      const bits = bitList((reply as { bits: unknown }).bits);
-      integer(bits.length, 1, maxQuantity(code), "quantity");
+      const bits = list((reply as { bits: unknown[] }).bits).map(bit);
+      integer(bits.length, 1, MAX_QUANTITY[code], "quantity");
       return pdu.bits(bits).bytes;
     }
     case 3:
     case 4:
     case 23: {
       fields(reply, "function", "registers");
-      const registers = integers((reply as { registers: unknown }).registers, 0, 0xffff);
-      integer(registers.length, 1, maxQuantity(code), "quantity");
+      const registers = list((reply as { registers: number[] }).registers);
+      integer(registers.length, 1, MAX_QUANTITY[code], "quantity");
       return pdu.registers(registers).bytes;
     }
     case 15:
     case 16: {
       const { address, quantity } = reply as { address: number; quantity: number };
       fields(reply, "function", "address", "quantity");
-      run(address, quantity, maxQuantity(code));
+      run(address, quantity, MAX_QUANTITY[code]);
       return pdu.words(address, quantity).bytes;
     }
     default:
@@ -336,13 +331,13 @@ function readRequest(reader: PduReader): Request {
     case 3:
     case 4:
       reader.exactly(5);
-      return { function: code, address: reader.word(), quantity: reader.quantity(maxQuantity(code)) };
+      return { function: code, address: reader.word(), quantity: reader.quantity(MAX_QUANTITY[code]) };
     case 15:
     case 16: {
       reader.atLeast(3);
       const address = reader.word();
       reader.atLeast(5);
-      const quantity = reader.quantity(maxQuantity(code));
+      const quantity = reader.quantity(MAX_QUANTITY[code]);
       reader.requestData(code === 15 ? Math.ceil(quantity / 8) : 2 * quantity);
       return code === 15 ? { function: code, address, values: reader.bits(quantity) } : { function: code, address, values: reader.registers() };
     }
@@ -353,7 +348,7 @@ function readRequest(reader: PduReader): Request {
       const quantityFound = reader.word();
       reader.atLeast(7);
       const write_address = reader.word();
-      const quantity = reader.inRange(quantityFound, maxQuantity(code));
+      const quantity = reader.inRange(quantityFound, MAX_QUANTITY[code]);
       reader.atLeast(9);
       reader.requestData(2 * reader.quantity(MAX_WRITE_OF_23));
       return { function: code, address, quantity, write_address, values: reader.registers() };
@@ -365,7 +360,7 @@ function readRequest(reader: PduReader): Request {
 function readReply(reader: PduReader): Reply {
   const { code } = reader;
   if (code === 0 || code === 128) throw new PduFault({ kind: "function", found: code });
-  if (code > 128) {
+  if ((code & 0x80) !== 0) {
     reader.exactly(2);
     return { function: code & 0x7f, exception: reader.byte() };
   }
@@ -382,7 +377,7 @@ function readReply(reader: PduReader): Reply {
     case 15:
     case 16:
       reader.exactly(5);
-      return { function: code, address: reader.word(), quantity: reader.quantity(maxQuantity(code)) };
+      return { function: code, address: reader.word(), quantity: reader.quantity(MAX_QUANTITY[code]) };
   }
   return readSingle(reader);
 }
@@ -401,9 +396,4 @@ function readSingle(reader: PduReader): Single {
       return { function: code, address: reader.word(), and: reader.word(), or: reader.word() };
   }
   return { function: code, data: reader.raw() };
-}
-
-/** Whether a function is one of the table, whose PDU has a shape of its own. */
-export function isKnownFunction(code: number): boolean {
-  return FUNCTIONS.includes(code);
 }

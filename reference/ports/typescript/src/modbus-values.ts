@@ -69,8 +69,14 @@ export interface NumberFormat {
   order: WordOrder;
 }
 
-function join(registers: readonly number[], order: WordOrder): number {
-  const [first = 0, second = 0] = registers;
+/** The number at a place that is known to be there. */
+function at(numbers: readonly number[], place: number): number {
+  return numbers[place] ?? 0;
+}
+
+/** The bits of two registers, the first of them at a place. */
+function join(registers: readonly number[], place: number, order: WordOrder): number {
+  const [first, second] = [at(registers, place), at(registers, place + 1)];
   return order === "low_first" ? ((second << 16) | first) >>> 0 : ((first << 16) | second) >>> 0;
 }
 
@@ -79,23 +85,32 @@ function split(bits: number, order: WordOrder): number[] {
   return order === "low_first" ? words : words.reverse();
 }
 
+const WORD = new DataView(new ArrayBuffer(4));
+
 function floatOfBits(bits: number): number {
-  return new Float32Array(Uint32Array.of(bits).buffer)[0] ?? 0;
+  WORD.setUint32(0, bits);
+  return WORD.getFloat32(0);
 }
 
 function bitsOfFloat(value: number): number {
-  return new Uint32Array(Float32Array.of(value).buffer)[0] ?? 0;
+  WORD.setFloat32(0, value);
+  return WORD.getUint32(0);
+}
+
+/** A register with its sign. */
+function signed(register: number): number {
+  return (register << 16) >> 16;
 }
 
 /** The value of one register or two. */
 export function readNumber(format: NumberFormat, registers: readonly number[]): number {
   switch (format.kind) {
     case "int16":
-      return (((registers[0] ?? 0) << 16) >> 16) / format.multiply;
+      return signed(at(registers, 0)) / format.multiply;
     case "int32":
-      return (join(registers, format.order) | 0) / format.multiply;
+      return (join(registers, 0, format.order) | 0) / format.multiply;
     case "float32":
-      return floatOfBits(join(registers, format.order));
+      return floatOfBits(join(registers, 0, format.order));
   }
 }
 
@@ -121,7 +136,7 @@ export function readText(registers: readonly number[]): string {
 export function writeText(text: string, registers: number): number[] {
   if (text.length > 2 * registers) throw new Refused("text_length", `${text.length} characters in ${registers} registers`);
   for (const character of text) integer(character.codePointAt(0), 1, 255, "character");
-  const bytes = bytesOf(text.padEnd(2 * registers, "\0"));
+  const bytes = bytesOf(text);
   return Array.from({ length: registers }, (_, index) => ((bytes[2 * index] ?? 0) << 8) | (bytes[2 * index + 1] ?? 0));
 }
 
@@ -146,8 +161,7 @@ export function assign(slots: readonly Slot[]): [number, number][] {
   if (slots.length > MAX_SLOTS) throw new Refused("slots", `${slots.length} slots`);
   const runs = slots.map(({ address, size, var_name, multiply }): [number, number] => {
     integer(address, 1, MAX_REGISTER, "address");
-    integer(size, 1, MAX_REGISTER, "size");
-    integer(address + size - 1, 1, MAX_REGISTER, "size");
+    integer(size, 1, MAX_REGISTER + 1 - address, "size");
     if (!/^[ -&(-~]{1,37}$/.test(var_name)) throw new Refused("var_name", `the name ${var_name}`);
     if (multiply !== 0 && multiply !== -1 && !(multiply >= 0.0001 && multiply <= 10000)) throw new Refused("multiply", `times ${multiply}`);
     return [address - 1, address + size - 2];
@@ -189,8 +203,8 @@ const FLOAT_LISTS = [
 export function readBlock(order: WordOrder, registers: readonly number[]): Block {
   if (registers.length !== BLOCK_REGISTERS) throw new Refused("registers", `${registers.length} registers`);
   const block: Block = {
-    life_counter: join(registers, order),
-    override: ((registers[2] ?? 0) << 16) >> 16,
+    life_counter: join(registers, 0, order),
+    override: signed(at(registers, 2)),
     position: [],
     wpr: [],
     quaternion: [],
@@ -199,7 +213,7 @@ export function readBlock(order: WordOrder, registers: readonly number[]): Block
   };
   let place = 3;
   for (const [name, count] of FLOAT_LISTS) {
-    for (let index = 0; index < count; index += 1, place += 2) block[name].push(floatOfBits(join(registers.slice(place, place + 2), order)));
+    for (let index = 0; index < count; index += 1, place += 2) block[name].push(floatOfBits(join(registers, place, order)));
   }
   return block;
 }
@@ -236,17 +250,22 @@ export class Tracker {
 
   take(block: Block): Track {
     const { last } = this;
-    const runs = last === null ? 0 : (block.life_counter - last.block.life_counter) >>> 0;
-    if (last !== null && runs === 0) return "repeated";
-    if (last === null || runs >= 0x8000_0000) {
-      this.last = { block, orientation: block.quaternion, time: 0 };
-      return last === null ? "first" : "restarted";
+    const first = { block, orientation: block.quaternion, time: 0 };
+    if (last === null) {
+      this.last = first;
+      return "first";
     }
-    const dot = block.quaternion.reduce((total, value, index) => total + value * (last.orientation[index] ?? 0), 0);
+    const runs = (block.life_counter - last.block.life_counter) >>> 0;
+    if (runs === 0) return "repeated";
+    if (runs >= 0x8000_0000) {
+      this.last = first;
+      return "restarted";
+    }
+    const dot = block.quaternion.reduce((total, value, index) => total + value * at(last.orientation, index), 0);
     const orientation = dot < 0 ? block.quaternion.map((value) => -value) : block.quaternion;
     const time = last.time + runs * PERIOD;
     const seconds = (runs * PERIOD) / 1e9;
-    const rate = (now: number[], before: number[]): number[] => now.map((value, index) => (value - (before[index] ?? 0)) / seconds);
+    const rate = (now: number[], before: number[]): number[] => now.map((value, index) => (value - at(before, index)) / seconds);
     const velocity = rate(block.position, last.block.position);
     const quaternion_rate = rate(orientation, last.orientation);
     this.last = { block, orientation, time };

@@ -3,6 +3,7 @@
 import { Refused } from "../check.js";
 import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
 import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
+import { byteAt } from "../stream.js";
 import { longestFrame, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
@@ -69,6 +70,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private damaged = false;
   /** The last read ended within corruption (FM-81). */
   private wasLost = false;
+  /** The transaction of a broadcast (FM-43); null, where frames have none. */
+  private readonly none: number | null;
   private readonly decoder;
   private readonly events = new Events<ModbusClientEvent>();
   private readonly config: ModbusClientConfig;
@@ -95,6 +98,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     require(this.config.silence > 0, "a silence of 0 (FM-77)");
     require(in_flight >= 1 && in_flight <= (framing === "tcp" ? places : 1), "in_flight is outside its range (FM-56)");
     this.places = new Array<Place | null>(places).fill(null);
+    this.none = framing === "tcp" ? 0 : null;
     this.decoder = frameDecoder("server", framing === "tcp" ? "tcp" : "rtu");
   }
 
@@ -110,15 +114,13 @@ export class ModbusClient implements Session<ModbusClientEvent> {
 
   disconnected(): void {
     if (this.up) this.close();
-    this.decoder.discard();
     this.up = false;
   }
 
   /** Makes a request, and gives its ticket (FM-39). */
   request(request: RequestMessage): number {
-    this.encode(request, 0);
-    const code = request.function;
-    if (this.isBroadcast(request) && READING.includes(code)) throw new Refused("broadcast_read");
+    this.encode(request, this.none);
+    if (this.isBroadcast(request) && READING.includes(request.function)) throw new Refused("broadcast_read");
     const place = this.freePlace();
     if (place === null) throw new Refused("full");
     this.tickets += 1;
@@ -168,12 +170,12 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       place.stage = "ended";
       this.quietUntil = now + turnaround;
       this.events.push({ event: "announced", ticket: place.ticket });
-      return this.encode(place.request, 0);
+      return this.encode(place.request, this.none);
     }
     place.stage = "in_flight";
     place.deadline = now + timeout;
     place.transaction = framing === "tcp" ? this.nextTransaction() : null;
-    return this.encode(place.request, place.transaction ?? 0);
+    return this.encode(place.request, place.transaction);
   }
 
   event(): ModbusClientEvent | null {
@@ -247,10 +249,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     return this.config.broadcast && request.unit === 0;
   }
 
-  private encode(request: RequestMessage, transaction: number): Uint8Array {
-    return this.config.framing === "tcp"
-      ? encodeFrame({ ...request, transaction }, "client", "tcp")
-      : encodeFrame(request, "client", "rtu");
+  private encode(request: RequestMessage, transaction: number | null): Uint8Array {
+    return transaction === null ? encodeFrame(request, "client", "rtu") : encodeFrame({ ...request, transaction }, "client", "tcp");
   }
 
   /** A connection is lost or replaced (FM-54). */
@@ -294,7 +294,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private frame(frame: Frame): void {
     const { transaction = null, unit, pdu } = frame;
     const decoded = decodePdu(pdu, "server");
-    const code = (pdu[0] ?? 0) & 0x7f;
+    const code = byteAt(pdu, 0) & 0x7f;
     const stray = { event: "stray", ...(transaction === null ? {} : { transaction }), unit, function: code } as const;
     const place = this.inFlight().find((candidate) => candidate.transaction === transaction);
     if (place === undefined) {
@@ -346,7 +346,7 @@ function mismatchOf(request: Request, reply: Reply): Mismatch | null {
   if ("bits" in reply) return quantity(Math.ceil((request as { quantity: number }).quantity / 8), reply.bits.length / 8);
   if ("registers" in reply) return quantity(2 * (request as { quantity: number }).quantity, 2 * reply.registers.length);
   const repeated = "values" in request ? { address: request.address, quantity: request.values.length } : (request as object);
-  const same = Object.entries(reply).every(([name, value]) => name === "function" || (repeated as Record<string, unknown>)[name] === value);
+  const same = Object.entries(reply).every(([name, value]) => name === "function" || Number((repeated as Record<string, unknown>)[name]) === Number(value));
   return same ? null : { kind: "echo" };
 }
 

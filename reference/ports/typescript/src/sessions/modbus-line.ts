@@ -1,12 +1,7 @@
 /** How a server finds requests among RTU frames: nowhere but where its input begins, or behind a whole frame (FM-82). */
 
-import { MAX_RTU, RtuFrameDecoder, hasRightCrc, rtuLength, type FrameError } from "../fanuc-hmi-modbus.js";
+import { MAX_RTU, MIN_RTU, RtuFrameDecoder, hasRightCrc, rtuLength, type FrameError, type RtuLength } from "../fanuc-hmi-modbus.js";
 import { byteAt } from "../stream.js";
-
-const MIN_RTU = 4;
-
-/** A frame at the beginning of bytes; `skipped`: only a reply is that long. */
-export type LineFrame = { length: number; skipped: boolean };
 
 /** Which unit a server is, or null for every one. */
 export type Unit = number | null;
@@ -16,33 +11,37 @@ function isOurs(bytes: Uint8Array, unit: Unit): boolean {
 }
 
 /** The lengths that the bytes can have, as a request and, unless it is for us, also as a reply. */
-function lengths(bytes: Uint8Array, unit: Unit): { request: ReturnType<typeof rtuLength>; reply: ReturnType<typeof rtuLength> | null } {
-  return { request: rtuLength(bytes, "client"), reply: isOurs(bytes, unit) ? null : rtuLength(bytes, "server") };
+function lengths(bytes: Uint8Array, unit: Unit): RtuLength[] {
+  const request = rtuLength(bytes, "client");
+  return isOurs(bytes, unit) ? [request] : [request, rtuLength(bytes, "server")];
 }
 
 /** Whether one of the lengths needs bytes that are not there. */
 export function needsMore(bytes: Uint8Array, unit: Unit): boolean {
-  const { request, reply } = lengths(bytes, unit);
-  return [request, reply].some((length) => {
-    if (length === null || length === "silence") return false;
+  return lengths(bytes, unit).some((length) => {
+    if (length === "silence") return false;
     return "needed" in length || (length.known <= MAX_RTU && length.known > bytes.length);
   });
 }
 
-/** The frame that bytes begin with; "wait", if more bytes may show one; null, if there is none. */
-export function lineFrame(bytes: Uint8Array, ended: boolean, unit: Unit, throughTcp: boolean): LineFrame | "wait" | null {
+/** The longest of the lengths whose CRC is right; null, if there is none. */
+function longestRight(bytes: Uint8Array, unit: Unit): number | null {
+  const right = lengths(bytes, unit)
+    .flatMap((length) => (length !== "silence" && "known" in length ? [length.known] : []))
+    .filter((length) => length <= Math.min(bytes.length, MAX_RTU) && hasRightCrc(bytes.subarray(0, length)));
+  return right.length === 0 ? null : Math.max(...right);
+}
+
+/** The length of the frame that bytes begin with behind which more may come; null, if there is none, or more bytes have to show it. */
+export function openFrame(bytes: Uint8Array, unit: Unit): number | null {
+  return needsMore(bytes, unit) ? null : longestRight(bytes, unit);
+}
+
+/** The length of the frame that bytes begin with behind which the input has ended; null, if there is none. */
+export function endedFrame(bytes: Uint8Array, unit: Unit, throughTcp: boolean): number | null {
   const size = bytes.length;
-  const more = needsMore(bytes, unit);
-  if (ended && size >= MIN_RTU && size <= MAX_RTU && hasRightCrc(bytes) && !(throughTcp && more)) return { length: size, skipped: false };
-  if (!ended && more) return "wait";
-  const { request, reply } = lengths(bytes, unit);
-  const candidates = [request, reply]
-    .map((length) => (length !== null && length !== "silence" && "known" in length ? length.known : 0))
-    .map((length, index) => ({ length, skipped: index === 1 }))
-    .filter(({ length }) => length >= MIN_RTU && length <= Math.min(size, MAX_RTU) && hasRightCrc(bytes.subarray(0, length)))
-    .sort((one, other) => other.length - one.length);
-  if (candidates[0] !== undefined) return candidates[0];
-  return !ended && size <= MAX_RTU ? "wait" : null;
+  const isWhole = size >= MIN_RTU && size <= MAX_RTU && hasRightCrc(bytes) && !(throughTcp && needsMore(bytes, unit));
+  return isWhole ? size : longestRight(bytes, unit);
 }
 
 /** The error of bytes that are no frame: that of a decoder of requests (FM-73). */

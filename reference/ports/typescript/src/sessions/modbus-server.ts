@@ -2,9 +2,9 @@
 
 import { Refused } from "../check.js";
 import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
-import { MAX_PDU, decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
+import { decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
 import { byteAt, concat } from "../stream.js";
-import { lineError, lineFrame, needsMore, partsOf, type Unit } from "./modbus-line.js";
+import { endedFrame, lineError, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
 import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
 import { silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
@@ -44,7 +44,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   private wasLost = false;
   /** Bytes of RTU frames. */
   private held: Uint8Array = new Uint8Array(0);
-  /** Behind bytes that are no frame: everything is dropped up to the next silence. */
+  /** Behind bytes that are no frame: everything is dropped up to the next silence of a serial line. */
   private dropping = false;
   /** The error of what was dropped on a serial line, which is reported at its silence. */
   private burst: FrameError | null = null;
@@ -92,7 +92,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.silentAt = now + this.config.silence;
     if (this.config.framing === "rtu") {
       this.takeLine(bytes);
-    } else if (!this.dropping) {
+    } else {
       this.held = concat(this.held, bytes);
       this.readStream();
     }
@@ -115,9 +115,9 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     const full = this.isFull();
     const reply = this.replies.shift();
     if (reply === undefined) return null;
-    if (full && this.config.framing === "tcp") {
+    if (this.config.framing === "tcp") {
       this.readTcp();
-    } else if (full && this.config.framing === "rtu_over_tcp") {
+    } else if (full) {
       if (this.silentAt !== null) this.silentAt = now + this.config.silence;
       this.readStream();
     }
@@ -166,61 +166,55 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.wasLost = corruption !== null;
   }
 
-  /** RTU over TCP, as bytes come: frames from the beginning of what is held. */
+  /** RTU over TCP, as bytes come: frames from the beginning of what is held. What is no frame and long is judged by its beginning. */
   private readStream(): void {
-    while (!this.isFull() && this.held.length > 0) {
-      const frame = lineFrame(this.held, false, this.config.unit, true);
-      if (frame === "wait") return;
-      if (frame === null) {
-        this.drop();
-        return;
-      }
-      this.takeFrame(frame.length, frame.skipped);
+    while (!this.isFull()) {
+      const length = openFrame(this.held, this.config.unit);
+      if (length === null) break;
+      this.takeFrame(length);
     }
-    if (this.isFull()) this.held = this.held.subarray(0, MOST_KEPT);
+    this.held = this.held.subarray(0, MOST_KEPT);
   }
 
   /** RTU over TCP at a stall: what needs more bytes is kept, its rest may come however late. */
   private judgeStall(): void {
-    while (this.held.length > 0 && !this.isFull()) {
-      const frame = lineFrame(this.held, true, this.config.unit, true);
-      if (frame === null || frame === "wait") {
+    while (!this.isFull()) {
+      const length = endedFrame(this.held, this.config.unit, true);
+      if (length === null) {
         if (!needsMore(this.held, this.config.unit)) this.corrupt(this.held);
         return;
       }
-      this.takeFrame(frame.length, frame.skipped);
+      this.takeFrame(length);
     }
   }
 
-  private takeFrame(length: number, skipped: boolean): void {
+  private takeFrame(length: number): void {
     const frame = this.held.subarray(0, length);
     this.held = this.held.subarray(length);
-    if (!skipped) this.request(partsOf(frame));
+    this.request(partsOf(frame));
   }
 
   /** A serial line at a silence: frames, one behind the other, to the end, or nothing. */
   private judgeLine(): void {
-    const frames: { bytes: Uint8Array; skipped: boolean }[] = [];
+    const frames: Uint8Array[] = [];
     let left = this.held;
     this.held = new Uint8Array(0);
     while (left.length > 0) {
-      const frame = lineFrame(left, true, this.config.unit, false);
-      if (frame === null || frame === "wait") {
+      const length = endedFrame(left, this.config.unit, false);
+      if (length === null) {
         this.corrupt(left);
         return;
       }
-      frames.push({ bytes: left.subarray(0, frame.length), skipped: frame.skipped });
-      left = left.subarray(frame.length);
+      frames.push(left.subarray(0, length));
+      left = left.subarray(length);
     }
-    frames.forEach(({ bytes, skipped }, index) => {
-      if (!skipped) this.request(partsOf(bytes), index < frames.length - 1);
-    });
+    frames.forEach((frame, index) => this.request(partsOf(frame), index < frames.length - 1));
   }
 
   /** What a serial line has brought: of more than 1024 bytes without a silence whole frames at the beginning are dropped (FM-63). */
   private takeLine(bytes: Uint8Array): void {
     let left = bytes;
-    while (left.length > 0 && !this.dropping) {
+    while (left.length > 0) {
       if (this.held.length === MOST_WITHOUT_SILENCE) this.dropLong();
       if (this.dropping) return;
       const room = MOST_WITHOUT_SILENCE - this.held.length;
@@ -231,18 +225,18 @@ export class ModbusServer implements Session<ModbusServerEvent> {
 
   private dropLong(): void {
     while (this.held.length > LEFT_WITHOUT_SILENCE) {
-      const frame = lineFrame(this.held, false, this.config.unit, false);
-      if (frame === null || frame === "wait") {
+      const length = openFrame(this.held, this.config.unit);
+      if (length === null) {
         this.drop();
         return;
       }
       const [unit, code] = [byteAt(this.held, 0), byteAt(this.held, 1)];
-      if (!frame.skipped && (unit === 0 || this.isOwn(unit))) this.events.push({ event: "refused", unit, function: code });
-      this.held = this.held.subarray(frame.length);
+      if (unit === 0 || this.isOwn(unit)) this.events.push({ event: "refused", unit, function: code });
+      this.held = this.held.subarray(length);
     }
   }
 
-  /** No frame begins what is held: it is dropped with what comes, and reported at the silence or the stall. */
+  /** No frame begins what is held: it is dropped with what comes, and reported at the silence. */
   private drop(): void {
     this.burst = lineError(this.held);
     this.held = new Uint8Array(0);
@@ -261,7 +255,8 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   }
 
   /** A request; one that is followed by another frame is not carried out on a serial line (FM-61, FM-62). */
-  private request({ transaction, unit, pdu }: Frame, followed = false): void {
+  private request({ pdu, ...address }: Frame, followed = false): void {
+    const { transaction, unit } = address;
     const code = byteAt(pdu, 0);
     const broadcast = unit === 0 && this.config.broadcast;
     if (!broadcast && !this.isOwn(unit)) return;
@@ -269,21 +264,19 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       this.events.push({ event: "refused", unit, function: code });
       return;
     }
-    const reply = this.carryOut(pdu, code);
+    const reply = this.carryOut(pdu);
     const exception = typeof reply === "number" ? { exception: reply } : {};
     const bytes = typeof reply === "number" ? [code | 0x80, reply] : reply;
-    this.events.push({ event: "served", ...(transaction === undefined ? {} : { transaction }), unit, function: code, ...exception });
+    this.events.push({ event: "served", ...address, function: code, ...exception });
     if (!broadcast) this.replies.push(frameOf(transaction, unit, bytes));
   }
 
   /** The PDU of the reply, or the code of an exception (FM-64). */
-  private carryOut(pdu: Uint8Array, code: number): number[] | number {
-    if (code === 0 || code > 127) return ILLEGAL_FUNCTION;
+  private carryOut(pdu: Uint8Array): number[] | number {
     const decoded = decodePdu(pdu, "client");
-    if ("error" in decoded) return ILLEGAL_VALUE;
+    if ("error" in decoded) return decoded.error.kind === "function" ? ILLEGAL_FUNCTION : ILLEGAL_VALUE;
     const request = decoded.message as Request;
     if (isBeyondLast(request)) return ILLEGAL_ADDRESS;
-    if (!this.tables.has(code)) return ILLEGAL_FUNCTION;
     const reply = this.tables.serve(request);
     return typeof reply === "number" ? reply : encoded(reply);
   }
@@ -292,8 +285,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
 /** The bytes of a reply; one that does not fit is a failure of the server. */
 function encoded(reply: Reply): number[] | number {
   try {
-    const bytes = encodeReply(reply);
-    return bytes.length <= MAX_PDU ? bytes : SERVER_FAILURE;
+    return encodeReply(reply);
   } catch (refusal) {
     if (refusal instanceof Refused) return SERVER_FAILURE;
     throw refusal;

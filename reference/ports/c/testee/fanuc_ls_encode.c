@@ -25,6 +25,8 @@ static bool read_text(const struct json *value, struct fanuc_ls_text *out)
 
 static bool is_null(const struct json *value) { return value == NULL || value->type == 'n'; }
 
+static bool is_list(const struct json *value) { return value != NULL && value->type == '['; }
+
 static bool read_optional(const struct json *value, struct fanuc_ls_text *out)
 {
     out->at = NULL;
@@ -214,8 +216,9 @@ static bool encode(struct fanuc_ls_writer *writer, const struct json *request, s
     struct fanuc_ls_text name, kind, line;
     characters_used = 0;
     fanuc_ls_writer_init(writer, out, size, scratch);
-    if (!read_text(json_get(message, "name"), &name) || !read_optional(json_get(message, "kind"), &kind) || instructions == NULL ||
-        positions == NULL || !fanuc_ls_write_head(writer, name, kind, (size_t)name_limit_of(request)))
+    if (!read_text(json_get(message, "name"), &name) || !read_optional(json_get(message, "kind"), &kind) || !is_list(instructions) ||
+        !is_list(positions) || !(is_null(attributes) || is_list(attributes)) || !(is_null(application) || is_list(application)) ||
+        !fanuc_ls_write_head(writer, name, kind, (size_t)name_limit_of(request)))
         return false;
     if (!is_null(attributes) && !fanuc_ls_write_section(writer, "/ATTR"))
         return false;

@@ -30,9 +30,12 @@ const CARRIED: Duration = Duration::from_secs(5);
 pub(super) struct Server {
     listener: Listener,
     poll: Poll,
+    events: Events,
     idle_timeout: Option<Duration>,
     shared: Shared,
     connection: Option<Connection>,
+    /// The client that has come when the one before it had left, until what that has sent is carried.
+    next: Option<(TcpStream, SocketAddr)>,
     /// A client may wait to be accepted.
     has_arrivals: bool,
 }
@@ -65,29 +68,19 @@ impl Server {
         poll.registry().register(&mut listener, ARRIVALS, Interest::READABLE)?;
         let shared = Shared::default();
         let client = Client(Arc::clone(&shared));
-        Ok((Self { listener, poll, idle_timeout, shared, connection: None, has_arrivals: true }, client))
+        let events = Events::with_capacity(16);
+        let has_arrivals = true;
+        let server =
+            Self { listener, poll, events, idle_timeout, shared, connection: None, next: None, has_arrivals };
+        Ok((server, client))
     }
 
     /// Forwards what the client sends, with the time at which it was read, until the line is dropped.
     pub(super) fn run(mut self, feed: &Feed) {
-        let mut events = Events::with_capacity(16);
         while feed.is_wanted() {
-            let is_busy = self.has_arrivals || self.connection.as_ref().is_some_and(Connection::is_busy);
-            if self.poll.poll(&mut events, Some(if is_busy { BUSY } else { READ_TIMEOUT })).is_err() {
-                events.clear();
-            }
-            for event in &events {
-                match (event.token(), &mut self.connection) {
-                    (CLIENT, Some(connection)) => {
-                        connection.is_readable = true;
-                        if event.is_read_closed() || event.is_error() {
-                            connection.left.get_or_insert(feed.clock.now());
-                        }
-                    }
-                    (CLIENT, None) => {}
-                    _ => self.has_arrivals = true,
-                }
-            }
+            let is_due = self.has_arrivals || self.next.is_some();
+            let is_busy = is_due || self.connection.as_ref().is_some_and(Connection::is_busy);
+            self.wait(if is_busy { BUSY } else { READ_TIMEOUT }, feed);
             self.accept(feed);
             let Some(connection) = &mut self.connection else { continue };
             let Err(why) = connection.serve(feed, self.idle_timeout) else { continue };
@@ -102,21 +95,48 @@ impl Server {
         }
     }
 
-    /// One at a time, when it was reported: if the client before has left by then, that was reported too. Who comes then waits until
-    /// the line is free.
+    fn wait(&mut self, timeout: Duration, feed: &Feed) {
+        if self.poll.poll(&mut self.events, Some(timeout)).is_err() {
+            self.events.clear();
+        }
+        for event in &self.events {
+            match (event.token(), &mut self.connection) {
+                (CLIENT, Some(connection)) => {
+                    connection.is_readable = true;
+                    if event.is_read_closed() || event.is_error() {
+                        connection.left.get_or_insert(feed.clock.now());
+                    }
+                }
+                (CLIENT, None) => {}
+                _ => self.has_arrivals = true,
+            }
+        }
+    }
+
+    /// One at a time. A client that comes when the one before it has left waits until the line is free.
     fn accept(&mut self, feed: &Feed) {
+        if self.connection.is_none()
+            && let Some((stream, peer)) = self.next.take()
+        {
+            return self.connect(stream, peer, feed);
+        }
         let has_left = self.connection.as_ref().is_some_and(|connection| connection.left.is_some());
         if !self.has_arrivals || has_left {
             return;
         }
         match self.listener.accept() {
-            Ok(Arrival::Client(stream, peer)) => match &self.connection {
-                Some(first) => {
-                    refuse(&stream);
-                    remark(&format!("refused the client {peer}: {} is connected", first.peer));
+            Ok(Arrival::Client(stream, peer)) => {
+                // If the client before it had left by then, that is reported by now.
+                self.wait(Duration::ZERO, feed);
+                match &self.connection {
+                    Some(first) if first.left.is_none() => {
+                        refuse(&stream);
+                        remark(&format!("refused the client {peer}: {} is connected", first.peer));
+                    }
+                    Some(_) => self.next = Some((stream, peer)),
+                    None => self.connect(stream, peer, feed),
                 }
-                None => self.connect(stream, peer, feed),
-            },
+            }
             Ok(Arrival::Refused(peer)) => {
                 remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
             }

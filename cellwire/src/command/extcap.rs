@@ -15,9 +15,9 @@ use crate::io::tap::Watch;
 /// Wireshark runs the programs in its folder of extcap programs (Help, About, Folders). Put a script there that runs this command, and
 /// make it executable:
 ///
-///     #!/bin/sh
+///   #!/bin/sh
 ///
-///     exec cellwire extcap "$@"
+///   exec cellwire extcap "$@"
 ///
 /// Then `cellwire` is an interface; the gear beside it opens its options, those of `cellwire tap`. A serial line is shown as a
 /// TCP connection of port 9100: choose Analyze, Decode As, and the link, whose dissector is in reference/wireshark.

@@ -1,7 +1,7 @@
 /** fanuc-hmi-modbus: Modbus over TCP, and in RTU frames. What is in a frame is in modbus-pdu.ts. */
 
 import { Refused, integer } from "./check.js";
-import { Decoder, byteAt, type Found, type Item, type ItemReader } from "./stream.js";
+import { Decoder, numberAt, type Found, type Item, type ItemReader } from "./stream.js";
 import { decodePdu, encodeReply, encodeRequest, type Pdu, type PduError, type Reply, type Request, type Sender } from "./modbus-pdu.js";
 
 export type Framing = "tcp" | "rtu";
@@ -82,7 +82,7 @@ export function rtuLength(bytes: Uint8Array, sender: Sender): RtuLength {
 }
 
 function wordAt(bytes: Uint8Array, place: number): number {
-  return (byteAt(bytes, place) << 8) | byteAt(bytes, place + 1);
+  return (numberAt(bytes, place) << 8) | numberAt(bytes, place + 1);
 }
 
 /** Whether the last two bytes are the CRC of those before. */
@@ -91,7 +91,7 @@ export function hasRightCrc(frame: Uint8Array): boolean {
 }
 
 function crcAtEnd(frame: Uint8Array): number {
-  return byteAt(frame, frame.length - 2) | (byteAt(frame, frame.length - 1) << 8);
+  return numberAt(frame, frame.length - 2) | (numberAt(frame, frame.length - 1) << 8);
 }
 
 /** A frame whose PDU was not looked at. */
@@ -186,7 +186,7 @@ export class TcpFrameDecoder extends FrameDecoder {
     if (!isHeader(held)) return this.corrupted({ kind: "mbap_length", found: length }, skip);
     const size = HEADER + length;
     if (held.length < size) return this.cut(size);
-    const message = { transaction: wordAt(held, 0), unit: byteAt(held, HEADER), pdu: held.subarray(HEADER + 1, size) };
+    const message = { transaction: wordAt(held, 0), unit: numberAt(held, HEADER), pdu: held.subarray(HEADER + 1, size) };
     return { length: size, message };
   }
 
@@ -235,7 +235,7 @@ export class RtuFrameDecoder extends FrameDecoder {
     const frame = this.held.subarray(0, length);
     const [expected, found] = [crcOf(frame.subarray(0, -2)), crcAtEnd(frame)];
     if (found !== expected) return this.corrupted({ kind: "crc", expected, found, length });
-    return { length, message: { unit: byteAt(frame, 0), pdu: frame.subarray(1, -2) } };
+    return { length, message: { unit: numberAt(frame, 0), pdu: frame.subarray(1, -2) } };
   }
 
   /** The frame that ends first; of two that end together the longer (FM-30). */

@@ -1,7 +1,7 @@
 /** ISRA Robot Command Teach Ball: a force and moment ball that answers a poll with a packet. */
 
 import { Refused, fields, integer, integers, oneOf } from "./check.js";
-import { Decoder, byteAt, sum, type Found } from "./stream.js";
+import { Decoder, numberAt, sum, type Found } from "./stream.js";
 
 /** ENQ, the poll (IB-9). */
 export const POLL = 0x05;
@@ -53,7 +53,7 @@ export function encodePacket(packet: BallPacket): Uint8Array {
 
 function decodeData(data: Uint8Array): BallPacket {
   if (data.length !== DATA_BYTES) return { data: [...data] };
-  const id = byteAt(data, 0);
+  const id = numberAt(data, 0);
   const signed = [...data].map((value) => (value << 24) >> 24);
   return {
     sensor_type: (id >> 4) & 7,
@@ -61,7 +61,7 @@ function decodeData(data: Uint8Array): BallPacket {
     status: (id & 0x08) !== 0 ? "reserved" : (id & 0x80) !== 0 ? "old" : "fresh",
     force: signed.slice(1, 4),
     moment: signed.slice(4, 7),
-    keys: byteAt(data, 7),
+    keys: numberAt(data, 7),
   };
 }
 
@@ -72,7 +72,7 @@ function checksumOf(n: number, data: Iterable<number>): number {
 
 /** Whether a header stands at a place, as far as its bytes are there. */
 function headerAt(held: Uint8Array, place: number): boolean {
-  const n = byteAt(held, place);
+  const n = numberAt(held, place);
   const [negated, mixed] = [held[place + 1], held[place + 2]];
   return (negated === undefined || negated === (-n & 0xff)) && (mixed === undefined || mixed === (n ^ 0x55));
 }
@@ -102,7 +102,7 @@ export class BallDecoder extends Decoder<BallPacket, BallError> {
         return { length, error: { kind, expected: n + 4, found: length } };
       case "checksum": {
         const expected = checksumOf(n, held.subarray(HEADER, HEADER + n));
-        return { length, error: { kind, offset: HEADER + n, expected, found: byteAt(held, HEADER + n) } };
+        return { length, error: { kind, offset: HEADER + n, expected, found: numberAt(held, HEADER + n) } };
       }
     }
   }

@@ -1,7 +1,7 @@
 /** kawasaki-msg: the text messages between a Kawasaki robot and a PC. What they mean is in kawasaki-dialect.ts. */
 
 import { Refused } from "./check.js";
-import { Decoder, byteAt, bytesOf, latin1, type Found } from "./stream.js";
+import { Decoder, numberAt, bytesOf, latin1, type Found } from "./stream.js";
 
 /** The most bytes of a message, its marks included (KM-14). */
 export const MAX_MESSAGE = 4096;
@@ -135,7 +135,7 @@ export class MessageDecoder extends Decoder<Message, MessageError> {
   /** Where the next `#` is; another mark, or what is no character, is an error; null, if it has not come. */
   private hash(m: Uint8Array): number | MessageError | null {
     for (; this.looked < m.length; this.looked += 1) {
-      const found = byteAt(m, this.looked);
+      const found = numberAt(m, this.looked);
       if (found === HASH) return this.looked;
       if (found === START || found === END) return { kind: "mark", offset: this.looked, found };
       if (found > this.last) return { kind: "not_ascii", offset: this.looked, found };

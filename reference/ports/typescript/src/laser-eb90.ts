@@ -1,7 +1,7 @@
 /** laser-eb90: the frames between a host and the controller of a laser machining robot. */
 
 import { Refused, fields, integer, integers } from "./check.js";
-import { Decoder, byteAt, concat, latin1, sum, type Found } from "./stream.js";
+import { Decoder, numberAt, concat, latin1, sum, type Found } from "./stream.js";
 
 /** The most bytes of an unstuffed payload (LE-12). */
 export const MAX_PAYLOAD = 512;
@@ -145,7 +145,7 @@ function writeCheck(check: number, profile: Profile): number[] {
 }
 
 function readCheck(bytes: Uint8Array, profile: Profile): number {
-  const [first, second] = [byteAt(bytes, 0), byteAt(bytes, 1)];
+  const [first, second] = [numberAt(bytes, 0), numberAt(bytes, 1)];
   return profile.checksum === "u8" ? first : profile.checksum === "u16_le" ? first | (second << 8) : (first << 8) | second;
 }
 
@@ -235,7 +235,7 @@ export class LaserDecoder extends Decoder<LaserFrame, LaserError> {
     if (found !== expected) return this.fail({ kind: "checksum", offset: place, expected, found }, end);
     const items: LaserItem[] = [];
     for (let at = 0; at < payload.length; ) {
-      const tag = byteAt(payload, at);
+      const tag = numberAt(payload, at);
       const type = this.types.get(tag);
       if (type === undefined) return this.fail({ kind: "tag", offset: at, found: tag }, end);
       const left = payload.length - at;

@@ -1,7 +1,7 @@
 /** Modbus PDUs: what a request and a reply say (FM-11 to FM-16, FM-32 to FM-36). Words are sent high byte first (FM-7). */
 
 import { Refused, boolean, fields, integer, integers } from "./check.js";
-import { byteAt } from "./stream.js";
+import { numberAt } from "./stream.js";
 
 /** The most bytes of a PDU (FM-6). */
 export const MAX_PDU = 253;
@@ -94,7 +94,7 @@ class PduWriter {
 export function packBits(bits: readonly boolean[]): Uint8Array {
   const packed = new Uint8Array(Math.ceil(bits.length / 8));
   bits.forEach((bit, index) => {
-    if (bit) packed[index >> 3] = byteAt(packed, index >> 3) | (1 << (index & 7));
+    if (bit) packed[index >> 3] = numberAt(packed, index >> 3) | (1 << (index & 7));
   });
   return packed;
 }
@@ -237,7 +237,7 @@ class PduReader {
   private at = 1;
 
   constructor(readonly bytes: Uint8Array) {
-    this.code = byteAt(bytes, 0);
+    this.code = numberAt(bytes, 0);
   }
 
   /** The PDU has exactly so many bytes. */
@@ -252,7 +252,7 @@ class PduReader {
 
   byte(): number {
     this.at += 1;
-    return byteAt(this.bytes, this.at - 1);
+    return numberAt(this.bytes, this.at - 1);
   }
 
   word(): number {
@@ -299,7 +299,7 @@ class PduReader {
 
   /** So many bits, or all that are left. */
   bits(count = 8 * (this.bytes.length - this.at)): boolean[] {
-    return Array.from({ length: count }, (_, index) => ((byteAt(this.bytes, this.at + (index >> 3)) >> (index & 7)) & 1) === 1);
+    return Array.from({ length: count }, (_, index) => ((numberAt(this.bytes, this.at + (index >> 3)) >> (index & 7)) & 1) === 1);
   }
 
   /** All bytes behind the function. */

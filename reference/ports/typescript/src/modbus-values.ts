@@ -1,7 +1,7 @@
 /** What the registers and addresses of a FANUC controller mean (sections 4.2 to 4.4 of fanuc-hmi-modbus). */
 
 import { Refused, integer, isInteger } from "./check.js";
-import { bytesOf } from "./stream.js";
+import { bytesOf, numberAt } from "./stream.js";
 
 export type Table = "coils" | "discrete_inputs" | "input_registers" | "holding_registers";
 
@@ -69,14 +69,9 @@ export interface NumberFormat {
   order: WordOrder;
 }
 
-/** The number at a place that is known to be there. */
-function at(numbers: readonly number[], place: number): number {
-  return numbers[place] ?? 0;
-}
-
 /** The bits of two registers, the first of them at a place. */
 function join(registers: readonly number[], place: number, order: WordOrder): number {
-  const [first, second] = [at(registers, place), at(registers, place + 1)];
+  const [first, second] = [numberAt(registers, place), numberAt(registers, place + 1)];
   return order === "low_first" ? ((second << 16) | first) >>> 0 : ((first << 16) | second) >>> 0;
 }
 
@@ -106,7 +101,7 @@ function signed(register: number): number {
 export function readNumber(format: NumberFormat, registers: readonly number[]): number {
   switch (format.kind) {
     case "int16":
-      return signed(at(registers, 0)) / format.multiply;
+      return signed(numberAt(registers, 0)) / format.multiply;
     case "int32":
       return (join(registers, 0, format.order) | 0) / format.multiply;
     case "float32":
@@ -204,7 +199,7 @@ export function readBlock(order: WordOrder, registers: readonly number[]): Block
   if (registers.length !== BLOCK_REGISTERS) throw new Refused("registers", `${registers.length} registers`);
   const block: Block = {
     life_counter: join(registers, 0, order),
-    override: signed(at(registers, 2)),
+    override: signed(numberAt(registers, 2)),
     position: [],
     wpr: [],
     quaternion: [],
@@ -261,11 +256,11 @@ export class Tracker {
       this.last = first;
       return "restarted";
     }
-    const dot = block.quaternion.reduce((total, value, index) => total + value * at(last.orientation, index), 0);
+    const dot = block.quaternion.reduce((total, value, index) => total + value * numberAt(last.orientation, index), 0);
     const orientation = dot < 0 ? block.quaternion.map((value) => -value) : block.quaternion;
     const time = last.time + runs * PERIOD;
     const seconds = (runs * PERIOD) / 1e9;
-    const rate = (now: number[], before: number[]): number[] => now.map((value, index) => (value - at(before, index)) / seconds);
+    const rate = (now: number[], before: number[]): number[] => now.map((value, index) => (value - numberAt(before, index)) / seconds);
     const velocity = rate(block.position, last.block.position);
     const quaternion_rate = rate(orientation, last.orientation);
     this.last = { block, orientation, time };

@@ -80,9 +80,9 @@ export function concat(...parts: Uint8Array[]): Uint8Array {
   return whole;
 }
 
-/** The byte at a place that is known to be there. */
-export function byteAt(bytes: Uint8Array, place: number): number {
-  return bytes[place] ?? 0;
+/** The number at a place that is known to be there: a byte, a register. */
+export function numberAt(numbers: ArrayLike<number>, place: number): number {
+  return numbers[place] ?? 0;
 }
 
 /** The sum of bytes. */

@@ -1,7 +1,7 @@
 /** VAL II ALTER: the messages of a Unimation controller and the answers of its host. The decoder is in alter-decoder.ts. */
 
 import { Refused, boolean, fields, integer, integers, isInteger, oneOf } from "./check.js";
-import { byteAt, sum } from "./stream.js";
+import { numberAt, sum } from "./stream.js";
 
 export const DLE = 0x10;
 export const STX = 0x02;
@@ -158,7 +158,7 @@ function wordBytes(word: number): number[] {
 }
 
 function unsignedAt(data: Uint8Array, place: number): number {
-  return byteAt(data, place) | (byteAt(data, place + 1) << 8);
+  return numberAt(data, place) | (numberAt(data, place + 1) << 8);
 }
 
 function signedWords(data: Uint8Array): number[] {
@@ -179,7 +179,7 @@ function decodeRobotData(data: Uint8Array): { message: RobotMessage } | { error:
   const body = data.length - 1;
   if (type === 1) {
     if (data.length % 2 !== 0) return wrongLength;
-    const start: Start = { kind: "start", mode: byteAt(data, 1), data: signedWords(data.subarray(2)) };
+    const start: Start = { kind: "start", mode: numberAt(data, 1), data: signedWords(data.subarray(2)) };
     return { message: { ...start, ...(error === 0 ? {} : { error }), ...(marked ? {} : { marked: false }) } };
   }
   if (type === 3) return body === 0 || body === 5 || body === 29 ? { message: { kind: "end", error } } : wrongLength;
@@ -189,7 +189,7 @@ function decodeRobotData(data: Uint8Array): { message: RobotMessage } | { error:
       kind: "motion",
       phase: type === 0 ? "running" : "interrupted",
       error,
-      segment_status: byteAt(data, 1),
+      segment_status: numberAt(data, 1),
       segment: unsignedAt(data, 2),
       percent: unsignedAt(data, 4),
       transform: body === 29 ? signedWords(data.subarray(6)) : null,

@@ -3,7 +3,7 @@
 import { Refused } from "../check.js";
 import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
 import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
-import { byteAt } from "../stream.js";
+import { numberAt } from "../stream.js";
 import { longestFrame, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
@@ -294,7 +294,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private frame(frame: Frame): void {
     const { transaction = null, unit, pdu } = frame;
     const decoded = decodePdu(pdu, "server");
-    const code = byteAt(pdu, 0) & 0x7f;
+    const code = numberAt(pdu, 0) & 0x7f;
     const stray = { event: "stray", ...(transaction === null ? {} : { transaction }), unit, function: code } as const;
     const place = this.inFlight().find((candidate) => candidate.transaction === transaction);
     if (place === undefined) {

@@ -1,7 +1,7 @@
 /** How a server finds requests among RTU frames: nowhere but where its input begins, or behind a whole frame (FM-82). */
 
 import { MAX_RTU, MIN_RTU, RtuFrameDecoder, hasRightCrc, rtuLength, type FrameError, type RtuLength } from "../fanuc-hmi-modbus.js";
-import { byteAt } from "../stream.js";
+import { numberAt } from "../stream.js";
 
 /** Which unit a server is, or null for every one. */
 export type Unit = number | null;
@@ -55,5 +55,5 @@ export function lineError(bytes: Uint8Array): FrameError {
 
 /** The unit and the PDU of a frame. */
 export function partsOf(frame: Uint8Array): { unit: number; pdu: Uint8Array } {
-  return { unit: byteAt(frame, 0), pdu: frame.subarray(1, -2) };
+  return { unit: numberAt(frame, 0), pdu: frame.subarray(1, -2) };
 }

@@ -3,7 +3,7 @@
 import { Refused } from "../check.js";
 import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
 import { decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
-import { byteAt, concat } from "../stream.js";
+import { numberAt, concat } from "../stream.js";
 import { endedFrame, lineError, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
 import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
 import { silence, type Transport } from "./modbus-transport.js";
@@ -230,7 +230,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
         this.drop();
         return;
       }
-      const [unit, code] = [byteAt(this.held, 0), byteAt(this.held, 1)];
+      const [unit, code] = [numberAt(this.held, 0), numberAt(this.held, 1)];
       if (unit === 0 || this.isOwn(unit)) this.events.push({ event: "refused", unit, function: code });
       this.held = this.held.subarray(length);
     }
@@ -257,7 +257,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   /** A request; one that is followed by another frame is not carried out on a serial line (FM-61, FM-62). */
   private request({ pdu, ...address }: Frame, followed = false): void {
     const { transaction, unit } = address;
-    const code = byteAt(pdu, 0);
+    const code = numberAt(pdu, 0);
     const broadcast = unit === 0 && this.config.broadcast;
     if (!broadcast && !this.isOwn(unit)) return;
     if (!broadcast && (followed || this.isFull())) {

@@ -154,13 +154,12 @@ impl PortArgs {
             }
         };
         let mut port = Port::new(kind);
-        port.config.timeout = Duration::from_millis(self.timeout.unwrap_or(timeout));
+        let given = self.timeout.map(Duration::from_millis);
+        port.config.timeout = given.unwrap_or(Duration::from_millis(timeout));
         defaults(&mut port.config);
         settings::read("modbus", ClientSettings(&mut port.config), &self.set.read()?)
             .map_err(|error| self.set.located(error.into()))?;
-        if let Some(given) = self.timeout {
-            port.config.timeout = Duration::from_millis(given);
-        }
+        port.config.timeout = given.unwrap_or(port.config.timeout);
         Ok(port)
     }
 }

@@ -151,7 +151,7 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        self.state.finished = false;
+        self.state.finished &= bytes.is_empty();
         self.raw.push(bytes)
     }
 

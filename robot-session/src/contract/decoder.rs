@@ -46,6 +46,7 @@ where
         }
     }
     decoder.finish();
+    assert_eq!(decoder.push(&[]), 0, "no bytes were pushed, and the stream stays ended");
     drain(decoder, &mut items);
     items
 }

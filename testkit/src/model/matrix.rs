@@ -115,6 +115,9 @@ pub fn check_times<R: Rows>() {
             }
             assert!(expired.on(NOW, Input::<R>::TIMEOUT, &config).is_ok(), "{row}: a timeout is expected");
         }
+        if let Ok(action) = expired.on(NOW, Input::<R>::TIMEOUT, &config) {
+            assert_eq!(show(&action), "", "{row}: a timeout that is not due does nothing");
+        }
         let mut never = state.clone();
         never.each_time(|time| *time = Duration::MAX);
         let text = format!("{never:?}");

@@ -188,7 +188,11 @@ impl<F: Framings> Decoder<F> {
                 }
                 Err(error) => error,
             };
-            self.corrupt(error);
+            let from = self.corrupt(error);
+            if from > limit && !has_ended {
+                self.wanted = from + MBAP;
+                return None; // the frame that is passed over has not come whole
+            }
         }
     }
 
@@ -209,9 +213,9 @@ impl<F: Framings> Decoder<F> {
         self.stream.byte(at)
     }
 
-    /// Corruption begins at the start.
+    /// Corruption begins at the start. Returns where the next frame is looked for.
     #[cold]
-    fn corrupt(&mut self, error: DecodeError) {
+    fn corrupt(&mut self, error: DecodeError) -> usize {
         let (data, start) = (self.stream.held(), self.stream.start());
         let skip = match error {
             // TCP loses nothing: a frame that its connection cuts holds no other.
@@ -219,8 +223,10 @@ impl<F: Framings> Decoder<F> {
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
             _ => 1,
         };
-        self.corruption = Some(Corruption { error, is_more: false, from: start + skip, tried: start });
+        let from = start + skip;
+        self.corruption = Some(Corruption { error, is_more: false, from, tried: start });
         self.ends = F::Ends::NONE;
+        from
     }
 
     /// What the corruption was and how many bytes it takes, when that is known; the start is then after them.
@@ -291,7 +297,7 @@ impl<F: Framings> Decoder<F> {
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
             }
         }
-        Err(limit.max(from))
+        Err(limit)
     }
 
     /// Where the frame begins that ends first, and of those the longest; else what was tried. A beginning is noted with the byte

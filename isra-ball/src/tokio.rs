@@ -61,10 +61,6 @@ impl Service for Polling {
     type Call = Infallible;
     type Event = HostEvent;
 
-    fn has_room(&self, _session: &Host) -> bool {
-        true
-    }
-
     fn call(&mut self, _session: &mut Host, _now: Duration, call: Infallible) {
         match call {}
     }

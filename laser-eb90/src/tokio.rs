@@ -323,10 +323,6 @@ impl Service for Instructions {
     type Call = Call;
     type Event = HostEvent;
 
-    fn has_room(&self, _session: &Host) -> bool {
-        true
-    }
-
     fn call(&mut self, session: &mut Host, _now: Duration, call: Call) {
         match call {
             Call::Run(run) => self.runs.push_back(run),

@@ -191,10 +191,6 @@ impl Service for Moving {
     type Call = Call;
     type Event = HostEvent;
 
-    fn has_room(&self, _session: &Host) -> bool {
-        true
-    }
-
     fn call(&mut self, session: &mut Host, now: Duration, call: Call) {
         match call {
             Call::Stop(reply) => {

@@ -90,10 +90,6 @@ impl Service for Display {
     type Call = Paused;
     type Event = WorkstationEvent;
 
-    fn has_room(&self, _session: &Workstation) -> bool {
-        true
-    }
-
     fn call(&mut self, _session: &mut Workstation, now: Duration, Paused(is_paused): Paused) {
         self.pause(is_paused, now);
     }

@@ -173,10 +173,6 @@ impl<W: Job> Service for Queueing<W> {
 
     const OFFLINE: bool = true;
 
-    fn has_room(&self, _session: &Self::Session) -> bool {
-        true
-    }
-
     fn call(&mut self, session: &mut Self::Session, _now: Duration, call: Call) {
         let (reply, done) = match call {
             Call::ClearQueue(reply) => (reply, session.clear_queue()),

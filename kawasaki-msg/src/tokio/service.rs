@@ -96,11 +96,6 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
     type Call = Call<W>;
     type Event = PcEvent;
 
-    /// An order is no reason to let an interrupt wait.
-    fn has_room(&self, _session: &Session<W>) -> bool {
-        true
-    }
-
     fn call(&mut self, session: &mut Session<W>, _now: Duration, call: Call<W>) {
         match call {
             Call::Start(Begun { reply, .. }) if reply.is_abandoned() => {}

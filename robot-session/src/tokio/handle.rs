@@ -25,8 +25,10 @@ pub trait Service: Send {
     /// Calls are made without a connection too: those of a robot are about itself.
     const OFFLINE: bool = false;
 
-    /// Whether the session accepts another call now. Other calls wait, the oldest first.
-    fn has_room(&self, session: &Self::Session) -> bool;
+    /// Whether the session accepts another call now: always, if not overridden. Other calls wait, the oldest first.
+    fn has_room(&self, _session: &Self::Session) -> bool {
+        true
+    }
 
     /// Makes a call, unless its caller is gone: nothing has happened yet.
     fn call(&mut self, session: &mut Self::Session, now: Duration, call: Self::Call);

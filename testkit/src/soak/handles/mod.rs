@@ -64,10 +64,6 @@ impl<D: Device<Session: Send> + Send> Service for Executing<D> {
     type Call = Infallible;
     type Event = ();
 
-    fn has_room(&self, _: &Simulator<D>) -> bool {
-        true
-    }
-
     fn call(&mut self, _: &mut Simulator<D>, _: Duration, call: Infallible) {
         match call {}
     }

@@ -97,10 +97,15 @@ impl Workspace {
             let names: Vec<&str> = members.iter().map(|(_, name)| name.as_str()).collect();
             bail!("there is no package {unknown}; the packages are {}", names.join(", "));
         }
-        let packages = if packages.is_empty() { self.changed(&members)? } else { packages };
+        let (packages, has_data) =
+            if packages.is_empty() { self.changed(&members)? } else { (packages, false) };
         self.cargo(["fmt", "--all", "--check"])?;
+        if has_data {
+            // The pages have figures of BENCHMARKS.md, the reference what the code does.
+            self.cargo(["run", "-q", "-p", "reference", "--", "check"])?;
+        }
         if packages.is_empty() {
-            println!("nothing differs from the last commit: name a package to check it");
+            println!("no package differs from the last commit: name one to check it");
             return Ok(());
         }
         println!("checking {}", packages.join(", "));
@@ -139,8 +144,8 @@ impl Workspace {
         self.0.join("reference").join("sessions").join(package).with_extension("json").exists()
     }
 
-    /// The packages with files that differ from the last commit.
-    fn changed(&self, members: &[(String, String)]) -> Result<Vec<String>> {
+    /// The packages with files that differ from the last commit, and whether a file of no package does.
+    fn changed(&self, members: &[(String, String)]) -> Result<(Vec<String>, bool)> {
         let output = Command::new("git")
             .args(["status", "--porcelain", "--untracked-files=all"])
             .current_dir(&self.0)
@@ -158,8 +163,9 @@ impl Workspace {
                 .find_map(|at| members.iter().find(|(folder, _)| folder == at))
                 .map(|(_, name)| name.clone())
         };
-        let packages: BTreeSet<String> = paths.filter_map(package).collect();
-        Ok(packages.into_iter().collect())
+        let packages: BTreeSet<Option<String>> = paths.map(package).collect();
+        let has_data = packages.contains(&None);
+        Ok((packages.into_iter().flatten().collect(), has_data))
     }
 
     /// The folder and the name of every member of the workspace.

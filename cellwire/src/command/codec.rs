@@ -14,7 +14,7 @@ use cellwire_links::shadow::{Setup, Watcher};
 pub(super) struct CodecArgs {
     #[command(flatten)]
     pub(super) of: LinkArgs,
-    /// The side that sends the bytes [default: the first of the link's sides]
+    /// The side that sends the bytes, as listed at the end of this help [default: the first of them]
     #[arg(long, value_name = "SIDE")]
     pub(super) from: Option<String>,
 }

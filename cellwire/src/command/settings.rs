@@ -72,7 +72,7 @@ impl SetArgs {
 }
 
 /// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after
-/// `decode`, `encode` and `demo`.
+/// `decode`, `encode` and `demo`; after the first two its sides as well.
 pub fn help(command: &str, arguments: &[String]) -> String {
     let named = |name: &str| arguments.iter().any(|argument| argument == name);
     let link = LINKS.iter().find(|link| named(link.name));
@@ -85,14 +85,20 @@ pub fn help(command: &str, arguments: &[String]) -> String {
         "demo" => link.map(|link| (link.name, demo::settings(link.name))),
         _ => link.map(|link| (link.name, (link.settings)())),
     };
+    let sides = match (command, link) {
+        ("decode" | "encode", Some(link)) => {
+            format!("Sides of {}, for --from: {}\n\n", link.name, link.sides.join(", "))
+        }
+        _ => String::new(),
+    };
     match found {
         None => {
             let what = if command == "simulate" { "DEVICE" } else { "LINK" };
             format!("`cellwire {command} {what} --help` lists the settings.")
         }
-        Some((name, settings)) if settings.is_empty() => format!("{name} has no settings."),
+        Some((name, settings)) if settings.is_empty() => format!("{sides}{name} has no settings."),
         Some((name, settings)) => {
-            format!("Settings of {name}, for --set and --settings:\n\n{}", lines(&settings))
+            format!("{sides}Settings of {name}, for --set and --settings:\n\n{}", lines(&settings))
         }
     }
 }

@@ -91,6 +91,9 @@ fn help_lists_the_settings_with_values_and_defaults() {
             .contains("  client.timeout = 1s    (a time above 0, or never)")
     );
     assert!(help(&["decode", "isra-ball", "--help"]).contains("isra-ball has no settings."));
+    assert!(
+        help(&["encode", "val2-alter", "--help"]).contains("Sides of val2-alter, for --from: robot, host")
+    );
     for command in [&["modbus"][..], &["modbus", "scan"], &["modbus", "poll"]] {
         let text = help(&[command, &["--help"]].concat());
         for line in ["  any_unit = false    (true or false)", "  silence = ", "  stall = "] {

@@ -14,6 +14,8 @@ struct Config {
     tail: char,
     limits: [u16; 2],
     low_water: Option<usize>,
+    payload: f64,
+    journal: Option<String>,
 }
 
 const CONFIG: Config = Config {
@@ -25,11 +27,13 @@ const CONFIG: Config = Config {
     tail: 'a',
     limits: [1, 2],
     low_water: None,
+    payload: 0.5,
+    journal: None,
 };
 
 impl Configure for Config {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { baud, mode, clamp, pause, gap, tail, limits, low_water } = self;
+        let Self { baud, mode, clamp, pause, gap, tail, limits, low_water, payload, journal } = self;
         fields.baud(LINE, baud);
         fields.whole("mode", 0..=31, "", "five bits", mode);
         fields.group("arm", |fields| {
@@ -40,6 +44,8 @@ impl Configure for Config {
         fields.time_or("gap", SOME_TIME, "off", "a gap", gap);
         fields.choice("tail", &[("a", 'a'), ("b", 'b')], "the end", tail);
         fields.whole_or("low_water", 0..=9, "jobs", "half", "asks again", low_water);
+        fields.real("payload", 0.0..=2.5, "kg", "what it carries", payload);
+        fields.text("journal", "a file", "nothing is kept", "what was done", journal);
     }
 }
 
@@ -63,20 +69,24 @@ fn every_kind_is_read() {
         "mode=7",
         "arm.clamp=true",
         "arm.limits=[3,4]",
-        "pause=2s",
+        "pause=2.25s",
         "gap=4ms",
         "tail=b",
         "low_water=5",
+        "payload=2.5",
+        "journal=7",
     ];
     let expected = Config {
         baud: 19_200,
         mode: 7,
         clamp: true,
-        pause: Duration::from_secs(2),
+        pause: Duration::from_millis(2250),
         gap: Some(Duration::from_millis(4)),
         tail: 'b',
         limits: [3, 4],
         low_water: Some(5),
+        payload: 2.5,
+        journal: Some("7".into()),
     };
     assert_eq!(read("puma", CONFIG, &given(&settings)).unwrap(), expected);
     assert_eq!(read("puma", CONFIG, &Map::new()).unwrap(), CONFIG);
@@ -117,9 +127,13 @@ fn what_is_wrong_names_the_values() {
     );
     assert_eq!(error("pause=0s"), "pause=0s: out of range, give a time from 1ms, or never");
     assert_eq!(error("tail=c"), "tail=c: not one of the choices, give a, b");
-    let names = "baud, mode, arm.clamp, arm.limits, pause, gap, tail, low_water";
+    let names = "baud, mode, arm.clamp, arm.limits, pause, gap, tail, low_water, payload, journal";
     assert_eq!(error("speed=1"), format!("puma has no setting `speed`: it has {names}"));
     assert_eq!(error("arm.speed=1"), format!("puma has no setting `arm.speed`: it has {names}"));
+    assert_eq!(error("leg.speed=1"), format!("puma has no setting `leg`: it has {names}"));
+    assert_eq!(error("payload=2.6"), "payload=2.6: out of range, give 0 to 2.5 kg");
+    assert_eq!(error("payload=much"), "payload=much: not a number, give 0 to 2.5 kg");
+    assert_eq!(error("journal=[1]"), "journal=[1]: not a text, give a file; without it nothing is kept");
     assert_eq!(error("arm=1"), format!("puma has no setting `arm`: it has {names}"));
     let error = read("viewer", (), &given(&["speed=1"])).unwrap_err().to_string();
     assert_eq!(error, "viewer has no setting `speed`: it has no settings");
@@ -131,6 +145,12 @@ fn a_setting_given_twice_is_the_last_one() {
     insert(&mut file, "arm.clamp", json!(false)).unwrap();
     assert_eq!(Value::from(file.clone()), json!({"arm": {"clamp": false, "limits": [1, 1]}}));
     insert(&mut file, "baud", json!(300)).unwrap();
+    insert(&mut file, "arm", json!({"limits": [2, 2], "speed": 1})).unwrap();
+    assert_eq!(
+        file["arm"],
+        json!({"clamp": false, "limits": [2, 2], "speed": 1}),
+        "a table adds to the one before"
+    );
     let error = insert(&mut file, "baud.rate", json!(1)).unwrap_err().to_string();
     assert_eq!(error, "baud.rate: `baud` is 300, which has no settings in it");
     for text in ["", "baud", "=1", "arm.=1"] {
@@ -149,4 +169,6 @@ fn the_list_is_what_a_help_shows() {
     assert_eq!(line(5), ("gap", "a time above 0, or never, or off", "off"));
     assert_eq!(line(6), ("tail", "a, b", "a"));
     assert_eq!(line(7), ("low_water", "0 to 9 jobs, or half", "half"));
+    assert_eq!(line(8), ("payload", "0 to 2.5 kg", "0.5"));
+    assert_eq!(line(9), ("journal", "a file; without it nothing is kept", ""));
 }

@@ -30,20 +30,8 @@ pub(super) fn time(
 fn with_unit(text: &str) -> Option<Duration> {
     match text {
         "never" => Some(Duration::MAX),
-        _ => fraction(text).or_else(|| humantime::parse_duration(text).ok()),
+        _ => humantime::parse_duration(text).ok(),
     }
-}
-
-/// A number with one unit, such as `1.5s`.
-fn fraction(text: &str) -> Option<Duration> {
-    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.')?;
-    let (number, unit) = text.split_at_checked(digits)?;
-    let unit = unit.trim();
-    if !unit.chars().all(char::is_alphabetic) {
-        return None;
-    }
-    let unit = humantime::parse_duration(&format!("1{unit}")).ok()?;
-    Duration::try_from_secs_f64(number.parse::<f64>().ok()? * unit.as_secs_f64()).ok()
 }
 
 /// Which times there are.

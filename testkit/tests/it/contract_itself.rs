@@ -27,6 +27,10 @@ enum Fault {
     ClearsNothing,
     /// The line after an error is one too.
     TakesTwo,
+    /// What came in a piece of several bytes is shown with the next one.
+    IsLate,
+    /// A push of nothing takes the end back.
+    ForgetsItsEnd,
 }
 
 struct Broken {
@@ -34,6 +38,8 @@ struct Broken {
     fault: Fault,
     errors: u64,
     failed: bool,
+    /// What waits is not shown.
+    hides: bool,
 }
 
 impl Decoder for Broken {
@@ -41,10 +47,18 @@ impl Decoder for Broken {
     type Error = TooLong;
 
     fn push(&mut self, bytes: &[u8]) -> usize {
+        self.hides = match self.fault {
+            Fault::IsLate => bytes.len() > 1,
+            Fault::ForgetsItsEnd => bytes.is_empty(),
+            _ => false,
+        };
         if self.fault == Fault::LosesSingleBytes && bytes.len() == 1 { 1 } else { self.lines.push(bytes) }
     }
 
     fn next_frame(&mut self) -> Option<Result<Line, TooLong>> {
+        if self.hides {
+            return None;
+        }
         let before = self.lines.position();
         let mut frame = self.lines.next_frame()?;
         if self.fault == Fault::TakesTwo && core::mem::take(&mut self.failed) {
@@ -61,6 +75,7 @@ impl Decoder for Broken {
         if self.fault != Fault::NeverFinishes {
             self.lines.finish();
         }
+        self.hides = false;
     }
 
     fn position(&self) -> u64 {
@@ -76,7 +91,7 @@ impl Decoder for Broken {
 
 fn check(fault: Fault, lines: &[&str], spread: usize) -> bool {
     let frames: Vec<_> = lines.iter().map(|line| line.as_bytes().to_vec()).collect();
-    let new = move || Broken { lines: Lines::default(), fault, errors: 0, failed: false };
+    let new = move || Broken { lines: Lines::default(), fault, errors: 0, failed: false, hides: false };
     catch_unwind(move || contract::decoder("toy", new, &frames, spread)).is_ok()
 }
 
@@ -85,7 +100,14 @@ fn each_broken_rule_of_a_decoder_is_found() {
     // A corrupt line end makes one line of two.
     let mixed = ["one\n", "12\n", "3456789\n", "\n"];
     assert!(check(Fault::None, &mixed, 1));
-    let faults = [Fault::LosesSingleBytes, Fault::StandsStill, Fault::NeverFinishes, Fault::ClearsNothing];
+    let faults = [
+        Fault::LosesSingleBytes,
+        Fault::StandsStill,
+        Fault::NeverFinishes,
+        Fault::ClearsNothing,
+        Fault::IsLate,
+        Fault::ForgetsItsEnd,
+    ];
     for fault in faults {
         assert!(!check(fault, &mixed, 1), "{fault:?}");
     }

@@ -169,6 +169,39 @@ fn a_peer_that_does_not_read_holds_up_nothing_else() {
 }
 
 #[test]
+fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let mut stream = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let (peer, _) = listener.accept().unwrap();
+    let bytes = [7; 100_000];
+    assert!(Wait::limited(LONG).writable(&stream).unwrap());
+    let mut sent = 0;
+    loop {
+        match stream.send(&bytes).unwrap() {
+            Sent::Buffered => sent += bytes.len(),
+            Sent::Part(0) if !Wait::limited(SHORT).writable(&stream).unwrap() => break,
+            Sent::Part(length) => sent += length,
+            Sent::Transmitted => panic!("a socket does not know"),
+        }
+    }
+    let begin = now();
+    stream.wait_for_room(Wait::limited(SHORT)).unwrap();
+    assert!(now() - begin >= SHORT, "there is none");
+    let mut received = vec![0; sent];
+    (&peer).read_exact(&mut received).unwrap();
+    stream.wait_for_room(Wait::default()).unwrap();
+    assert_eq!(stream.send(b"end").unwrap(), Sent::Buffered);
+    let mut rest = [0; 4];
+    assert_eq!((&peer).read(&mut rest).unwrap(), 3, "what was sent, and no more");
+    // Bytes that the peer never reads: its end is an error, here and there.
+    assert_eq!(stream.send(b"unread").unwrap(), Sent::Buffered);
+    Wait::limited(LONG).readable(&peer).unwrap();
+    drop(peer);
+    assert!(stream.receive(&mut rest, Wait::limited(LONG)).is_err());
+    assert!(stream.send(b"x").is_err());
+}
+
+#[test]
 fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
     let here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();

@@ -158,29 +158,76 @@ async fn datagrams_go_to_a_peer_that_comes_later() {
     assert_eq!(ask(&handle, "two").await, Ok("two".into()));
 }
 
-#[tokio::test]
+const RECONNECT: Reconnect =
+    Reconnect { first: Duration::from_millis(10), longest: Duration::from_millis(160) };
+const NO_ROBOT: &str = "no such robot";
+
+#[tokio::test(start_paused = true)]
 async fn attempts_come_less_and_less_often_and_calls_fail_with_them() {
     let attempts = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&attempts);
     let dial = Dial(move || {
         counted.fetch_add(1, Ordering::SeqCst);
-        async { Err::<DuplexStream, _>(io::Error::other("no such robot")) }
+        async { Err::<DuplexStream, _>(io::Error::other(NO_ROBOT)) }
     });
     let (handle, task) = spawn(Asker::new(&[]), Asking::default(), dial);
-    let reconnect = Reconnect { first: 10 * MS, longest: 160 * MS };
-    let task = tokio::spawn(task.reconnect(reconnect).run());
-    let begun = Instant::now();
-    while begun.elapsed() < 1000 * MS {
-        assert_eq!(ask(&handle, "one").await, Err("no such robot".into()));
+    let task = tokio::spawn(task.reconnect(RECONNECT).run());
+    for _ in 0..10 {
+        assert_eq!(ask(&handle, "one").await, Err(NO_ROBOT.into()));
     }
-    // 10, 20, 40, 80, 160 … ms, of each the half at least.
-    let most = 5 + 1000 / 80;
-    assert!((5..=most).contains(&attempts.load(Ordering::SeqCst)), "{attempts:?}");
-    assert!(matches!(&*handle.link().borrow(), Link::Failed(why) if why.to_string() == "no such robot"));
+    attempts.store(0, Ordering::SeqCst);
+    assert!(timeout(100_000 * MS, handle.connected()).await.is_err());
+    // Half of the longest delay at least, and all of it at most: 120 ms on average.
+    let attempts = attempts.load(Ordering::SeqCst);
+    assert!((780..=890).contains(&attempts), "{attempts}");
+    assert!(matches!(&*handle.link().borrow(), Link::Failed(why) if why.to_string() == NO_ROBOT));
     // Without a handle there is nothing more to do.
     drop(handle);
     let session = timeout(LONG, task).await.unwrap().unwrap();
     assert_eq!(session.statistics(), 0);
+}
+
+/// How many connections there are in 100 s, when each ends after this time.
+async fn connections(life: Duration) -> usize {
+    let attempts = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&attempts);
+    let dial = Dial(move || {
+        counted.fetch_add(1, Ordering::SeqCst);
+        let (near, far) = tokio::io::duplex(64);
+        tokio::spawn(async move {
+            sleep(life).await;
+            drop(far);
+        });
+        async { Ok(near) }
+    });
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), dial);
+    tokio::spawn(task.reconnect(RECONNECT).run());
+    sleep(100_000 * MS).await;
+    drop(handle);
+    attempts.load(Ordering::SeqCst)
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_connection_that_lasts_is_replaced_at_once_and_one_that_does_not_with_delay() {
+    let short = connections(Duration::ZERO).await;
+    assert!((780..=890).contains(&short), "{short}");
+    let long = connections(1000 * MS).await;
+    assert!((99..=100).contains(&long), "{long}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_peer_that_reads_nothing_is_given_up() {
+    let mut open = Vec::new();
+    let dial = Dial(move || {
+        let (near, far) = tokio::io::duplex(4);
+        open.push(far);
+        async { Ok(near) }
+    });
+    let (handle, task) = spawn(Asker::new(&["1234567"]), Asking::default(), dial);
+    tokio::spawn(task.stall(100 * MS).reconnect(RECONNECT).run());
+    let mut link = handle.link();
+    let failed = link.wait_for(|link| matches!(link, Link::Failed(_)));
+    assert!(timeout(200 * MS, failed).await.is_ok());
 }
 
 #[tokio::test]

@@ -48,6 +48,38 @@ async fn the_end_of_the_stream_and_a_timeout_are_seen() {
     assert_eq!(ended, ControlFlow::Break(Ended::ByPeer));
 }
 
+#[tokio::test]
+async fn nothing_is_sent_that_was_not_kept() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let (mut session, mut driver, mut kept) = (Asker::new(&["one", "two"]), Driver::new(near), 0);
+    let mut byte = [0];
+    let keep = async |_: &mut Asker| {
+        assert!(
+            tokio::time::timeout(Duration::ZERO, far.read(&mut byte)).await.is_err(),
+            "it is sent already"
+        );
+        kept += 1;
+        Ok(())
+    };
+    let turn = driver.turn_keeping(&mut session, keep, go_on);
+    assert!(tokio::time::timeout(Duration::from_millis(20), turn).await.is_err());
+    assert_eq!(kept, 1);
+    let mut sent = [0; 4];
+    far.read_exact(&mut sent).await.unwrap();
+    assert_eq!(&sent, b"one\n");
+    far.write_all(b"one\n").await.unwrap();
+    let keep = async |_: &mut Asker| Err(std::io::Error::other("the disk is full"));
+    let error = loop {
+        match driver.turn_keeping(&mut session, keep, go_on).await {
+            Ok(turn) => assert!(turn.is_continue()),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!(error.to_string(), "the disk is full");
+    drop(driver);
+    assert_eq!(far.read(&mut sent).await.unwrap(), 0);
+}
+
 /// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
 #[tokio::test]
 async fn a_dropped_turn_loses_nothing() {

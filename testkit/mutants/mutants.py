@@ -1,0 +1,140 @@
+"""Changes every library crate in small ways, one at a time, and checks that something notices.
+
+All mutants that cargo-mutants names are compiled at once, each behind a condition. A mutant is tried with the tests of its crate that reach
+it, the fastest first; then with the reference's data and the machines with a rule removed; then with all other tests that reach it: the
+model, the contract, the vectors, the stories, those of other crates. What only the compiler evaluates is tried by cargo-mutants itself.
+Results are kept: what was noticed is not tried again unless its line has changed.
+"""
+
+import argparse
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+from pathlib import Path
+from threading import Lock
+
+from programs import PLACE, ROOT, Check, Workspace, execute
+from source import Mutant
+
+RESULTS = PLACE / "results.json"
+LINKS = {path.stem for path in (ROOT / "reference" / "sessions").glob("*.json")}
+AT_ONCE = 0.3  # seconds of tests that run in one process
+
+
+def keys(mutants: list[Mutant]) -> dict[int, str]:
+    """What a mutant is called as long as its line is the same."""
+    taken: set[str] = set()
+    names = {}
+    for mutant in mutants:
+        what = re.sub(r"^\S+: ", "", mutant.name)
+        line = (ROOT / mutant.file).read_text().splitlines()[mutant.span["start"]["line"] - 1].strip()
+        name = next(name for number in count() if (name := f"{mutant.file}: {what}: {line}: {number}") not in taken)
+        taken.add(name)
+        names[mutant.id] = name
+    return names
+
+
+def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, bool]:
+    """What notices a mutant, and whether anything has reached it."""
+    is_reached = False
+    for level in levels:
+        checks = sorted((check for check in level if mutant.id in check.reached), key=lambda check: (int(4 * check.seconds), check.command))
+        is_reached |= bool(checks)
+        while checks:
+            group = [checks.pop(0)]
+            while checks and group[0].tests and checks[0].command == group[0].command:
+                if sum(check.seconds for check in group) + checks[0].seconds > AT_ONCE:
+                    break
+                group.append(checks.pop(0))
+            limit = 3 + 10 * sum(check.seconds for check in group)
+            link = {"LINK": mutant.package} if mutant.package in LINKS else {}
+            if failed := execute(group, limit, {"MUTANT": str(mutant.id), **link}):
+                return failed, True
+    return None, is_reached
+
+
+def by_itself(mutants: list[Mutant]) -> dict[int, str | None]:
+    """Mutants of what the compiler evaluates, compiled one at a time, against the tests of their crate and the testkit."""
+    found: dict[int, str | None] = {}
+    for package in sorted({mutant.package for mutant in mutants}):
+        chosen = [mutant for mutant in mutants if mutant.package == package]
+        output = PLACE / "alone" / package
+        output.mkdir(parents=True, exist_ok=True)
+        names = [word for mutant in chosen for word in ("--re", f"^{re.escape(mutant.name)}$")]
+        command = ["cargo", "mutants", "--package", package, "--test-package", f"{package},testkit", "--output", str(output), *names]
+        subprocess.run([*command, "--colors", "never"], cwd=ROOT, check=False)
+        outcomes = json.loads((output / "mutants.out" / "outcomes.json").read_text())["outcomes"]
+        summaries = {each["scenario"]["Mutant"]["name"]: each["summary"] for each in outcomes if each["scenario"] != "Baseline"}
+        for mutant in chosen:
+            summary = summaries.get(mutant.name, "MissedMutant")
+            found[mutant.id] = None if summary == "MissedMutant" else summary
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog=".ci/mutants", description=__doc__.split("\n")[0])
+    parser.add_argument("crates", nargs="*", help="library crates; all of .ci/crates if none is named")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--sample", type=int, help="only so many of each crate, drawn at random")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--reached", action="store_true", help="leave out what only the compiler evaluates")
+    args = parser.parse_args()
+    listed = subprocess.run([ROOT / ".ci/crates"], check=True, capture_output=True, text=True).stdout.splitlines()
+    crates = [line.split()[0] for line in listed]
+    if unknown := set(args.crates) - set(crates):
+        parser.error(f"no library crate: {', '.join(sorted(unknown))}; they are {', '.join(crates)}")
+    crates = args.crates or crates
+    workspace = Workspace(crates)
+    own, data, common = workspace.checks(args.jobs)
+    names = keys(workspace.mutants)
+    compiled = {id for placed in workspace.placed.values() for _, _, id in placed.own}
+    results: dict[str, str] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    lock = Lock()
+    rows, failed = [], False
+    for crate in crates:
+        mutants = [mutant for mutant in workspace.mutants if mutant.package == crate and mutant.id in compiled]
+        if args.sample is not None and args.sample < len(mutants):
+            mutants = random.Random(args.seed).sample(mutants, args.sample)
+        others = [check for other in crates if other != crate for check in own[other]]
+        levels = [own[crate], data, common + others]
+        alone: list[Mutant] = []
+        missed: list[Mutant] = []
+        begin, done = time.monotonic(), count(1)
+
+        def attempt(mutant: Mutant) -> None:
+            noticed, is_reached = noticed_by(mutant, levels)
+            with lock:
+                if noticed:
+                    results[names[mutant.id]] = noticed
+                else:
+                    (missed if is_reached else alone).append(mutant)
+                if (number := next(done)) % 100 == 0:
+                    print(f"{crate}: {number} in {time.monotonic() - begin:.0f} s", flush=True)
+                    RESULTS.write_text(json.dumps(results, indent=1))
+
+        with ThreadPoolExecutor(args.jobs) as pool:
+            list(pool.map(attempt, [mutant for mutant in mutants if names[mutant.id] not in results]))
+        if alone and not args.reached:
+            for id, noticed in by_itself(alone).items():
+                if noticed:
+                    results[names[id]] = noticed
+            missed += [mutant for mutant in alone if names[mutant.id] not in results]
+        RESULTS.write_text(json.dumps(results, indent=1))
+        for mutant in sorted(missed, key=lambda mutant: mutant.id):
+            print(f"missed: {mutant.name}", flush=True)
+        rows.append((crate, len(mutants), len(mutants) - len(missed), len(missed)))
+        failed |= bool(missed)
+    print(f"{'':20}{'mutants':>9}{'noticed':>9}{'missed':>9}")
+    for crate, *numbers in rows:
+        print(f"{crate:20}{''.join(f'{number:9}' for number in numbers)}")
+    sys.exit(failed)
+
+
+if __name__ == "__main__":
+    main()

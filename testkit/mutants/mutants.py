@@ -14,6 +14,7 @@ import re
 import subprocess
 import sys
 import time
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
@@ -38,6 +39,15 @@ def keys(mutants: list[Mutant]) -> dict[int, str]:
         taken.add(name)
         names[mutant.id] = name
     return names
+
+
+def stale(crates: list[str]) -> list[str]:
+    """The exemptions that name no mutant of these crates."""
+    packages = [word for crate in crates for word in ("--package", crate)]
+    command = ["cargo", "mutants", "--no-config", "--list", *packages]
+    names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    exempt = tomllib.loads((ROOT / ".cargo" / "mutants.toml").read_text())["exclude_re"]
+    return [pattern for pattern in exempt if not re.search(pattern, names)]
 
 
 def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, bool]:
@@ -89,6 +99,9 @@ def main() -> None:
     crates = [line.split()[0] for line in listed]
     if unknown := set(args.crates) - set(crates):
         parser.error(f"no library crate: {', '.join(sorted(unknown))}; they are {', '.join(crates)}")
+    unused = stale(crates)
+    for pattern in unused:
+        print(f"an exemption that names no mutant: {pattern}")
     crates = args.crates or crates
     workspace = Workspace(crates)
     own, data, common = workspace.checks(args.jobs)
@@ -96,7 +109,7 @@ def main() -> None:
     compiled = {id for placed in workspace.placed.values() for _, _, id in placed.own}
     results: dict[str, str] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     lock = Lock()
-    rows, failed = [], False
+    rows, failed = [], bool(unused)
     for crate in crates:
         mutants = [mutant for mutant in workspace.mutants if mutant.package == crate and mutant.id in compiled]
         if args.sample is not None and args.sample < len(mutants):

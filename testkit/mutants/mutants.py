@@ -70,14 +70,14 @@ def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, b
 
 
 def by_itself(mutants: list[Mutant]) -> dict[int, str | None]:
-    """Mutants of what the compiler evaluates, compiled one at a time, against the tests of their crate and the testkit."""
+    """Mutants of what the compiler evaluates, compiled one at a time, against the tests of their crate."""
     found: dict[int, str | None] = {}
     for package in sorted({mutant.package for mutant in mutants}):
         chosen = [mutant for mutant in mutants if mutant.package == package]
         output = PLACE / "alone" / package
         output.mkdir(parents=True, exist_ok=True)
         names = [word for mutant in chosen for word in ("--re", f"^{re.escape(mutant.name)}$")]
-        command = ["cargo", "mutants", "--package", package, "--test-package", f"{package},testkit", "--output", str(output), *names]
+        command = ["cargo", "mutants", "--package", package, "--output", str(output), *names]
         subprocess.run([*command, "--colors", "never"], cwd=ROOT, check=False)
         outcomes = json.loads((output / "mutants.out" / "outcomes.json").read_text())["outcomes"]
         summaries = {each["scenario"]["Mutant"]["name"]: each["summary"] for each in outcomes if each["scenario"] != "Baseline"}

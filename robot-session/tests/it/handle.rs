@@ -230,6 +230,24 @@ async fn a_peer_that_reads_nothing_is_given_up() {
     assert!(timeout(200 * MS, failed).await.is_ok());
 }
 
+#[tokio::test(start_paused = true)]
+async fn a_peer_that_reads_slowly_is_kept() {
+    let dial = Dial(|| {
+        let (near, mut far) = tokio::io::duplex(4);
+        tokio::spawn(async move {
+            while far.read_u8().await.is_ok() {
+                sleep(60 * MS).await;
+            }
+        });
+        async { Ok(near) }
+    });
+    let (handle, task) = spawn(Asker::new(&["1234567"]), Asking::default(), dial);
+    tokio::spawn(task.stall(100 * MS).run());
+    let mut link = handle.link();
+    let failed = link.wait_for(|link| matches!(link, Link::Failed(_)));
+    assert!(timeout(1000 * MS, failed).await.is_err());
+}
+
 #[tokio::test]
 async fn a_peer_that_makes_no_sense_is_connected_again() {
     let listener = TcpListener::bind(any()).await.unwrap();

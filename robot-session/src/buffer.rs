@@ -81,9 +81,7 @@ impl<const N: usize> StreamBuffer<N> {
     }
 
     fn move_to_front(&mut self) {
-        if self.start < self.end {
-            self.bytes.copy_within(self.start..self.end, 0);
-        }
+        self.bytes.copy_within(self.start..self.end, 0);
         self.end -= self.start;
         self.start = 0;
     }

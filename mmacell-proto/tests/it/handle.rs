@@ -2,12 +2,14 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
+use core::future::ready;
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::time::Duration;
+use std::io;
 
 use crate::common::{HOME, MS, pose};
-use mmacell_proto::robot_session::tokio::{Driver, Reconnect, Tcp};
+use mmacell_proto::robot_session::tokio::{Dial, Driver, Reconnect, Tcp};
 use mmacell_proto::robot_session::{Session as _, now};
 use mmacell_proto::tokio::{Device as Robot, Error, central};
 use mmacell_proto::{
@@ -163,4 +165,19 @@ async fn without_a_connection_nothing_is_sent() {
     tokio::spawn(task.run());
     let refused = timeout(LONG, robot.command(Command::Stop)).await.unwrap();
     assert!(matches!(refused, Err(Error::NotConnected(_))), "{refused:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn without_a_motion_nothing_is_due() {
+    let (near, _far) = tokio::io::duplex(64);
+    let mut near = Some(near);
+    let dial = Dial(move || ready(near.take().ok_or_else(|| io::ErrorKind::ConnectionRefused.into())));
+    let (robot, task) = central::<RobotPose, _>(CentralConfig::DEFAULT, dial).unwrap();
+    tokio::spawn(task.run());
+    robot.handle().connected().await.unwrap();
+    let runtime = tokio::runtime::Handle::current().metrics();
+    let before = runtime.worker_park_count(0);
+    sleep(Duration::from_secs(10)).await;
+    let parked = runtime.worker_park_count(0) - before;
+    assert!(parked < 10, "the task was woken {parked} times");
 }

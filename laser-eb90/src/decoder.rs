@@ -79,18 +79,19 @@ impl Decoder {
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
         let raw = self.raw.bytes();
-        if self.state.scan.is_new() && !has_head(raw) {
-            return self.hunt().map(Err);
-        }
-        // Most frames come whole, and without a doubled byte.
-        if self.state.scan.is_new()
-            && raw.len() >= Frame::MIN_LEN
-            && let Some((payload, used)) = in_place(raw, MAX_PAYLOAD, &self.profile)
-            && Items::new(payload, &self.profile).check().is_ok()
-        {
-            let (begin, end) = (prefix_len(&self.profile), payload.len());
-            self.state = State { finished: self.state.finished, ..State::EMPTY };
-            return Some(Ok(Frame::new(self.raw.take(used).get(begin..begin + end)?, &self.profile)));
+        if self.state.scan.is_new() {
+            if !has_head(raw) {
+                return self.hunt().map(Err);
+            }
+            // Most frames come whole, and without a doubled byte.
+            if raw.len() >= Frame::MIN_LEN
+                && let Some((payload, used)) = in_place(raw, MAX_PAYLOAD, &self.profile)
+                && Items::new(payload, &self.profile).check().is_ok()
+            {
+                let (begin, end) = (prefix_len(&self.profile), payload.len());
+                self.state = State { finished: self.state.finished, ..State::EMPTY };
+                return Some(Ok(Frame::new(self.raw.take(used).get(begin..begin + end)?, &self.profile)));
+            }
         }
         let corrupt = match self.state.scan.advance(raw, &mut self.payload, &self.profile) {
             Ok(None) => {

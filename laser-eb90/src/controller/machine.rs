@@ -292,8 +292,8 @@ impl Machine for ControllerMachine {
 
     fn deadline(&self) -> Option<Duration> {
         let due = match self.work {
-            Work::Answering { due, .. } if self.line != Receiving::Disconnected => Some(due),
-            Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
+            Work::Answering { due, .. } => Some(due),
+            Work::Listening { .. } | Work::Executing { .. } => None,
         };
         self.silent_at().or(due).filter(|at| *at < Duration::MAX)
     }

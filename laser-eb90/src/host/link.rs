@@ -226,11 +226,12 @@ impl Sent {
         config: &HostConfig,
     ) -> (HostLink, Action) {
         match refusal {
-            Some(refusal) if word != self.batch.word => self.refused(now, refusal, config),
-            _ if word == self.batch.word || !config.rules.keeps(Rule::CompareWord) => {
+            // No command word is an error code as well.
+            Some(refusal) => self.refused(now, refusal, config),
+            None if word == self.batch.word || !config.rules.keeps(Rule::CompareWord) => {
                 self.batch.done(self.tries, now)
             }
-            _ => self.batch.other_word(word, self.settled_if_taken(now, config)),
+            None => self.batch.other_word(word, self.settled_if_taken(now, config)),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The controller's end by itself.
 
 use crate::common::{CUT, Cut, MS, STOP, WHERE, controller, cut, echo, frame};
-use laser_eb90::robot_session::{Session as _, Unexpected};
+use laser_eb90::robot_session::{Machine as _, Session as _, Unexpected};
 use laser_eb90::{Class, Controller, ControllerConfig, ControllerEvent, Frame, Refusal, SessionError};
 
 /// §2: "对于立即执行指令,先执行该指令,然后才返回应答": executed first, then answered, however long it takes.
@@ -130,6 +130,7 @@ fn the_rest_of_a_frame_that_was_answered_is_not_answered() {
     controller.handle_input(MS, head);
     assert_eq!(controller.poll_timeout(), Some(MS * 51));
     assert_eq!(answer(&mut controller, 51), Some(echo(0xE002)));
+    assert_eq!(controller.machine().name(), "ListeningRest");
     controller.handle_input(MS * 70, &rest[..10]);
     assert_eq!(answer(&mut controller, 150), None);
     controller.handle_input(MS * 200, &rest[10..]);
@@ -257,6 +258,26 @@ fn the_controller_does_not_send_while_it_receives() {
     let n = controller.poll_transmit(MS * 60, &mut out).unwrap();
     assert_eq!(out[..n], echo(CUT), "the rest never came");
     assert_eq!(controller.poll_transmit(MS * 200, &mut out), None);
+}
+
+#[test]
+fn a_controller_counts_what_it_has_done() {
+    let (mut controller, _reader) = controller(ControllerConfig::default(), 21);
+    let mut corrupt = frame(&[3], |_| ());
+    corrupt[9] ^= 0x40;
+    let frames = [frame(&[1, 2], |_| ()), echo(STOP), echo(0x7777), corrupt];
+    for (bytes, at) in frames.into_iter().zip([MS, MS * 100, MS * 200, MS * 300]) {
+        controller.handle_input(at, &bytes);
+        let executes = core::iter::from_fn(|| controller.poll_event())
+            .any(|event| matches!(event, ControllerEvent::Execute { .. }));
+        if executes {
+            controller.answer(at, |_| Ok(())).unwrap();
+        }
+        controller.handle_timeout(at + MS * 50);
+        assert!(controller.poll_transmit(at + MS * 70, &mut [0; Frame::MAX_LEN]).is_some());
+    }
+    let count = controller.statistics();
+    assert_eq!((count.queued, count.executed, count.refused, count.corrupt, count.answers), (2, 1, 2, 1, 4));
 }
 
 fn send_to_controller(stream: &[u8]) -> (Option<Vec<u8>>, usize) {

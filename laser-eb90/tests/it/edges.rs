@@ -212,6 +212,43 @@ fn what_comes_byte_by_byte_is_given_with_its_last_byte() {
 }
 
 #[test]
+fn what_is_given_does_not_depend_on_the_pieces_that_came() {
+    let doubled = [0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 0x90, 0x90, 0x82, 0x90, 0x82, 0x06];
+    let stream = [&[0x55, 0xEB], &word(0x0101)[..], &doubled, &word(0x0102)].concat();
+    let given = |decoder: &mut Decoder, piece: &[u8]| {
+        assert_eq!(decoder.push(piece), piece.len());
+        let mut given = Vec::new();
+        while let Some(item) = decoder.next_frame() {
+            given.push(item.map(|frame| frame.payload().to_vec()));
+        }
+        given
+    };
+    for end in 1..=stream.len() {
+        let whole = given(&mut Decoder::new(&Profile::default()), &stream[..end]);
+        for (first, second) in (0..end).flat_map(|first| (first..end).map(move |second| (first, second))) {
+            let mut decoder = Decoder::new(&Profile::default());
+            let pieces = [&stream[..first], &stream[first..second], &stream[second..end]];
+            let found = pieces.map(|piece| given(&mut decoder, piece)).concat();
+            assert_eq!(found, whole, "{first}, {second}, {end}");
+        }
+    }
+}
+
+#[test]
+fn what_is_held_when_the_stream_ends_is_given_to_its_last_byte() {
+    let doubled = [0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 0x90, 0x90, 0x82, 0x90, 0x82, 0x06];
+    let whole = word(0x0101);
+    for first in [&whole[..], &doubled, &[0x55]] {
+        let mut decoder = Decoder::new(&Profile::default());
+        let _ = decoder.push(&[first, &whole[..6]].concat());
+        decoder.finish();
+        assert!(decoder.next_frame().is_some());
+        assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete { held: 6 })), "{first:02X?}");
+        assert_eq!(decoder.next_frame(), None);
+    }
+}
+
+#[test]
 fn corruption_costs_the_bytes_that_were_examined_and_no_error_more() {
     for (corrupt, error) in [
         (

@@ -79,9 +79,38 @@ fn a_90h_that_is_not_doubled_is_found_at_each_place() {
     for place in 1..LONGEST {
         let (mut bytes, _) = frame(&payload(LONGEST));
         bytes[4 + place] = 0x90;
+        // The checksum is right.
+        let sum: u16 = bytes[4..4 + LONGEST].iter().map(|byte| u16::from(*byte)).sum();
+        bytes[4 + LONGEST + 2..].copy_from_slice(&sum.to_le_bytes());
         let error = DecodeError::Stuffing { offset: 5 + place, found: bytes[5 + place] };
         // The last one is followed by the mark of the tail: it is a doubled one, and the byte after them is one more.
         let expected = if place == LONGEST - 1 { Ok(None) } else { Err(error) };
         assert_eq!(Frame::decode(&bytes, &mut [0; MAX_PAYLOAD], &Profile::default()), expected);
+    }
+}
+
+#[test]
+fn one_checksum_of_256_is_right() {
+    for length in [1, 15, 16, 17, 63, 64, 65, 80, 128, 200] {
+        let (mut bytes, sum) = frame(&payload(length));
+        for found in 0..=0xFF {
+            bytes[4 + length + 2] = found;
+            let decoded = Frame::decode(&bytes, &mut [0; MAX_PAYLOAD], &Profile::default()).map(drop);
+            let (offset, expected) = (4 + length + 2, sum & 0xFF);
+            let error = DecodeError::Checksum { offset, expected, found: found.into() };
+            assert_eq!(decoded, if u16::from(found) == expected { Ok(()) } else { Err(error) });
+        }
+    }
+}
+
+#[test]
+fn without_a_90h_before_it_no_byte_ends_a_payload() {
+    for (length, sum) in (1..=80).flat_map(|length| (0..=0xFF).map(move |sum| (length, sum))) {
+        let mut payload = payload(length);
+        payload.extend([1, 0x82, sum]);
+        let (bytes, _) = frame(&payload);
+        let mut buffer = [0; MAX_PAYLOAD];
+        let (frame, used) = Frame::decode(&bytes, &mut buffer, &Profile::default()).unwrap().unwrap();
+        assert_eq!((frame.payload(), used), (&payload[..], bytes.len() - 1));
     }
 }

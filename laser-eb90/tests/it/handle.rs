@@ -148,6 +148,7 @@ async fn what_is_refused_ends_its_run_and_those_behind_it() {
     let long =
         |_: &mut laser_eb90::Payload<'_>| Err(EncodeError::BufferTooSmall { needed: 999, available: 1 });
     assert!(matches!(laser.query(Command::new(STATE, long)).await, Err(Error::Unfit { .. })));
+    assert!(matches!(laser.now(Command::new(OFF, long)).await, Err(Error::Unfit { .. })));
     // The line works on.
     timeout(LONG, laser.query(Command::bare(STATE))).await.unwrap().unwrap();
     let done = numbers(&done);
@@ -155,6 +156,24 @@ async fn what_is_refused_ends_its_run_and_those_behind_it() {
         done.contains(&50) && !done.contains(&51) && !done.contains(&99) && !done.contains(&10),
         "{done:?}"
     );
+}
+
+#[tokio::test]
+async fn without_a_connection_nothing_is_sent() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let to = Tcp::new(listener.local_addr().unwrap().to_string());
+    drop(listener);
+    let (laser, task) = host(HostConfig::default(), to).unwrap();
+    drop(task.thread().unwrap());
+    let run = timeout(LONG, laser.run([cut(1.0)])).await.unwrap();
+    assert!(matches!(run, Err(Error::NotConnected(_))), "{run:?}");
+    let state = timeout(LONG, laser.query(Command::bare(STATE))).await.unwrap();
+    assert!(matches!(state, Err(Error::NotConnected(_))), "{state:?}");
+}
+
+#[test]
+fn a_command_prints_its_word() {
+    assert_eq!(format!("{:?}", Command::bare(OFF)), "Command { word: 0201h, .. }");
 }
 
 #[tokio::test]

@@ -141,6 +141,18 @@ fn an_early_bad_frame_proves_nothing_unless_the_controller_drops_partial_frames(
     assert_eq!(events(&mut host), [done], "an echo confirms, also while the line settles");
 }
 
+/// An unsolicited answer is the only sign that an assumption of the configuration is wrong.
+#[test]
+fn an_echo_that_ends_after_it_was_given_up_is_reported() {
+    let (mut host, line) = awaiting(HostConfig::default());
+    host.handle_input(READY + MS, &echo(0xE002));
+    host.handle_input(READY + line + MS * 399, &echo(CUT)[..5]);
+    host.handle_timeout(READY + line + MS * 400);
+    assert_eq!(events(&mut host), [unknown(UnknownReason::PartialFrame)]);
+    host.handle_input(READY + line + MS * 401, &echo(CUT)[5..]);
+    assert_eq!(events(&mut host), [HostEvent::Unasked { word: CUT }]);
+}
+
 /// A driver that knows when the last byte has left makes the assumption about pauses unnecessary.
 #[test]
 fn a_driver_that_reports_the_last_byte_makes_max_pause_unnecessary() {
@@ -195,6 +207,7 @@ fn a_corrupt_answer_is_an_unknown_outcome() {
     host.handle_timeout(READY + line + MS * 250);
     let error = DecodeError::Incomplete { held: 5 };
     assert_eq!(events(&mut host), [HostEvent::Corrupt(error), unknown(UnknownReason::Corrupt)]);
+    assert_eq!(host.statistics().corrupt, 1);
 }
 
 #[test]
@@ -297,6 +310,23 @@ fn the_values_of_a_query_stay_until_the_next_is_answered() {
 }
 
 #[test]
+fn what_answers_no_query_leaves_the_values_of_the_last() {
+    let mut host = host(HostConfig::default());
+    let mut buffer = [0; 16];
+    let mut values = Payload::new(&mut buffer, &Profile::default());
+    values.word(WHERE).unwrap().f32(&[1.5]).unwrap();
+    let answers = [(WHERE, encoded(&values)), (CUT, echo(CUT)), (WHERE, echo(0xE003))];
+    for ((word, answer), now) in answers.into_iter().zip([READY, READY + MS * 100, READY + MS * 200]) {
+        host.submit(word, |_| Ok(())).unwrap();
+        transmit(&mut host, now).unwrap();
+        host.handle_input(now + MS, &answer);
+        assert_eq!(events(&mut host).len(), 1);
+        let Some(Ok(Item::F32(values))) = host.answer().next() else { panic!("{word:04X}") };
+        assert_eq!(values.array(), Some([1.5]));
+    }
+}
+
+#[test]
 fn parameters_that_read_as_a_command_word_are_refused() {
     let mut host = host(HostConfig::default());
     assert_eq!(host.submit(CUT, |p| p.i16(&[1]).map(drop)), Err(SessionError::LoneShort));
@@ -309,6 +339,9 @@ fn parameters_that_read_as_a_command_word_are_refused() {
         let refused = host.submit(CUT, |p| p.f32(&[0.0, value]).map(drop));
         assert_eq!(refused, Err(SessionError::Encode(error)));
     }
+    let error = EncodeError::BufferTooSmall { needed: 257, available: 251 };
+    let refused = host.submit(CUT, |p| p.u8(&[0; 255])?.u8(&[0; 255]).map(drop));
+    assert_eq!(refused, Err(SessionError::Encode(error)), "no frame has room for it");
     assert!(host.is_idle());
     assert_eq!(host.submit(CUT, |p| p.u8(&[0; 255]).map(drop)), Ok(0));
     assert_eq!(host.submit(CUT, |p| p.u8(&[0; 255]).map(drop)), Err(SessionError::Full), "512 bytes");

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use laser_eb90::host::machine::{Batch, HostLink, HostMachine, Input};
-use laser_eb90::robot_session::Machine as _;
+use laser_eb90::robot_session::{Machine as _, Unexpected};
 use laser_eb90::{Class, HostConfig, Refusal};
 
 const WORD: u16 = 0x0101;
@@ -24,4 +24,25 @@ fn every_time_is_visited() {
     let full = Input::Answer { word: 0xE006, refusal: Some(Refusal::QueueFull) };
     machine.on(Duration::from_secs(1), full, &config).unwrap();
     assert_eq!(times(&mut machine), [1100, 61_000].map(Duration::from_millis));
+}
+
+/// Interpreted instructions travel together, up to the batch; all others alone (§3(6)).
+#[test]
+fn an_instruction_that_the_next_frame_has_no_room_for_is_unexpected() {
+    let config = HostConfig { batch: 2, ..HostConfig::default() };
+    for (before, class, fits) in [
+        (&[][..], Class::Query, true),
+        (&[Class::Interpreted], Class::Interpreted, true),
+        (&[Class::Interpreted; 2], Class::Interpreted, false),
+        (&[Class::Interpreted], Class::Immediate, false),
+        (&[Class::Query], Class::Query, false),
+    ] {
+        let mut machine = HostMachine::NEW;
+        let mut submit = |class| {
+            machine.on(Duration::ZERO, Input::Submit { ticket: 0, word: WORD, class }, &config).map(drop)
+        };
+        before.iter().for_each(|class| submit(*class).unwrap());
+        let unexpected = Unexpected { state: "Disconnected", input: "Submit" };
+        assert_eq!(submit(class), if fits { Ok(()) } else { Err(unexpected) }, "{before:?}, {class:?}");
+    }
 }

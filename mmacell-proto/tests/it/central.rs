@@ -344,3 +344,22 @@ fn a_halt_ends_the_motion_and_its_target() {
         "a refused motion changes no target"
     );
 }
+
+#[test]
+fn a_connection_is_there_until_it_ends() {
+    let mut c = Central::<RobotPose>::new(CentralConfig::DEFAULT).unwrap();
+    let state = |c: &Central<RobotPose>| (c.is_connected(), c.is_ended());
+    assert_eq!(state(&c), (false, false));
+    connect(&mut c);
+    assert_eq!(state(&c), (true, false));
+    send(&mut c, ZERO, Command::Stop);
+    assert_eq!(state(&c), (true, false));
+    receive(&mut c, ZERO, b"OK\r\n");
+    send(&mut c, ZERO, Command::Stop);
+    c.abort(ZERO);
+    assert_eq!(state(&c), (false, true), "it is to be closed");
+    c.handle_disconnected(ZERO);
+    assert_eq!(state(&c), (false, false));
+    let count = c.statistics();
+    assert_eq!((count.connections, count.commands, count.lines, count.unknown), (1, 2, 1, 1));
+}

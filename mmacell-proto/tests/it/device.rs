@@ -11,11 +11,11 @@ use crate::common::{
     HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send,
 };
 use mmacell_proto::device::machine::Axes;
-use mmacell_proto::robot_session::{Ended, Session as _, drive};
+use mmacell_proto::robot_session::{Ended, Session, drive};
 use mmacell_proto::{
     CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
-    DeviceEvent as Event, Dialect, EncodeError, ErrorCode, NoPose, Order, PlatformPose, Progress, Rejection,
-    RobotPose, SessionError, Status,
+    DeviceEvent as Event, Dialect, EncodeError, ErrorCode, Line, NoPose, Order, PlatformPose, Progress,
+    Rejection, RobotPose, SessionError, Status,
 };
 
 /// §4, table of examples: each command, its reply, and what it means.
@@ -267,6 +267,8 @@ fn a_thousand_commands_in_one_write_are_answered_in_order() {
 /// However the bytes arrive, the connection ends when more wait than can be kept, and not before.
 #[test]
 fn more_commands_than_can_be_kept_end_the_connection() {
+    let beside_a_line = Device::<RobotPose>::BACKLOG - Line::MAX_LEN;
+    assert_eq!(<Device<RobotPose> as Session>::MAX_INPUT, beside_a_line);
     for size in [1, 7, 64, 4096] {
         for surplus in [0, 1] {
             let mut d = device_at(HOME);
@@ -299,7 +301,7 @@ fn a_second_connection_takes_the_place_of_the_first() {
     assert_eq!(d.poll_transmit(ZERO, &mut [0; 64]), None, "no reply of the first is sent on the second");
     assert!(d.status().unwrap().servo, "what was accepted is done");
     assert_eq!(ask(&mut d, "STP\r\n"), obeyed(Order::Stop));
-    assert_eq!(d.statistics().connections, 3);
+    assert_eq!((d.statistics().connections, d.statistics().lines), (3, 3));
 }
 
 /// A pose that its owner put out of range has no form: the device refuses a status instead of reporting another.

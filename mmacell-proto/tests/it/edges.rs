@@ -94,6 +94,8 @@ fn poses_add_and_compare_within_their_kind() {
     assert_eq!(platform([999_998, 0]).plus(platform([2, 0])), None, "beyond the field");
     assert_eq!(robot([i32::MAX, 0, 0, 0]).plus(robot([1, 0, 0, 0])), None);
     assert_eq!((robot([0; 4]).plus(platform([0; 2])), platform([0; 2]).plus(robot([0; 4]))), (None, None));
+    assert!(robot([999_999, 0, 0, 0]).has_form() && platform([0, -999_999]).has_form());
+    assert!(!robot([1_000_000, 0, 0, 0]).has_form() && !platform([0, -1_000_000]).has_form());
     assert!(robot([0, 0, 0, 5]).is_near(robot([0, 0, 0, 2]), 3));
     assert!(!robot([0, 0, 0, 5]).is_near(robot([0, 0, 0, 1]), 3));
     assert!(
@@ -156,6 +158,9 @@ fn each_character_of_the_numbers_that_end_a_status_counts() {
     assert_eq!(reply(b"+00101+00000"), Err(DecodeError::Percent { offset: 20, found: 101 }));
     assert_eq!(reply(b"-00001+00000"), Err(DecodeError::Percent { offset: 20, found: -1 }));
     assert_eq!(reply(b"+00080+00000F"), Err(DecodeError::Trailing { offset: 32 }));
+    for byte in 0..=0xFF {
+        assert!(reply(&[&b"+00080"[..], &[byte; 6]].concat()).is_err(), "{byte:02X}");
+    }
 }
 
 #[test]
@@ -255,6 +260,17 @@ fn a_codec_reads_on_after_corrupt_lines_and_to_the_end_of_the_stream() {
 fn the_defaults_are_the_documented_ones() {
     assert_eq!(CentralConfig::default(), CentralConfig::DEFAULT);
     assert_eq!(DeviceConfig::default(), DeviceConfig::DEFAULT);
+}
+
+#[test]
+fn what_has_no_end_when_the_stream_ends_is_an_error_also_if_nobody_has_looked_at_it() {
+    for held in [&b"S"[..], b"ST", b"\r", b"\n"] {
+        let mut decoder = Decoder::new(Dialect::STRICT);
+        assert_eq!(decoder.push(held), held.len());
+        decoder.finish();
+        assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete)), "{}", held.escape_ascii());
+        assert_eq!((decoder.position(), decoder.next_frame()), (held.len() as u64, None));
+    }
 }
 
 #[test]

@@ -2,17 +2,20 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
+use core::future::ready;
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::time::Duration;
+use std::io;
 
 use crate::common::{HOME, MS, pose};
-use mmacell_proto::robot_session::tokio::{Driver, Reconnect, Tcp};
+use mmacell_proto::robot_session::tokio::{Dial, Driver, Reconnect, Tcp};
 use mmacell_proto::robot_session::{Session as _, now};
 use mmacell_proto::tokio::{Device as Robot, Error, central};
 use mmacell_proto::{
     CentralConfig, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Miss, Order, Progress, RobotPose,
 };
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
 
@@ -107,4 +110,74 @@ async fn a_device_that_goes_in_a_motion_is_found_again_and_nothing_is_said_to_ha
     robot.command(Command::Close).await.unwrap();
     robot.handle().shutdown().await;
     assert!(matches!(robot.status().await, Err(Error::Closed(_))));
+}
+
+/// A device that receives these commands, and replies so.
+async fn script(listener: &TcpListener, commands: &[(&str, &str)]) -> TcpStream {
+    let mut stream = listener.accept().await.unwrap().0;
+    for (command, reply) in commands {
+        let mut line = vec![0; command.len()];
+        stream.read_exact(&mut line).await.unwrap();
+        assert_eq!(line.escape_ascii().to_string(), command.as_bytes().escape_ascii().to_string());
+        stream.write_all(reply.as_bytes()).await.unwrap();
+    }
+    stream
+}
+
+#[tokio::test]
+async fn a_command_waits_for_the_reply_to_the_one_before_and_an_agreed_end_for_the_next_connection() {
+    let (robot, listener) = cell().await;
+    let commands = [("SRVON\r\n", "OK\r\n"), ("OVR+00050\r\n", "OK\r\n"), ("CLO\r\n", "OK\r\n")];
+    let asked = async {
+        tokio::join!(
+            robot.command(Command::Servo { on: true }),
+            robot.command(Command::Override { percent: 50 }),
+            robot.command(Command::Close),
+            script(&listener, &commands),
+        )
+    };
+    let (servo, percent, close, _open) = timeout(LONG, asked).await.unwrap();
+    assert!(servo.is_ok() && percent.is_ok() && close.is_ok(), "{servo:?} {percent:?} {close:?}");
+    // The device has not closed it.
+    timeout(LONG, listener.accept()).await.unwrap().unwrap();
+}
+
+#[tokio::test]
+async fn a_device_that_refuses_its_status_in_a_motion_is_asked_again() {
+    let (robot, listener) = cell().await;
+    let there = "OKF+100.000+000.000+000.000+00.0000T+00100+00000\r\n";
+    let commands = [
+        ("MOVA+100.000+000.000+000.000+00.0000\r\n", "OK\r\n"),
+        ("STA\r\n", "ER+00001\r\n"),
+        ("STA\r\n", there),
+    ];
+    let moving = async { tokio::join!(robot.move_to(pose(100.0)), script(&listener, &commands)) };
+    let (arrived, _open) = timeout(LONG, moving).await.unwrap();
+    assert_eq!(arrived.unwrap().pose, pose(100.0));
+}
+
+#[tokio::test]
+async fn without_a_connection_nothing_is_sent() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let to = Tcp::new(listener.local_addr().unwrap().to_string());
+    drop(listener);
+    let (robot, task) = central::<RobotPose, _>(CentralConfig::DEFAULT, to).unwrap();
+    tokio::spawn(task.run());
+    let refused = timeout(LONG, robot.command(Command::Stop)).await.unwrap();
+    assert!(matches!(refused, Err(Error::NotConnected(_))), "{refused:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn without_a_motion_nothing_is_due() {
+    let (near, _far) = tokio::io::duplex(64);
+    let mut near = Some(near);
+    let dial = Dial(move || ready(near.take().ok_or_else(|| io::ErrorKind::ConnectionRefused.into())));
+    let (robot, task) = central::<RobotPose, _>(CentralConfig::DEFAULT, dial).unwrap();
+    tokio::spawn(task.run());
+    robot.handle().connected().await.unwrap();
+    let runtime = tokio::runtime::Handle::current().metrics();
+    let before = runtime.worker_park_count(0);
+    sleep(Duration::from_secs(10)).await;
+    let parked = runtime.worker_park_count(0) - before;
+    assert!(parked < 10, "the task was woken {parked} times");
 }

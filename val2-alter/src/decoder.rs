@@ -292,7 +292,9 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
             self.start = 0;
         }
         // A port that gives single bytes: no call to copy one.
-        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
+        if self.end < CAPACITY
+            && let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end))
+        {
             *room = *byte;
             self.end += 1;
             return 1;

@@ -8,3 +8,4 @@ mod handle;
 #[cfg(feature = "bytes")]
 mod properties;
 mod rules;
+mod stream;

@@ -57,17 +57,20 @@ fn a_controller_counts_each_message_and_what_becomes_of_it() {
     assert!(sent(&mut controller, 28 * MS).is_some());
     controller.handle_input(40 * MS, &[&reply[..], &reply].concat());
     assert!(sent(&mut controller, 56 * MS).is_some());
-    controller.handle_timeout(84 * MS);
+    controller.handle_input(70 * MS, &[&reply[..reply.len() - 1], &[0x55]].concat());
+    assert!(sent(&mut controller, 84 * MS).is_some());
+    controller.handle_timeout(112 * MS);
     let counted = controller.statistics();
-    assert_eq!((counted.attempts, counted.starts, counted.cycles), (1, 1, 2));
-    assert_eq!((counted.replies, counted.strays, counted.timeouts), (1, 1, 1));
-    assert_eq!((counted.bad_replies, counted.unexpected), (0, 0));
+    assert_eq!((counted.attempts, counted.starts, counted.cycles), (1, 1, 3));
+    assert_eq!((counted.replies, counted.strays, counted.bad_replies), (1, 1, 1));
+    assert_eq!((counted.timeouts, counted.unexpected), (1, 0));
     assert_eq!(
         events(&mut controller),
         [
             ControllerEvent::Started,
             ControllerEvent::Reply { reply: Reply::NOTHING, values: [0; 6] },
             ControllerEvent::Stray(HostMessage::Reply(Reply::NOTHING)),
+            ControllerEvent::BadReply(ErrorCode::Checksum),
             ControllerEvent::BadReply(ErrorCode::Timeout),
         ]
     );

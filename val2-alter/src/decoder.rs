@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, Reading, find_dle, plain_data, plain_len};
-use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
+use crate::framing::{DLE, ETX, Framing, STX};
 use crate::message::Message;
 
 /// A message and where its frame is.
@@ -154,19 +154,15 @@ impl<M: Message> Decoder<M> {
                 let at_mark = self.seek_mark();
                 if at_mark && self.read_before > 0 && self.error.is_some() {
                     // Judged by the corrupt frame's own bytes alone, or the cuts of the stream would count.
-                    let within = self.read_before.min(self.end - self.start);
-                    if self.read(within, false).is_err() {
+                    if self.read(self.read_before, false).is_err() {
                         self.skip(1);
                         continue;
                     }
                 }
-                if at_mark || self.finished {
-                    if !at_mark {
-                        self.skipped += core::mem::take(&mut self.spare_dles) as u64;
-                    }
-                    if let Some(error) = self.take_error() {
-                        return Some(Err(error));
-                    }
+                if (at_mark || self.finished)
+                    && let Some(error) = self.take_error()
+                {
+                    return Some(Err(error));
                 }
                 if !at_mark {
                     self.finished = false;
@@ -237,7 +233,7 @@ impl<M: Message> Decoder<M> {
     /// Removes bytes from the buffer; returns how many of them are not counted yet.
     fn consume(&mut self, count: usize) -> usize {
         self.start += count;
-        if self.reading.has_begun() && count > 0 {
+        if self.reading.has_begun() {
             self.reading = Reading::NEW;
         }
         self.read_before = self.read_before.saturating_sub(count);
@@ -292,7 +288,9 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
             self.start = 0;
         }
         // A port that gives single bytes: no call to copy one.
-        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
+        if self.end < CAPACITY
+            && let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end))
+        {
             *room = *byte;
             self.end += 1;
             return 1;
@@ -324,10 +322,11 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
                 return None;
             }
         }
-        let is_half = self.framing.leading_dle == LeadingDle::Two
-            && self.end == from + 2
-            && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
-        if from == self.end || is_half { None } else { self.next_message() }
+        match self.buffer.get(from..self.end) {
+            Some([]) => None,
+            Some([DLE, byte]) if *byte == self.half_mark() => None,
+            _ => self.next_message(),
+        }
     }
 
     fn finish(&mut self) {

@@ -199,8 +199,8 @@ fn digits(word: u64) -> Option<(i32, usize)> {
     }
     // One digit and two pairs of digits, 16 bits each; their sum begins at bit 32. What is above it is a multiple of four, and so
     // leaves its bit 16 alone.
-    let pairs = (aligned.wrapping_mul(10 << 8 | 1) >> 24) & 0x00FF_00FF_00FF;
-    let sum = pairs.wrapping_mul(10_000 << 32 | 100 << 16 | 1) >> 32 & 0x1_FFFF;
+    let pairs = (aligned.wrapping_mul((10 << 8) + 1) >> 24) & 0x00FF_00FF_00FF;
+    let sum = pairs.wrapping_mul((10_000 << 32) + (100 << 16) + 1) >> 32 & 0x1_FFFF;
     Some((i32::try_from(sum).ok()?, end as usize / 8))
 }
 

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use robot_session::{Decoder as _, Encode as _, Machine as _, Session as _};
-use val2_alter::host::machine::{Draft, HostMachine, Input};
+use val2_alter::host::machine::{Answer, Course, Draft, HostMachine, Input};
 use val2_alter::{
     ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,
     Frame, Framed, Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode,
@@ -93,6 +93,11 @@ fn bytes_that_begin_with_no_mark_are_reported_by_the_frame_itself() {
     assert_eq!(Frame::decode(&bytes, Framing::DEFAULT), Err(DecodeError::StartMark { offset: 0, length: 6 }));
     let (frame, used) = Frame::decode(&bytes, one).unwrap().unwrap();
     assert_eq!((frame, used), (Frame::new(&[0xE0]).unwrap(), 6));
+    // More than enough belong to it.
+    for (framing, dles) in [(one, 2), (one, 3), (Framing::DEFAULT, 3)] {
+        let bytes = [&[0x10; 3][..dles], &bytes[1..]].concat();
+        assert_eq!(Frame::decode(&bytes, framing), Ok(Some((frame, 5 + dles))));
+    }
 }
 
 #[test]
@@ -113,7 +118,7 @@ fn the_longest_frame_has_every_byte_doubled() {
     assert_eq!(Frame::new(&[0; 31]), Err(EncodeError::TooLong { found: 31, limit: 30 }));
     let short = EncodeError::BufferTooSmall { needed: 41, available: 40 };
     assert_eq!(eleven.encode(all, &mut [0; 40]), Err(short));
-    assert_eq!(Host::MAX_TRANSMIT, 34);
+    assert_eq!((Host::MAX_TRANSMIT, HostMessage::MAX_DATA), (34, 14));
 }
 
 #[test]
@@ -315,6 +320,28 @@ fn while_the_longest_reply_fits_it_has_all_words() {
     assert_eq!(asked.select(after, &longest, &config), Some((0, 0)));
 }
 
+/// "Speeds go to zero, an offset stays."
+#[test]
+fn without_a_target_speeds_go_to_zero_and_an_offset_stays() {
+    for (mode, course) in [(Mode::CUMULATIVE_23, Course::Zero), (Mode::NON_CUMULATIVE_22, Course::Hold)] {
+        let config = HostConfig { mode, ..HostConfig::default() };
+        let mut host = HostMachine::new(Policy::Accept, false);
+        let sent = Input::Sent { moving: 0, at_rest: true };
+        let motion = Input::Motion { phase: MotionPhase::Running, error: ErrorCode::None, len: 36 };
+        for input in [Input::Connected, Input::Start { is_expected: true }, sent, motion] {
+            host.on(Duration::ZERO, input, &config).unwrap();
+        }
+        let exception = Exception::None;
+        let reply = Some(Answer::Reply { course, exception });
+        assert_eq!(host.transmit(Duration::ZERO, &config), reply, "no target was set");
+        host.on(Duration::ZERO, Input::Target, &config).unwrap();
+        let aimed = Some(Answer::Reply { course: Course::Target, exception });
+        assert_eq!(host.transmit(Duration::ZERO, &config), aimed);
+        host.on(Duration::ZERO, Input::NoTarget, &config).unwrap();
+        assert_eq!(host.transmit(Duration::ZERO, &config), reply, "it was cleared");
+    }
+}
+
 /// Every time that a session takes may be the last one there is, in its configuration too.
 #[test]
 fn the_end_of_time_is_survived() {
@@ -334,9 +361,12 @@ fn the_end_of_time_is_survived() {
     ];
     let mut out = [0; Frame::MAX_LEN];
     for config in configs {
-        for times in
-            [[MAX; 4], [Duration::ZERO, MAX, Duration::ZERO, MAX], [MAX - Duration::from_millis(28); 4]]
-        {
+        for times in [
+            [MAX; 4],
+            [Duration::ZERO, MAX, Duration::ZERO, MAX],
+            [MAX - Duration::from_millis(28); 4],
+            [MAX - Duration::from_nanos(111_999_999); 4],
+        ] {
             let [a, b, c, d] = times;
             let mut host = Host::new(config).unwrap();
             host.handle_connected(a);

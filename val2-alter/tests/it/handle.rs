@@ -4,18 +4,22 @@
 
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
+use core::task::{Context, Waker};
 use core::time::Duration;
+use std::io::{self, Read as _, Write as _};
 use std::sync::{Arc, Mutex};
-use std::thread;
+use std::{net, thread};
 
 use tokio::net::{TcpListener, TcpStream};
+use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
-use val2_alter::robot_session::tokio::{Driver, Reconnect, Tcp};
+use val2_alter::robot_session::tokio::{Dial, Driver, Reconnect, Tcp};
 use val2_alter::robot_session::{Session as _, now};
 use val2_alter::tokio::{Arm, Error, host};
 use val2_alter::{
-    Controller, ControllerConfig, ControllerEvent, ControllerState, Exception, HostConfig, Reach,
-    SessionError,
+    Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, ExceptionOutcome,
+    Frame, Framing, HostConfig, HostMessage, List, Message as _, Mode, Motion, MotionPhase, Reach, Reply,
+    RobotMessage, SessionError, Start, StartCode,
 };
 
 const LONG: Duration = Duration::from_secs(30);
@@ -116,4 +120,122 @@ async fn a_target_that_nobody_renews_ends() {
     let at = arm.commanded();
     sleep(300 * MS).await;
     assert_eq!(arm.commanded(), at);
+}
+
+/// A controller by hand, which may take its time.
+struct Line(Arc<net::TcpStream>);
+
+impl Line {
+    async fn to_arm() -> (Arm, Self) {
+        let listener = net::TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+        let to = Tcp::new(listener.local_addr().unwrap().to_string());
+        let config = HostConfig {
+            baud: FAST,
+            subroutine: true,
+            silence_cycles: 10_000,
+            target_timeout: LONG,
+            gap: None,
+            ..HostConfig::default()
+        };
+        let (arm, task) = host(config, None, to).unwrap();
+        tokio::spawn(task.run());
+        let stream = spawn_blocking(move || listener.accept()).await.unwrap().unwrap().0;
+        stream.set_read_timeout(Some(LONG)).unwrap();
+        (arm, Self(Arc::new(stream)))
+    }
+
+    /// Sends a message, and reads its answer.
+    async fn answer(&self, message: RobotMessage) -> HostMessage {
+        let stream = Arc::clone(&self.0);
+        let answering = move || {
+            let (mut out, mut read) = ([0; Frame::MAX_LEN], Vec::new());
+            let length = message.encode(Framing::DEFAULT, &mut out).unwrap();
+            (&*stream).write_all(&out[..length]).unwrap();
+            loop {
+                let mut byte = [0];
+                (&*stream).read_exact(&mut byte).unwrap();
+                read.extend(byte);
+                if let Some((answer, _)) = HostMessage::decode_frame(&read, Framing::DEFAULT).unwrap() {
+                    return answer;
+                }
+            }
+        };
+        spawn_blocking(answering).await.unwrap()
+    }
+
+    async fn start(&self) -> HostMessage {
+        self.answer(RobotMessage::Start(Start::new(Mode::CUMULATIVE_23, List::EMPTY))).await
+    }
+
+    async fn reply(&self, phase: MotionPhase, error: ErrorCode) -> Reply {
+        let (segment_status, segment, percent, transform) = (1.into(), 1, 0, None);
+        let motion = Motion { phase, error, segment_status, segment, percent, transform };
+        match self.answer(RobotMessage::Motion(motion)).await {
+            HostMessage::Reply(reply) => reply,
+            HostMessage::StartReply(_) => panic!("no start was sent"),
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_reply_that_the_controller_could_not_read_is_no_way() {
+    let (arm, line) = Line::to_arm().await;
+    line.start().await;
+    arm.set_target([5, 0, 0, 0, 0, 0]);
+    let mut ways = Vec::new();
+    for error in [ErrorCode::None, ErrorCode::None, ErrorCode::Checksum, ErrorCode::None] {
+        let reply = line.reply(MotionPhase::Running, error).await;
+        assert_eq!(reply.values[0], Some(5));
+        ways.push(arm.commanded());
+    }
+    assert_eq!(ways, [0, 5, 5, 10].map(|way| [way, 0, 0, 0, 0, 0]));
+    arm.clear_target();
+    assert_eq!(line.reply(MotionPhase::Running, ErrorCode::None).await, Reply::all([0; 6]));
+    assert_eq!(arm.commanded(), [15, 0, 0, 0, 0, 0]);
+}
+
+#[tokio::test]
+async fn an_exception_is_sent_once_unless_its_caller_is_gone() {
+    let (arm, line) = Line::to_arm().await;
+    line.start().await;
+    line.reply(MotionPhase::Running, ErrorCode::None).await;
+    // Both are called before the task runs again.
+    let mut context = Context::from_waker(Waker::noop());
+    let mut gone = Box::pin(arm.exception(Exception::from(5)));
+    let mut called = Box::pin(arm.exception(Exception::CloseGripper));
+    assert!(gone.as_mut().poll(&mut context).is_pending() && called.as_mut().poll(&mut context).is_pending());
+    drop(gone);
+    let reply = line.reply(MotionPhase::Running, ErrorCode::None).await;
+    assert_eq!(reply.exception, Exception::CloseGripper);
+    let reply = line.reply(MotionPhase::Interrupted, ErrorCode::None).await;
+    assert_eq!(reply.exception, Exception::None);
+    let outcome = timeout(LONG, called).await.unwrap();
+    assert!(matches!(outcome, Ok(ExceptionOutcome::Done)), "{outcome:?}");
+}
+
+#[tokio::test]
+async fn no_start_is_answered_from_a_stop_until_it_is_accepted_again() {
+    let (arm, line) = Line::to_arm().await;
+    arm.handle().connected().await.unwrap();
+    timeout(LONG, arm.stop()).await.unwrap().unwrap();
+    arm.accept().await.unwrap();
+    assert_eq!(line.start().await, HostMessage::StartReply(StartCode::Accept));
+}
+
+#[tokio::test]
+async fn without_a_connection_a_call_says_why() {
+    let dial = Dial(async || Err::<TcpStream, _>(io::Error::from(io::ErrorKind::ConnectionRefused)));
+    let (arm, task) = host(HostConfig::default(), None, dial).unwrap();
+    tokio::spawn(task.run());
+    let outcomes = [
+        arm.stop().await.unwrap_err(),
+        arm.accept().await.unwrap_err(),
+        arm.exception(Exception::CloseGripper).await.unwrap_err(),
+    ];
+    for error in outcomes {
+        assert!(
+            matches!(&error, Error::NotConnected(why) if why.kind() == io::ErrorKind::ConnectionRefused),
+            "{error}"
+        );
+    }
 }

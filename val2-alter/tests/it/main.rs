@@ -8,3 +8,5 @@ mod handle;
 #[cfg(feature = "bytes")]
 mod properties;
 mod rules;
+mod session;
+mod stream;

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
     Accumulation, CoordinateFrame, EncodeError, Exception, Frame, Framing, HostMessage, LeadingDle, Limiter,
-    Limits, List, Message, Mode, Motion, MotionPhase, Polarity, Reply, RobotMessage, Scale, Transform,
+    Limits, List, Message, Mode, Motion, MotionPhase, Polarity, Reach, Reply, RobotMessage, Scale, Transform,
 };
 
 use Accumulation::{Cumulative, NonCumulative};
@@ -284,6 +284,7 @@ fn an_axis_without_acceleration_stays() {
 fn a_rejected_offset_is_taken_back() {
     let mut limiter = Limiter::new(Limits { velocity: [50; 6], acceleration: [20; 6] });
     assert_eq!([(); 3].map(|()| limiter.positions([500; 6])[0]), [20, 60, 110]);
+    assert!(!limiter.is_at_rest());
     limiter.rejected();
     assert_eq!((limiter.position()[0], limiter.is_at_rest()), (60, true));
     assert_eq!(limiter.positions([500; 6])[0], 80);
@@ -300,4 +301,13 @@ fn an_axis_that_must_wait_stays_on_the_path() {
     assert_eq!(limiter.positions([500; 6])[..2], [20, 20]);
     limiter.hold(0b10);
     assert_eq!(limiter.positions([500; 6])[..3], [60, 20, 60]);
+}
+
+#[test]
+fn what_leads_out_of_reach_ends_at_it_and_all_else_is_as_it_was() {
+    let reach = Reach { low: [-150; 6], high: [200; 6] };
+    assert_eq!(reach.offsets([-151, -150, 7, 0, 200, 201]), [-150, -150, 7, 0, 200, 200]);
+    // With so much acceleration any speed stops at once.
+    let speeds = reach.speeds([190, -140, 190, 0, 210, -160], [30, -30, -30, 30, 30, -30], &[1000; 6]);
+    assert_eq!(speeds, [10, -10, -30, 30, 0, 0]);
 }

@@ -33,8 +33,8 @@ fn a_packet_is_a_line_of_text() {
         let mut buffer = [0; 100];
         assert_eq!(packet.append_to(&mut &mut buffer[..end]), Err(short));
     }
-    let mut appended = Vec::new();
-    assert_eq!(packet.append_to(&mut appended), Ok(()));
+    let mut appended = [0; LINE.len()];
+    assert_eq!(packet.append_to(&mut &mut appended[..]), Ok(()), "room for the line and no more");
     assert_eq!(appended, LINE);
     assert_eq!(ENQ, 5);
 }
@@ -110,6 +110,29 @@ fn each_part_of_a_line_is_checked_in_its_place() {
     assert_eq!(with(star + 3, b' '), Err(DecodeError::Format { offset: star + 3 }));
     assert_eq!(with(star + 4, b' '), Err(DecodeError::TooLong { limit: LIMIT }));
     assert_eq!(with(6, b'7'), Err(DecodeError::Number { offset: 6 }), "75535 packets");
+}
+
+/// Also where the sum is right: the packet says something else then, or nothing.
+#[test]
+fn no_byte_above_127_is_a_digit() {
+    for byte in 0x80..=0xFF {
+        let text = [b"POSE,1", &[byte][..], b",0,0,0,0,0,0,0,0,0,0,0,0"].concat();
+        let sum = text.iter().fold(0, |sum, byte| sum ^ byte);
+        let line = [b"$", &text[..], format!("*{sum:02X}\r\n").as_bytes()].concat();
+        assert_eq!(PosePacket::decode(&line), Err(DecodeError::Format { offset: 7 }), "{byte:02X}");
+    }
+}
+
+#[test]
+fn a_byte_that_comes_alone_before_the_end_of_the_stream_is_of_the_last_item() {
+    let mut decoder = Decoder::new();
+    for byte in *b"POS" {
+        assert_eq!((decoder.next_frame(), decoder.push(&[byte])), (None, 1));
+    }
+    decoder.finish();
+    assert_eq!(decoder.push(b""), 0, "no byte, and the stream is still at its end");
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Noise { length: 3 })));
+    assert_eq!((decoder.next_frame(), decoder.position()), (None, 3));
 }
 
 #[test]

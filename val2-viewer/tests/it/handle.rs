@@ -4,14 +4,17 @@
 
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
+use std::io;
+use std::sync::Arc;
 
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
-use val2_viewer::robot_session::tokio::{Driver, Reconnect, Tcp};
+use val2_viewer::robot_session::tokio::{Dial, Driver, Link, Reconnect, Tcp};
 use val2_viewer::robot_session::{Session as _, now};
 use val2_viewer::tokio::workstation;
-use val2_viewer::{Host, HostConfig, HostEvent, WorkstationConfig};
+use val2_viewer::{ENQ, Host, HostConfig, HostEvent, WorkstationConfig};
 
 const LONG: Duration = Duration::from_secs(20);
 const MS: Duration = Duration::from_millis(1);
@@ -49,4 +52,43 @@ async fn the_pose_is_the_latest_until_the_host_is_gone_and_comes_back_with_it() 
         while timeout(LONG, arm.pose.next()).await.unwrap().unwrap().is_some() {}
         assert_eq!(arm.pose.get(), None);
     }
+}
+
+#[tokio::test]
+async fn a_pause_without_a_connection_holds_when_there_is_one() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let is_open = Arc::new(AtomicBool::new(false));
+    let opens = Arc::clone(&is_open);
+    let dial = Dial(move || {
+        let is_open = opens.load(Ordering::Relaxed);
+        async move {
+            if is_open {
+                TcpStream::connect(address).await
+            } else {
+                Err(io::ErrorKind::ConnectionRefused.into())
+            }
+        }
+    });
+    let (arm, task) = workstation(WorkstationConfig::default(), dial).unwrap();
+    assert!(arm.pause(true));
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    let mut link = arm.handle.link();
+    timeout(LONG, link.wait_for(|link| matches!(link, Link::Failed(_)))).await.unwrap().unwrap();
+    is_open.store(true, Ordering::Relaxed);
+    let stream = timeout(LONG, listener.accept()).await.unwrap().unwrap().0;
+    let mut asked = [0; 2];
+    sleep(500 * MS).await;
+    let nothing = stream.try_read(&mut asked).map_err(|error| error.kind());
+    assert_eq!(nothing, Err(io::ErrorKind::WouldBlock), "two display cycles without a request");
+    assert!(arm.pause(false));
+    let reading = async {
+        loop {
+            stream.readable().await.unwrap();
+            if let Ok(length) = stream.try_read(&mut asked) {
+                return length;
+            }
+        }
+    };
+    assert_eq!((timeout(LONG, reading).await.unwrap(), asked[0]), (1, ENQ));
 }

@@ -286,6 +286,15 @@ mod tests {
         let mut printed = String::new();
         Assignment::FACTORY.print(1, &mut printed).unwrap();
         assert!(LISTING.contains(&printed), "{printed}");
+        assert_eq!(printed.lines().count(), 4);
+    }
+
+    #[test]
+    fn a_slot_is_used_when_it_has_a_size_and_a_name() {
+        let lines = "$SNPX_ASG[1].$SIZE=2\n$SNPX_ASG[2].$VAR_NAME='R[1]'\n\
+                     $SNPX_ASG[3].$SIZE=1\n$SNPX_ASG[3].$VAR_NAME='R[1]'";
+        let slots = Slots::parse(lines).unwrap();
+        assert!(slots.used().map(|(slot, _)| slot).eq([3]));
     }
 
     #[test]

@@ -69,13 +69,13 @@ impl Cursor {
         self.turn(limits);
     }
 
-    /// The same end one lap or less before, without a reset in between.
+    /// The same end one lap or less before, without a reset in between. No slots are known to be its own.
     pub(crate) const fn back_at(self, position: u32, limits: Limits) -> Self {
         let max = limits.max as u32;
         let back = limits.distance(position, self.at) % max;
         let number = (self.number() as u32 - 1 + max - back) % max + 1;
         let cursor = Self::new(position, (number & 0xFFFF) as u16, limits);
-        Cursor { end: self.end, wrapped: self.wrapped, ..cursor }
+        Cursor { wrapped: self.wrapped, ..cursor }
     }
 
     /// Wraps the lap and the numbers at their end, and finds the next stop.
@@ -168,5 +168,35 @@ impl Mark {
     /// Whether it is so far behind `at` that it must be renewed. Asked once a lap at least, of at most 9999 jobs.
     pub(crate) const fn is_stale(self, at: u32) -> bool {
         self.ahead_of(at) < -(1 << 14)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Limits, Mark};
+
+    #[test]
+    fn a_position_is_before_those_that_are_less_than_half_of_all_positions_later() {
+        for capacity in [1, 3, 9999] {
+            let limits = Limits { capacity, max: u16::MAX };
+            let wrap = limits.wrap();
+            assert_eq!(wrap, capacity * 65536, "a lap begins where the positions do again");
+            for position in [0, 1, wrap / 2, wrap - 1] {
+                for distance in [0, 1, 2, wrap / 2 - 1, wrap / 2, wrap / 2 + 1, wrap - 1] {
+                    let later = (position + distance) % wrap;
+                    assert_eq!(limits.distance(position, later), distance);
+                    let is_before = 0 < distance && distance < wrap / 2;
+                    assert_eq!(limits.is_before(position, later), is_before, "{later} is {distance} later");
+                }
+                assert_eq!(limits.after(position, capacity), (position + capacity) % wrap);
+            }
+        }
+    }
+
+    #[test]
+    fn a_mark_is_stale_when_it_is_more_than_a_quarter_of_its_range_behind() {
+        let mark = Mark::new(0, 1);
+        assert_eq!([0, 1, 1 << 14, (1 << 14) + 1].map(|at| mark.is_stale(at)), [false, false, false, true]);
+        assert!(mark.ahead_of((1 << 14) + 9999) < 0, "nor is it taken for one ahead in the lap after that");
     }
 }

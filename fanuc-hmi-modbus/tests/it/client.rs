@@ -7,7 +7,7 @@ use crate::common::{MS, Seen, all, bytes, connected, read, rtu, sent, tcp};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::{
     Bits, Client, ClientConfig, ClientEvent, ConfigError, DecodeError, Exception, Failure, Framing, Mismatch,
-    Reply, Request, Rtu, SessionError, Tcp, Words,
+    Reply, Request, Rtu, SessionError, Tcp, Ticket, Words,
 };
 
 #[test]
@@ -89,13 +89,19 @@ fn a_reply_of_another_unit_function_length_or_echo_is_refused() {
     let write = Request::WriteRegister { address: 1, value: 2 };
     let coils = Request::WriteCoils { address: 1, values: (&[true, false]).into() };
     let registers = Request::WriteRegisters { address: 1, values: (&[1, 2]).into() };
-    let cases: [(Request<'_>, u8, Reply<'_>, Mismatch); 12] = [
+    let cases: [(Request<'_>, u8, Reply<'_>, Mismatch); 13] = [
         (read(0, 2), 2, words(2), Mismatch::Unit { expected: 1, found: 2 }),
         (
             read(0, 2),
             1,
             Reply::InputRegisters((&[0, 0]).into()),
             Mismatch::Function { expected: 3, found: 4 },
+        ),
+        (
+            Request::ReadInputRegisters { address: 0, quantity: 2 },
+            1,
+            words(2),
+            Mismatch::Function { expected: 4, found: 3 },
         ),
         (read(0, 2), 1, words(3), Mismatch::Quantity { expected: 4, found: 6 }),
         (
@@ -169,6 +175,7 @@ fn corruption_on_tcp_is_reported_at_once_and_then_as_what_it_was() {
     client.handle_input(MS, &bytes(Some(1), 1, Reply::HoldingRegisters((&[9]).into())));
     let stray = Seen::Stray { function: 3, late: None, mismatch: None };
     assert_eq!(all(&mut client), [Seen::Corrupt(length), stray]);
+    assert_eq!(client.statistics().corrupt, 1);
     client.handle_input(MS, &[0xEE; 6]);
     let protocol = DecodeError::Protocol { found: 0xEEEE };
     assert_eq!(all(&mut client), [Seen::OutOfStep(protocol)]);
@@ -270,7 +277,9 @@ fn a_lost_connection_ends_every_request_and_nothing_is_sent_again() {
     let queued = client.request(1, &Request::WriteRegister { address: 2, value: 2 }).unwrap();
     assert_eq!(sent(&mut client, MS).len(), 1);
     client.handle_input(MS, &[0, 1, 0, 0]);
+    assert_eq!((client.in_flight(), client.pending()), (1, 4));
     client.handle_disconnected(MS);
+    assert_eq!((client.in_flight(), client.pending()), (0, 0));
     client.handle_disconnected(MS);
     assert_eq!(
         all(&mut client),
@@ -296,6 +305,7 @@ fn a_lost_connection_ends_every_request_and_nothing_is_sent_again() {
 fn a_reply_stays_until_the_next_request_takes_its_place() {
     let mut client: Client<2> = connected(tcp(2));
     let tickets = [0, 1].map(|address| client.request(1, &read(address, 1)).unwrap());
+    assert_eq!(tickets.map(Ticket::number), [1, 2]);
     assert_eq!(sent(&mut client, MS).len(), 2);
     for transaction in [1, 2] {
         client
@@ -312,6 +322,10 @@ fn a_reply_stays_until_the_next_request_takes_its_place() {
     assert_eq!(all(&mut client), [Seen::Registers(tickets[1], vec![2])]);
     assert_eq!(client.reply(third), None, "it has none yet");
     assert_eq!(client.reply(tickets[1]), Some(Reply::HoldingRegisters((&[2]).into())), "still there");
+    sent(&mut client, MS);
+    client.handle_input(MS, &bytes(Some(3), 1, Reply::HoldingRegisters((&[3]).into())));
+    assert_eq!(all(&mut client), [Seen::Registers(third, vec![3])]);
+    assert_eq!(client.reply(tickets[0]), None, "the reply in its place is another one's");
 }
 
 #[test]

@@ -144,6 +144,7 @@ fn a_connection_that_ends_within_a_frame_says_so_and_a_reset_forgets_it() {
         push(&mut decoder, &READ[..cut]);
         assert_eq!(decoder.next_frame(), None);
         decoder.clear();
+        assert_eq!(decoder.position(), cut as u64, "what it discards counts");
         push(&mut decoder, &READ);
         assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, &READ[7..]);
     }
@@ -160,15 +161,35 @@ fn corruption_is_known_at_once() {
 #[test]
 fn two_silences_may_come_before_the_frames_are_drained() {
     let mut decoder = Decoder::new(RTU, Side::Client);
-    push(&mut decoder, &[0x55]);
-    decoder.finish();
-    push(&mut decoder, &sealed(&[1, 65, 7]));
-    assert_eq!(decoder.pending(), 6);
-    decoder.finish();
-    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Cut { expected: 4, found: 1 })));
-    assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [65, 7]);
-    assert_eq!(decoder.next_frame(), None);
-    assert_eq!(decoder.pending(), 0);
+    for _ in 0..3 {
+        push(&mut decoder, &[0x55]);
+        decoder.finish();
+        push(&mut decoder, &sealed(&[1, 65, 7]));
+        assert_eq!(decoder.pending(), 6);
+        decoder.finish();
+        assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Cut { expected: 4, found: 1 })));
+        assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [65, 7]);
+        assert_eq!(decoder.next_frame(), None);
+        assert_eq!(decoder.pending(), 0);
+    }
+}
+
+#[test]
+fn a_frame_after_corruption_is_there_with_its_last_byte() {
+    let read = sealed(&[1, 3, 0, 0, 0, 1]);
+    for (framing, frame) in [(Framing::Tcp, &READ[..]), (RTU, &read)] {
+        for noise in 8..100 {
+            let mut decoder = Decoder::new(framing, Side::Client);
+            let mut items = Items::new();
+            for byte in [&vec![1; noise][..], frame].concat() {
+                assert!(items.len() < 2);
+                push(&mut decoder, &[byte]);
+                drain(&mut decoder, &mut items);
+            }
+            let whole = (noise + frame.len()) as u64;
+            assert_eq!(items.last().map(|(item, end)| (item.is_ok(), *end)), Some((true, whole)), "{noise}");
+        }
+    }
 }
 
 #[test]

@@ -17,8 +17,8 @@ use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::robot_session::tokio::{Dial, Link, Reconnect, Tcp, serve};
 use fanuc_hmi_modbus::tokio::{Client, Error, Event, client};
 use fanuc_hmi_modbus::{
-    ClientConfig, Exception, Failure, Registers, Request, Server, ServerConfig, SessionError, TelemetryBlock,
-    WordOrder, Words,
+    ClientConfig, Exception, Failure, PositionRegister, Registers, Request, Server, ServerConfig,
+    SessionError, TelemetryBlock, WordOrder, Words,
 };
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -61,6 +61,9 @@ async fn every_call_has_its_reply() {
     let block = TelemetryBlock { life_counter: 70_000, override_percent: 30, ..TelemetryBlock::default() };
     robot.write_registers(0, &block.to_registers(WordOrder::LowFirst)).await.unwrap();
     assert_eq!(robot.read_telemetry(WordOrder::LowFirst).await.unwrap(), block);
+    let position = PositionRegister { user_frame: 3, user_tool: 4, ..PositionRegister::default() };
+    robot.write_position(50, &position, WordOrder::HighFirst).await.unwrap();
+    assert_eq!(robot.read_position(50, WordOrder::HighFirst).await.unwrap(), position);
 
     let refused = robot.read_holding_registers(99..101).await;
     assert!(matches!(refused, Err(Error::Exception(Exception::IllegalDataAddress))), "{refused:?}");
@@ -212,6 +215,56 @@ async fn a_server_out_of_step_is_connected_again() {
         assert!(begun.elapsed() < LONG);
     }
     server.abort();
+}
+
+/// After a part of a reply nobody knows what the next bytes belong to. A server that only is late has nothing to do with that.
+#[tokio::test]
+async fn a_server_that_cuts_a_reply_off_is_connected_again_and_a_silent_one_is_not() {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    async fn reply(stream: &mut TcpStream) -> [u8; 10] {
+        let mut request = [0; 12];
+        stream.read_exact(&mut request).await.unwrap();
+        [request[0], request[1], 0, 0, 0, 4, 1, 1, 1, 1]
+    }
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let robot = to(listener.local_addr().unwrap(), ClientConfig { timeout: 100 * MS, ..ClientConfig::tcp() });
+    let server = async {
+        let mut first = listener.accept().await.unwrap().0;
+        reply(&mut first).await;
+        let whole = reply(&mut first).await;
+        first.write_all(&whole).await.unwrap();
+        let whole = reply(&mut first).await;
+        first.write_all(&whole[..9]).await.unwrap();
+        let mut second = listener.accept().await.unwrap().0;
+        let whole = reply(&mut second).await;
+        second.write_all(&whole).await.unwrap();
+        (first, second)
+    };
+    let ask = async {
+        for is_answered in [false, true, false, true] {
+            match robot.read_coils(0..1).await {
+                Ok(bits) => assert!(is_answered && bits == [true]),
+                Err(Error::Failed(Failure::TimedOut)) => assert!(!is_answered),
+                Err(error) => panic!("{error:?}"),
+            }
+        }
+    };
+    timeout(LONG, async { tokio::join!(server, ask) }).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_broadcast_has_no_reply_and_goes_to_every_unit() {
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let written = Written::default();
+    let config = ClientConfig { settle: Duration::ZERO, turnaround: MS, ..ClientConfig::rtu_over_tcp() };
+    let robot = to(listener.local_addr().unwrap(), config);
+    let registers = written.clone();
+    let session = move |_| Server::<_>::new(ServerConfig::rtu_over_tcp(7), registers.clone()).unwrap();
+    tokio::spawn(serve(listener, 8, session, |_, _, _| {}));
+    for (unit, value) in [(0, 5), (7, 6)] {
+        timeout(LONG, robot.unit(unit).write_register(0, value)).await.unwrap().unwrap();
+    }
+    assert_eq!(*written.0.lock().unwrap(), [5, 6]);
 }
 
 /// Without a runtime of the caller, and with a connection that is not one of this crate's sockets.

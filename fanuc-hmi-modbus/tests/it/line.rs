@@ -349,3 +349,13 @@ fn through_tcp_nothing_behind_garbage_is_carried_out() {
         assert_eq!(events.iter().filter(corrupt).count(), 1, "{events:?}");
     }
 }
+
+#[test]
+fn behind_garbage_on_a_line_without_a_silence_nothing_is_a_request() {
+    let mut line = Line::new(19_200);
+    line.lump(&[&[0xFF; 1024][..], &write(1).repeat(300)].concat());
+    assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
+    let statistics = line.server.statistics();
+    assert_eq!((statistics.served, statistics.refused, statistics.corrupt), (0, 0, 1));
+    line.is_served();
+}

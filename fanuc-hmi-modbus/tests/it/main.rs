@@ -5,6 +5,7 @@ mod client;
 mod common;
 mod decoder;
 mod edges;
+mod framings;
 #[cfg(feature = "tokio")]
 mod handle;
 mod line;

@@ -84,6 +84,7 @@ fn what_cannot_be_served_gets_its_exception() {
         assert_eq!(out[..2], [pdu[0] | function::EXCEPTION, 2]);
     }
     assert_eq!(serve(&[3, 0xFF, 0xFF, 0, 1], &mut Everything, &mut out), 4, "the last address is one");
+    assert_eq!(serve(&[3, 0xF0, 0, 0, 125], &mut Everything, &mut out), 252, "as many as one request reads");
     struct Nothing;
     impl Registers for Nothing {}
     for code in [1, 2, 3, 4, 5, 6, 22] {
@@ -307,6 +308,7 @@ fn a_client_is_out_of_step_where_its_requests_have_waited() {
 #[test]
 fn what_arrives_is_kept_while_the_places_are_taken() {
     let most = Server::<Bank>::MAX_INPUT;
+    assert_eq!(most, 504);
     // Of less the rest may come.
     for garbage in (0..=600).filter(|garbage| !(1..5).contains(garbage)) {
         let mut server: Server<_, 1> = connected(ServerConfig::rtu_over_tcp(1));
@@ -321,6 +323,8 @@ fn what_arrives_is_kept_while_the_places_are_taken() {
     server.handle_input(MS, &(0..200).flat_map(|value| write(Some(value), value)).collect::<Vec<_>>());
     let noise = ServerEvent::Corrupt(DecodeError::Noise { length: 1024 });
     assert_eq!(core::iter::from_fn(|| server.poll_event()).last(), Some(noise));
+    transmitted(&mut server, MS);
+    assert!(!server.registers().writes.contains(&(1, 1)), "what is lost is not carried out");
     // RTU frames are read again when the rest of that one has come.
     let mut server: Server<_, 1> = connected(ServerConfig::rtu_over_tcp(1));
     server.handle_input(MS, &(0..200).flat_map(|value| write(None, value)).collect::<Vec<_>>());
@@ -337,7 +341,9 @@ fn nothing_of_a_connection_reaches_the_next() {
     let request = bytes(Some(1), 1, read(0, 1));
     server.handle_input(MS, &request);
     server.handle_input(MS, &request[..5]);
+    assert!(server.machine().is_connected());
     server.handle_disconnected(2 * MS);
+    assert!(!server.machine().is_connected());
     assert_eq!(transmitted(&mut server, 2 * MS).len(), 0);
     server.handle_input(2 * MS, &request);
     let unexpected = core::iter::from_fn(|| server.poll_event()).last();

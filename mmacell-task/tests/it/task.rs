@@ -4,8 +4,8 @@ use core::fmt::Write;
 use std::collections::HashSet;
 
 use crate::common::*;
-use mmacell_proto::{BLOW, Command, VACUUM};
-use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig, Trigger};
+use mmacell_proto::{BLOW, Command, Progress, VACUUM};
+use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig, Trigger};
 
 /// All 21 steps of §6 in their order, and every order in them.
 #[test]
@@ -144,6 +144,40 @@ fn the_blow_takes_its_time() {
     assert_eq!(poll(&mut task, 5 * MS), [Output::Entered(Step::Blow)]);
     task.handle_timeout(6 * MS);
     assert_eq!(poll(&mut task, 6 * MS), [Output::Entered(Step::BlowOff), grip(BLOW, false)]);
+}
+
+#[test]
+fn the_switch_of_the_last_part_means_nothing_for_the_next_one() {
+    let mut task = task_at(Step::GoCamera1);
+    for _ in 0..2 {
+        run_to(&mut task, Step::AwaitPick);
+        task.handle_event(ZERO, Event::Switch { high: false });
+        assert_eq!(task.step(), Step::AwaitPick, "it was low: it has not risen");
+        task.handle_event(ZERO, Event::Switch { high: true });
+        run_to(&mut task, Step::AwaitPlace);
+        task.handle_event(ZERO, Event::Switch { high: true });
+        assert_eq!(task.step(), Step::AwaitPlace, "it was high: it has not fallen");
+        run_to(&mut task, Step::Placed);
+        task.handle_event(ZERO, Event::Next);
+    }
+}
+
+#[test]
+fn a_device_that_was_stopped_or_reset_may_be_at_rest_anywhere() {
+    let mut task = task_at(Step::StopAtPart);
+    assert_eq!(poll(&mut task, ZERO), [STOP]);
+    task.handle_event(ZERO, Event::Done(Device::Robot));
+    assert_eq!(poll(&mut task, ZERO), [ASK_ROBOT]);
+    task.handle_event(ZERO, progress(Device::Robot, Progress::Still));
+    assert_eq!(task.step(), Step::GoPlace);
+    let mut task = task_at(Step::AwaitHome);
+    task.handle_event(ZERO, Event::Abort);
+    task.handle_event(ZERO, Event::Recover);
+    assert!(poll(&mut task, ZERO).contains(&Output::Platform(Command::Reset)));
+    task.handle_event(ZERO, Event::Done(Device::Platform));
+    assert!(poll(&mut task, ZERO).contains(&ASK_PLATFORM));
+    task.handle_event(ZERO, progress(Device::Platform, Progress::Still));
+    assert_eq!((task.step(), task.fault()), (Step::Resetting, Some(Fault::Aborted)));
 }
 
 #[test]

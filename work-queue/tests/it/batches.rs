@@ -38,6 +38,33 @@ fn the_jobs_of_a_batch_are_published_at_once_under_their_numbers() {
 }
 
 #[test]
+fn a_batch_is_filled_with_no_more_jobs_than_slots_were_claimed() {
+    let mut queue: WorkQueue<u16, 5> = WorkQueue::new(9).unwrap();
+    let (mut writer, _) = queue.split();
+    let mut batch = writer.claim_batch(3).unwrap();
+    batch.fill([1]);
+    batch.fill(2..100);
+    batch.fill(4..100);
+    assert_eq!((batch.claim().err(), batch.publish()), (Some(Full), 3));
+}
+
+#[test]
+fn a_batch_is_taken_up_to_the_end_of_the_lap_on_every_lap() {
+    let mut queue: WorkQueue<u16, 4> = WorkQueue::new(1000).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    for _ in 0..3 {
+        for jobs in [4, 1, 3] {
+            let mut batch = writer.claim_batch(jobs).unwrap();
+            batch.fill([7; 4]);
+            batch.publish();
+            let mut taken = reader.take_batch(4).unwrap();
+            assert_eq!(taken.iter_mut().len(), jobs);
+            taken.complete();
+        }
+    }
+}
+
+#[test]
 fn a_batch_that_is_not_published_has_no_effect() {
     let count = Rc::new(());
     let mut queue: WorkQueue<Rc<()>, 3> = WorkQueue::new(4).unwrap();

@@ -14,7 +14,7 @@ fn both_ends_know_the_sizes_and_print_without_their_jobs() {
     let claim = writer.claim().unwrap();
     assert_eq!(format!("{claim:?}"), "Claim { number: 1 }");
     assert_eq!(claim.push(700), 1);
-    assert!(!reader.is_empty());
+    assert!(!reader.is_empty() && !writer.is_empty());
     assert_eq!(format!("{:?}", reader.iter()), "Iter { .. }");
     assert!(format!("{writer:?}").starts_with("Writer { cursor: Cursor { at: 1, "), "{writer:?}");
     assert!(
@@ -44,6 +44,8 @@ fn each_end_is_woken_by_what_the_other_has_done() {
     batch.fill([2, 3, 4]);
     assert_eq!(batch.publish(), 3);
     woken(1, 0);
+    assert_eq!(writer.claim_batch(0).unwrap().publish(), 0);
+    woken(0, 0);
     drop(reader.take().unwrap());
     woken(0, 0);
     // Its slot is free when those before it are: it is completed all the same.
@@ -96,6 +98,8 @@ fn a_queue_may_start_on_any_lap_and_wraps_around_them() {
             } else {
                 assert_eq!(reader.take().unwrap().complete(), job);
             }
+            let at = (u32::from(lap) * 3 + u32::from(job) + 1) % (3 << 16);
+            assert!(format!("{writer:?}").starts_with(&format!("Writer {{ cursor: Cursor {{ at: {at}, ")));
         }
         assert_eq!((writer.free(), writer.next_number()), (3, 3));
     }

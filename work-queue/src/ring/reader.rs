@@ -128,10 +128,7 @@ impl Front {
             return false;
         }
         let mark = hold.mark();
-        if mark == self.mark || !obeys {
-            return true;
-        }
-        self.obey(*hold, mark, writer)
+        mark == self.mark || !obeys || self.obey(*hold, mark, writer)
     }
 
     #[inline(always)]

@@ -128,7 +128,10 @@ impl Front {
             return false;
         }
         let mark = hold.mark();
-        mark == self.mark || !obeys || self.obey(*hold, mark, writer)
+        if mark == self.mark || !obeys {
+            return true;
+        }
+        self.obey(*hold, mark, writer)
     }
 
     #[inline(always)]

@@ -48,7 +48,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     pub fn claim_batch(&mut self, slots: usize) -> Result<Batch<'_, T, R>, Full> {
         let limits = self.end.hold.limits();
         let known = limits.distance(self.cursor.at, self.cursor.end) as usize;
-        if known < slots && self.look() < slots {
+        if slots > known && self.look() < slots {
             return Err(Full);
         }
         #[expect(clippy::cast_possible_truncation, reason = "no more than the capacity")]

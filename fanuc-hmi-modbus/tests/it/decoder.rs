@@ -72,6 +72,18 @@ fn an_error_covers_what_no_frame_can_begin_in_any_more() {
 }
 
 #[test]
+fn an_error_of_520_bytes_is_given_with_the_last_of_them() {
+    let mut decoder = Decoder::new(Framing::Tcp, Side::Client);
+    let mut items = Items::new();
+    push(&mut decoder, &READ);
+    for length in 0..=520 {
+        drain(&mut decoder, &mut items);
+        assert_eq!(items.len(), if length < 520 { 1 } else { 2 }, "{length}");
+        push(&mut decoder, &[0xFF]);
+    }
+}
+
+#[test]
 fn no_empty_error_is_between_a_long_one_and_the_frame_after_it() {
     // The header whose message shows its length last: at the end of the first error it is not known.
     let write = [0, 1, 0, 0, 0, 13, 1, 23, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0xAB, 0xCD];

@@ -3,8 +3,11 @@
 
 mod document;
 mod edges;
+#[cfg(feature = "serde")]
+mod findings;
 mod grammar;
 #[cfg(feature = "serde")]
 mod mistakes;
 mod operations;
 mod rewrite;
+mod words;

@@ -8,6 +8,7 @@ mod findings;
 mod grammar;
 #[cfg(feature = "serde")]
 mod mistakes;
+mod numbers;
 mod operations;
 mod rewrite;
 mod words;

@@ -151,7 +151,11 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
         ("   1:  WAIT .125(sec) ;", "   1:  WAIT   .125(sec) ;"),
         ("   1:  DO[1]=PULSE, .5sec ;", "   1:  DO[1]=PULSE,0.5sec ;"),
         (" 12:!two ;\n\n 12:;", "   1:  !two ;\n   2:   ;"),
-        // A comment says what it says.
+        // What would say something else stays.
+        ("1:--eg PULSE,1sec ;", "1:--eg PULSE,1sec ;"),
+        ("1:CALL A\u{a0} ;", "1:CALL A\u{a0} ;"),
+        // A comment says what it says, without blanks at its end.
+        ("1:!a\u{a0} ;", "   1:  !a ;"),
         ("1:!two    ;", "   1:  !two ;"),
         ("1:!DO[1]=PULSE, .5sec ;", "   1:  !DO[1]=PULSE, .5sec ;"),
         ("   1:  DO[1]=PULSE,.25sec ;", "   1:  DO[1]=PULSE,0.25sec ;"),

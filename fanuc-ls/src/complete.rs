@@ -7,7 +7,6 @@ use core::ops::Range;
 
 use crate::expression::{Function, ItemKind};
 use crate::grammar::{OPTIONS, Place, ROWS};
-use crate::motion::Motion;
 use crate::operation::Operation;
 use crate::parts::{Parts, at, offset};
 use crate::statement::Statement;
@@ -39,9 +38,8 @@ pub(crate) fn find(text: &str, parts: &Parts, byte: usize) -> Vec<Completion> {
     let mut found: Vec<String> = Vec::new();
     if let Some(open) = head.trim_end().strip_suffix('[') {
         found = numbers(text, parts, open);
-    } else if body.starts_with(['J', 'L', 'C', 'A', 'S'])
-        && Motion::options_place(before).len() < before.len()
-    {
+    } else if matches!(before.as_bytes(), [b'J' | b'L' | b'C' | b'A' | b'S', b' ' | b'\t', ..]) {
+        // The letter of a motion is a word of its own: `LBL` and `CALL` begin with one.
         found.extend(OPTIONS.iter().filter_map(|choice| choice.words.first()).map(ToString::to_string));
     } else {
         let is_first = head.trim().is_empty();
@@ -73,8 +71,7 @@ fn numbers(text: &str, parts: &Parts, open: &str) -> Vec<String> {
             });
         return labels.collect();
     }
-    let is_position = open.ends_with('P') && !open.ends_with(|c: char| c.is_alphanumeric() && c != 'P');
-    if is_position {
+    if open.ends_with('P') {
         return parts.positions(text).filter_map(Result::ok).map(|p| p.number.to_string()).collect();
     }
     Vec::new()

@@ -36,7 +36,7 @@ pub(crate) fn find(body: &str) -> impl Iterator<Item = Reference> {
             let rest = body.get(at..)?;
             let first = rest.chars().next()?;
             if first == '\'' {
-                at += 1 + rest.get(1..)?.find('\'').map_or(rest.len() - 1, |end| end + 1);
+                at += 1 + rest.get(1..)?.find('\'').map_or(rest.len(), |end| end + 1);
                 continue;
             }
             let is_word = |c: char| is_letter_or_digit(c) || matches!(c, '_' | '$' | '.');
@@ -157,6 +157,8 @@ mod tests {
         assert_eq!(found("IF (DI[ 7 :gate [2]] AND !F[9]),JMP LBL[3]"), ["DI7:gate [2]", "F9", "LBL3"]);
         assert_eq!(found("UFRAME_NUM[GP2] = 4"), ["UFRAME4"]);
         assert_eq!(found("WKZ_NUM=2"), ["UTOOL2"]);
+        assert_eq!(found("SR[1]='R[2]'+SR[3]+'R[4]'"), ["SR1", "SR3"]);
+        assert_eq!(found("SR[1]='R[2]"), ["SR1"]);
         for text in ["! R[1]", "--eg:R[1]", "MESSAGE[R[1] is R[2]]", "SR[5]='R[1]'", "$MCR[1]=1", "XR[1]=2"] {
             let expected = if text.starts_with("SR") { vec!["SR5"] } else { vec![] };
             assert_eq!(found(text), expected, "{text}");

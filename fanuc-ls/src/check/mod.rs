@@ -75,7 +75,6 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
                     motion::check(&motion, place, &mut found);
                     What::Motion(motion)
                 }
-                Ok(_) if continues_block(text, place) => What::Nothing,
                 Ok(_) => read(place, &mut found),
                 Err(_) => What::Unknown,
             };
@@ -103,15 +102,6 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
         *problem != Problem::Mistake(Mistake::Untaught) || !core::mem::replace(&mut is_template, true)
     });
     found.found
-}
-
-/// A line of the block of a motion that goes on in this one, which has no number.
-fn continues_block(text: &str, place: &str) -> bool {
-    let before = text.get(..offset(text, place)).unwrap_or("");
-    let Some((before, margin)) = before.rsplit_once('\n') else { return false };
-    let is_deep = margin.strip_suffix([' ', ':']).is_some() && margin.find(':').is_some_and(|at| at >= 5);
-    let last = before.lines().next_back().unwrap_or("").trim_end();
-    is_deep && !last.ends_with(';') && margin.trim().starts_with(':')
 }
 
 /// A line of the block of a motion, if it ends an instruction; `open` is where that has begun, if not in this line.

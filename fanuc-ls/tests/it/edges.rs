@@ -1,8 +1,8 @@
 //! The borders: every kind of motion of a builder.
 
 use fanuc_ls::{
-    AttributeValue, Axis, AxisName, AxisUnit, Builder, Configuration, Group, Motion, MotionKind, Position,
-    Program, Rules, Speed, Target, Termination,
+    AttributeValue, Axis, AxisName, AxisUnit, Builder, Configuration, Document, Group, Motion, MotionKind,
+    Position, Program, Rules, Speed, Target, Termination,
 };
 
 #[test]
@@ -90,4 +90,36 @@ fn what_stands_in_the_wrong_place_is_named() {
     assert_eq!(motion("R[ FINE"), "line 4, column 15: expected `]`");
     assert_eq!(motion("10mm/sec CNTR["), "line 4, column 27: expected `]`");
     assert_eq!(error("/PROG  A\n/ATTR\n/MN x\n/END\n"), "line 3, column 4: expected the section `/MN`");
+}
+
+/// What is in `/POS`, as far as it is read.
+fn axes(block: &str) -> Option<Vec<(&'static str, Option<f64>)>> {
+    let text = format!("/PROG  A\n/MN\n/POS\nP[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\t{block}\n/END\n");
+    let position = Document::decode(&text).unwrap().positions().next()?;
+    Some(position.groups[0].axes.iter().map(|axis| (axis.name.name(), axis.value)).collect())
+}
+
+#[test]
+fn an_axis_is_read_by_its_name_and_nothing_follows_the_last() {
+    for name in ["X", "Y", "Z", "W", "P", "R", "RX", "RY", "RZ", "RW", "RP", "RR", "J9", "E9"] {
+        assert_eq!(axes(&format!("{name}\t=\t1.5 deg\n}};")), Some(vec![(name, Some(1.5))]));
+    }
+    let two = Some(vec![("J1", Some(1.5)), ("J2", Some(2.5))]);
+    for comma in [",", ",\t", ",\r\n\t", ", \t\n "] {
+        assert_eq!(axes(&format!("J1=1.5 deg{comma}J2=2.5 deg\n}};")), two, "{comma:?}");
+        assert_eq!(axes(&format!("J1=1.5 deg,J2=2.5 deg{comma}}};")), None, "{comma:?}");
+    }
+    for behind in ["", " \t", "\u{a0}", "\n\n"] {
+        assert_eq!(axes(&format!("J1=1.5 deg,J2=2.5 deg}};{behind}")), two, "{behind:?}");
+    }
+}
+
+#[test]
+fn a_closed_line_has_a_semicolon_at_its_end_or_before_blanks() {
+    for end in [";", "; ", ";\t", ";\u{a0}"] {
+        let text = format!("/PROG  A\n/MN\n : CALL A {end}\n : CALL B {end}\n/END\n");
+        let document = Document::decode(&text).unwrap();
+        let bodies: Vec<_> = document.statements().map(|statement| statement.body().to_owned()).collect();
+        assert_eq!(bodies, ["CALL A", "CALL B"], "{end:?}");
+    }
 }

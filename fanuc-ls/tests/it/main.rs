@@ -3,8 +3,12 @@
 
 mod document;
 mod edges;
+#[cfg(feature = "serde")]
+mod findings;
 mod grammar;
 #[cfg(feature = "serde")]
 mod mistakes;
+mod numbers;
 mod operations;
 mod rewrite;
+mod words;

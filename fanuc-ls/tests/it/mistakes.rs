@@ -3,7 +3,7 @@
 use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings};
 
 /// A sound program, with one text put into one of its sections; and the line where that begins.
-fn program(section: &str, text: &str) -> (String, usize) {
+pub(crate) fn program(section: &str, text: &str) -> (String, usize) {
     let mut lines: Vec<String> = vec!["/PROG  A".into(), "/ATTR".into()];
     let mut first = lines.len() + 1;
     match section {
@@ -190,6 +190,8 @@ fn a_long_instruction_of_a_block_goes_on_in_the_next_line() {
         )
     };
     assert_eq!(found(&program("M[95:safe] AND M[3])")), []);
+    // A line of nothing and a comment have none.
+    assert_eq!(found(&program("M[3]) ;\n      3:   ;\n      4:  !a ( b")), []);
     // A mistake is found in the line that it is in.
     assert_eq!(found(&program("M[95:safe] AND [3])")), [(5, "expected".to_owned(), Level::Error)]);
 }
@@ -235,6 +237,13 @@ fn an_editor_is_told_what_may_stand_at_a_place() {
     assert_eq!(complete(" IF R[1]=1,EN|"), ["EN>END"]);
     assert_eq!(complete("L P[3] 5mm/sec FINE Tool|"), ["Tool>Tool_Offset"]);
     assert_eq!(complete(" R[1]=SU|"), ["SU>SUBSTR"]);
+    // At the beginning stands an instruction, and no function.
+    assert_eq!(complete(" AB|"), ["AB>ABORT"]);
+    assert_eq!(complete(" R[1]=AB|"), ["AB>ABS"]);
+    // Many begin with a letter of a motion.
+    assert_eq!(complete(" JM|"), ["JM>JMP"]);
+    assert_eq!(complete(" SELECT_|"), ["SELECT_>SELECT_CONVEYOR"]);
+    assert_eq!(complete("L P[3] 5mm/sec FI|"), ["FI>FINE"]);
     assert_eq!(complete(" !R|"), Vec::<String>::new());
 }
 

@@ -247,3 +247,26 @@ fn options_are_read_to_their_end() {
     assert_eq!(options("ACC50 XYZ[1] PTH"), ["ACC50", "XYZ[1] PTH"]);
     assert_eq!(options(""), [""; 0]);
 }
+
+#[test]
+fn what_is_named_ends_with_its_brackets() {
+    let system = |text: &str| match operation(text) {
+        Operation::AssignSystem(variable, Expression::Number(5.0)) => variable,
+        other => panic!("{text}: {other:?}"),
+    };
+    assert_eq!(system("$A = 5"), "$A");
+    assert_eq!(system("$A[1] = 5"), "$A[1]");
+    assert_eq!(system("$A[1, 2].$B[3] =5"), "$A[1, 2].$B[3]");
+    assert_eq!(Operation::decode("$=5"), None);
+    let call = Operation::Call { program: "SR[25]".into(), arguments: vec![Expression::Number(1.0)] };
+    assert_eq!(operation("CALL SR[25](1)"), call);
+    let label = Item { name: Some("DONE".into()), ..item(ItemKind::Label, 99) };
+    assert_eq!(operation("LBL[99:DONE]  "), Operation::Label(label));
+}
+
+#[test]
+fn the_longest_instruction_has_4000_bytes() {
+    let text = |length: usize| format!("MESSAGE[{}]", "a".repeat(length - "MESSAGE[]".len()));
+    assert!(matches!(operation(&text(4000)), Operation::Message(_)));
+    assert_eq!(Operation::decode(&text(4001)), None);
+}

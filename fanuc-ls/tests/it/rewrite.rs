@@ -151,6 +151,25 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
         ("   1:  WAIT .125(sec) ;", "   1:  WAIT   .125(sec) ;"),
         ("   1:  DO[1]=PULSE, .5sec ;", "   1:  DO[1]=PULSE,0.5sec ;"),
         (" 12:!two ;\n\n 12:;", "   1:  !two ;\n   2:   ;"),
+        // What would say something else stays.
+        ("1:--eg PULSE,1sec ;", "1:--eg PULSE,1sec ;"),
+        ("1:CALL A\u{a0} ;", "1:CALL A\u{a0} ;"),
+        // A comment says what it says, without blanks at its end.
+        ("1:!a\u{a0} ;", "   1:  !a ;"),
+        ("1:!two    ;", "   1:  !two ;"),
+        ("1:!DO[1]=PULSE, .5sec ;", "   1:  !DO[1]=PULSE, .5sec ;"),
+        ("   1:  DO[1]=PULSE,.25sec ;", "   1:  DO[1]=PULSE,0.25sec ;"),
+        ("   1:  DO[1]=PULSE,2sec ;", "   1:  DO[1]=PULSE,2.0sec ;"),
+        ("   1:      CALL A ;", "   1:  CALL A ;"),
+        // A case stays in its column, if it has one.
+        (
+            " 1: SELECT R[1]=1,CALL A ;\n 2:     =2,CALL B ;\n 3: =3,CALL B ;\n 4:  =4,CALL B ;\n 5:     ELSE,CALL C ;",
+            "   1:  SELECT R[1]=1,CALL A ;\n   2:     =2,CALL B ;\n   3:         =3,CALL B ;\n   4:         =4,CALL B ;\n   5:     ELSE,CALL C ;",
+        ),
+        (
+            " 1: IST i[1]=1,SPRUNG LABEL[1] ;\n 2:     SONST,SPRUNG LABEL[1] ;",
+            "   1:  IST i[1]=1,SPRUNG LABEL[1] ;\n   2:     SONST,SPRUNG LABEL[1] ;",
+        ),
         ("   1:  nonsense and ( more ;", "   1:  nonsense and ( more ;"),
         ("   1:J P[1] 5 FINE ;", "   1:J P[1] 5 FINE ;"),
         (
@@ -167,4 +186,78 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
     document.format().unwrap();
     assert!(document.as_str().contains("\n   3:J P[1:home] 20% FINE    ;\n"));
     assert_eq!(document.findings(&Rules::default()).iter().filter(|f| f.problem.is_error()).count(), 0);
+}
+
+#[test]
+fn attributes_and_positions_are_laid_out_and_what_is_not_taught_stays() {
+    let formatted = |attributes: &str, positions: &str| {
+        let text = format!("/PROG  A\n/ATTR\n{attributes}\n/MN\n   1:  END ;\n/POS\n{positions}\n/END\n");
+        let mut document = Document::decode(&text).unwrap();
+        document.format().unwrap();
+        let text = document.to_string();
+        let (attributes, rest) = text.split_once("/ATTR\n").unwrap().1.split_once("\n/MN").unwrap();
+        let positions = rest.split_once("/POS\n").unwrap().1.strip_suffix("\n/END\n").unwrap();
+        (attributes.to_owned(), positions.to_owned())
+    };
+    let (attributes, _) = formatted("OWNER = A;\nLINE_COUNT\t= 9;\nCOMMENT =\"x\";\nPROTECT = READ;", "");
+    assert_eq!(attributes, "OWNER\t\t= A;\nLINE_COUNT\t= 1;\nCOMMENT\t\t= \"x\";\nPROTECT\t\t= READ;");
+    let position = |first: &str, second: &str| {
+        let block = format!("P[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1={first} deg,\tJ2={second} deg\n}};");
+        formatted("OWNER\t\t= A;", &block).1.split_once("\tJ1=").unwrap().1.to_owned()
+    };
+    assert_eq!(position(" 1.5", " 2"), "     1.500 deg,\tJ2=     2.000 deg\n};");
+    // Zero is printed with the zero before its point, unless this file has none.
+    assert_eq!(position(" 1.5", " 0.000"), "     1.500 deg,\tJ2=     0.000 deg\n};");
+    assert_eq!(position(" 1.5", " .000"), "     1.500 deg,\tJ2=      .000 deg\n};");
+    assert_eq!(position(" 0.000", " .000"), "     0.000 deg,\tJ2=     0.000 deg\n};");
+    assert_eq!(position(" 1.5", " ******"), " 1.5 deg,\tJ2= ****** deg\n};");
+}
+
+#[test]
+fn a_jump_may_go_to_another_label_and_no_two_labels_become_one() {
+    let text =
+        "/PROG  A\n/MN\n   1:  LBL[1] ;\n   2:  lbl[2:b] ;\n   3:  JMP LBL[9] ;\n   4:  R[2]=1 ;\n/END\n";
+    let mut document = Document::decode(text).unwrap();
+    let taken = EncodeError::Taken { item: ItemKind::Label, number: 1 };
+    let onto_one = |from: u32| move |kind, number| (number == from).then_some((kind, 1));
+    assert_eq!(document.replace_items(onto_one(2)), Err(taken));
+    assert_eq!(document.as_str(), text);
+    assert_eq!(document.replace_items(onto_one(9)), Ok(1));
+    assert_eq!(document.as_str(), text.replace("LBL[9]", "LBL[1]"));
+    let items: Vec<_> = document.items().into_iter().collect();
+    assert_eq!(items, [(ItemKind::Register, 2), (ItemKind::Label, 1), (ItemKind::Label, 2)]);
+}
+
+#[test]
+fn a_line_without_a_number_gets_none() {
+    let text = "/PROG  A\n/MN\n   1:  END ;\n no number: R[1]=1 ;\n   2:  END ;\n/END\n";
+    let mut document = Document::decode(text).unwrap();
+    assert_eq!(document.renumber_lines(), Ok(1));
+    assert_eq!(document.as_str(), text.replace("   2:", "   3:"));
+}
+
+#[test]
+fn what_an_edit_does_not_mean_stays_as_it_is_spelled() {
+    let motion = |document: &Document| match document.instruction(0) {
+        Some(fanuc_ls::Instruction::Motion(motion)) => motion,
+        other => panic!("{other:?}"),
+    };
+    let text = "/PROG  A\n/MN\n   1:L P[1]  +5mm/sec FINE INC INC    ;\n/END\n";
+    let mut document = Document::decode(text).unwrap();
+    let same = motion(&document);
+    document.set_motion(0, &same).unwrap();
+    assert_eq!(document.as_str(), text);
+    let text = text.replace("+5", "5");
+    let mut document = Document::decode(&text).unwrap();
+    let once = Motion { options: "INC".into(), ..motion(&document) };
+    document.set_motion(0, &once).unwrap();
+    assert_eq!(document.as_str(), text.replace("INC INC", "INC"));
+
+    let text =
+        "/PROG  A\n/MN\n/POS\nP[1]{\n  GP1:\n UF : 0, UT : 1,\n J1=  1.500 deg, J2= ****** deg\n};\n/END\n";
+    let mut document = Document::decode(text).unwrap();
+    let mut position = document.positions().next().unwrap();
+    position.groups[0].axes[0].value = Some(2.5);
+    document.set_position(&position).unwrap();
+    assert_eq!(document.as_str(), text.replace("1.500", "2.500"));
 }

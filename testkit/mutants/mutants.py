@@ -47,7 +47,7 @@ def stale(crates: list[str]) -> list[str]:
     command = ["cargo", "mutants", "--no-config", "--list", *packages]
     names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     exempt = tomllib.loads((ROOT / ".cargo" / "mutants.toml").read_text())["exclude_re"]
-    return [pattern for pattern in exempt if not re.search(pattern, names)]
+    return [pattern for pattern in exempt if not re.search(pattern, names, re.MULTILINE)]
 
 
 def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, bool]:

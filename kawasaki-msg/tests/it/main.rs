@@ -21,6 +21,8 @@ mod resume;
 #[cfg(feature = "tokio")]
 mod robot_handle;
 mod sizes;
+#[cfg(feature = "tokio")]
+mod tasks;
 #[cfg(feature = "alloc")]
 mod uart;
 #[cfg(all(feature = "alloc", feature = "std"))]

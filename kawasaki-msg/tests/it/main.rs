@@ -10,6 +10,7 @@ mod examples;
 mod handle;
 mod jobs;
 mod layouts;
+mod limits;
 #[cfg(feature = "alloc")]
 mod motion;
 mod outcomes;

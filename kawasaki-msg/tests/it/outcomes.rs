@@ -5,7 +5,7 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     CommandOutcome, Dialect, Entry, Field, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig,
-    RobotEvent, Role,
+    RobotEvent, Role, SessionError,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -218,4 +218,21 @@ fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
     let taken = events.filter(|event| matches!(event, RobotEvent::Command { .. })).count();
     assert_eq!(robot.statistics().discarded, 40 - u64::try_from(taken).unwrap());
     assert!(taken > 0 && taken < 39, "{taken}");
+}
+
+/// The queue has 32 places. Six are kept: for an order that ends with a job that does not fit, and for four commands.
+#[test]
+fn nothing_begins_without_room_for_its_outcome() {
+    let mut bench = Bench::new();
+    let mut begun = 0;
+    while bench.pc.command(7, begun).is_ok() {
+        begun += 1;
+        bench.cycle(b"<Huuhaa$0##>");
+        bench.cycle(b"<Huuhaa$0##>");
+    }
+    assert_eq!(bench.pc.start(50, &[LINE; 3]), Err(SessionError::TooManyEvents));
+    let outcomes = bench.outcomes();
+    assert_eq!(outcomes.len(), 27);
+    assert!((0..begun).zip(outcomes).all(|(value, outcome)| outcome == (value, CommandOutcome::Transmitted)));
+    assert_eq!(bench.pc.start(50, &[LINE; 3]), Ok(()));
 }

@@ -364,13 +364,12 @@ impl Entry<'_> {
     }
 
     fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
-        let (mut values, count) = (Left(message.header), message.header.count());
-        let found = if matches!(message.header, Values::Wire(_)) || count > 0 { count } else { 0 };
+        let mut values = Left(message.header);
         for (place, field) in self.header.iter().enumerate() {
             let wrong = MessageError::Header { value: place };
             params.read(field, &mut values, place).ok_or(wrong)?.map_err(|_| wrong)?;
         }
-        if found > self.header.len() {
+        if message.header.count() > self.header.len() {
             return Err(MessageError::Header { value: self.header.len() });
         }
         Ok(())

@@ -68,7 +68,6 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
         let message = received.message();
         let events = &mut self.core.events;
         let room = match (message, received.role) {
-            (FromPc::Unusable, _) => false,
             (FromPc::Job { .. }, _) => self.jobs.writer.free() > 0,
             // An order is begun only with room for all that it can report, and a motion task.
             (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.jobs.writer.is_abandoned(),

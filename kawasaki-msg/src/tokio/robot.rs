@@ -189,10 +189,8 @@ impl<W: Job> Service for Queueing<W> {
         reports.event(event);
     }
 
-    fn refuse(&mut self, call: Call, _why: &Arc<io::Error>) {
-        let (Call::ClearQueue(reply) | Call::ResetOrder(reply)) = call;
-        let _ = reply.send(Err(Closed.into()));
-    }
+    /// The task has ended: a call that is dropped is [`Closed`].
+    fn refuse(&mut self, _call: Call, _why: &Arc<io::Error>) {}
 }
 
 impl<W> fmt::Debug for Queueing<W> {

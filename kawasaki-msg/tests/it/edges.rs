@@ -108,6 +108,8 @@ fn values_are_equal_when_their_characters_are() {
         (Some(-3), Some(-3), None)
     );
     assert_eq!(Value::Number(-30).chars().collect::<String>(), "-30");
+    // A character is a byte, whatever two of them would be in UTF-8.
+    assert_eq!(serde_json::to_string(&Value::Wire(b"\xC3\xA9")).unwrap(), "\"\u{C3}\u{A9}\"");
     assert_eq!((Value::Text("").is_empty(), Value::Number(0).is_empty()), (true, false));
     let listed = [Value::Text("a"), Value::Text(""), Value::Number(7)];
     assert_eq!(Values::Wire(b"a$$7"), Values::List(&listed));

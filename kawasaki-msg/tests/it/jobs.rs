@@ -475,3 +475,26 @@ fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
     let are_full = acks[..36].iter().all(|count| *count >= 10);
     assert!(are_full && packets.iter().all(|p| p.len() <= 256), "as many as a message of its size: {acks:?}");
 }
+
+/// What the motion task has reported as executed it completes a moment later.
+#[test]
+fn a_queue_is_cleared_when_no_job_of_it_is_left() {
+    let recovery = RecoveryLimits { resends: 0, pauses: 0, clears: 1 };
+    let mut bench = Bench::new(RobotConfig { recovery, patience: MS * 2500, ..RobotConfig::TCP }, 8, 9999);
+    bench.cycle(&jobs([1]));
+    let (_, none) = robot_work_queue::boxed(8, 9999).unwrap();
+    let mut reader = core::mem::replace(&mut bench.reader, none);
+    let last = reader.take().expect("a job waits");
+    bench.robot.job_done(bench.now, 1).unwrap();
+    let clear = RobotEvent::Recovery { step: RecoveryStep::Clear, next: 2 };
+    while !bench.events().contains(&clear) {
+        bench.cycle(b"<Huuhaa$0##>");
+    }
+    let cleared = RobotEvent::QueueCleared { next: 2 };
+    bench.cycle(b"<Huuhaa$0##>");
+    assert!(!bench.events().contains(&cleared));
+    last.complete();
+    bench.cycle(b"<Huuhaa$0##>");
+    bench.cycle(b"<Huuhaa$0##>");
+    assert!(bench.events().contains(&cleared));
+}

@@ -10,6 +10,7 @@ mod examples;
 mod handle;
 mod jobs;
 mod layouts;
+mod limits;
 #[cfg(feature = "alloc")]
 mod motion;
 mod outcomes;
@@ -21,6 +22,8 @@ mod resume;
 #[cfg(feature = "tokio")]
 mod robot_handle;
 mod sizes;
+#[cfg(feature = "tokio")]
+mod tasks;
 #[cfg(feature = "alloc")]
 mod uart;
 #[cfg(all(feature = "alloc", feature = "std"))]

@@ -6,7 +6,7 @@ use core::num::NonZeroU16;
 use core::time::Duration;
 use std::rc::Rc;
 
-use kawasaki_msg::motion::{Motion, boxed, boxed_with};
+use kawasaki_msg::motion::{JobQueue, Motion, boxed, boxed_with};
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::robot_work_queue::{NoWake, Wake};
 use kawasaki_msg::{Acks, Line, Robot, RobotConfig, RobotEvent};
@@ -94,6 +94,7 @@ fn a_job_that_overtakes_is_reported_where_none_may() {
             while let Some(job) = motion.take() {
                 job.complete();
             }
+            assert!(motion.is_empty());
             robot.handle_timeout(5 * MS);
             assert_eq!(robot.executed(), executed);
         }
@@ -112,4 +113,16 @@ fn a_job_that_is_not_completed_waits_again() {
     drop(robot);
     assert!(motion.is_abandoned());
     assert_eq!(motion.take().map(|job| job.complete().number), Some(2));
+}
+
+#[test]
+fn a_queue_in_a_static_has_two_ends_until_they_are_dropped() {
+    static QUEUE: JobQueue<Line, 4> = JobQueue::numbered::<9999>();
+    for _ in 0..2 {
+        let (jobs, mut motion) = QUEUE.split_static(NoWake, NoWake).expect("it has no ends");
+        assert!(QUEUE.split_static(NoWake, NoWake).is_none());
+        let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).unwrap();
+        give(&mut robot, 2);
+        assert_eq!(motion.take().map(|job| job.complete().number), Some(1));
+    }
 }

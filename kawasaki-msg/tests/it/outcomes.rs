@@ -4,11 +4,29 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    CommandOutcome, Dialect, Entry, Field, Line, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Role,
+    CommandOutcome, Dialect, Entry, Field, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig,
+    RobotEvent, Role, SessionError,
 };
 
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);
+
+const COMMAND: Entry<'static> = Entry {
+    role: Role::Command(7),
+    name: "Nopeus",
+    header: &[],
+    fields: &[Field::Order, Field::Value],
+    reply: None,
+    past_queue: true,
+};
+
+/// The default table with a command 7, changed.
+fn dialect(change: impl FnMut(&mut Entry<'static>)) -> Dialect<'static> {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    table.push(COMMAND);
+    table.iter_mut().for_each(change);
+    Dialect::new(table.leak()).unwrap()
+}
 
 /// A PC with a command 7 whose robot is the test.
 struct Bench {
@@ -18,17 +36,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let mut table = Dialect::DEFAULT.entries().to_vec();
-        table.push(Entry {
-            role: Role::Command(7),
-            name: "Nopeus",
-            header: &[],
-            fields: &[Field::Order, Field::Value],
-            reply: None,
-            past_queue: true,
-        });
-        let dialect = Dialect::new(table.leak()).unwrap();
-        let mut pc = Pc::new(PcConfig { dialect, ..PcConfig::TCP }).unwrap();
+        Self::with(PcConfig::TCP, |_| {})
+    }
+
+    fn with(config: PcConfig<'static>, change: impl FnMut(&mut Entry<'static>)) -> Self {
+        let mut pc = Pc::new(PcConfig { dialect: dialect(change), ..config }).unwrap();
         pc.handle_connected(Duration::ZERO);
         Self { now: Duration::ZERO, pc }
     }
@@ -125,4 +137,102 @@ fn the_pause_between_orders_is_no_work_cycle() {
         now += 3600 * SECOND;
     }
     assert_eq!(robot.statistics().work_cycle.mean(), Some(510 * MS / 4));
+}
+
+const IDLE: &[u8] = b"<Tila$6#0$0$$$#>";
+const STARTED: &[u8] = b"<TilausKuittaus$2#50#><TyoPyynto$4#50$1#>";
+const LINE: Line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) };
+
+/// A PC in order 50, of whose jobs it has sent the first `sent`; their numbers go up to this one, and any may overtake others.
+fn overtaking(max_number: u16, jobs: &'static [Line]) -> Bench {
+    let config = PcConfig { cumulative_acks: false, max_number, ..PcConfig::TCP };
+    let mut bench = Bench::with(config, |_| {});
+    bench.pc.start(50, jobs).unwrap();
+    bench.cycle(IDLE);
+    bench.cycle(STARTED);
+    bench
+}
+
+/// A number stands for one of the jobs in flight, not for the one that has it a round later.
+#[test]
+fn a_job_is_known_to_be_executed_that_was_acknowledged() {
+    let mut bench = overtaking(9, &[LINE; 6]);
+    assert_eq!(bench.pc.sent(), 6);
+    let executed = |bench: &Bench| (0..30).filter(|index| bench.pc.is_executed(*index)).collect::<Vec<_>>();
+    assert!(executed(&bench).is_empty());
+    bench.cycle(b"<TyoKuittaus$4#50$1#><TyoKuittaus$4#50$3#><TyoKuittaus$4#50$5#>");
+    assert_eq!((bench.pc.executed(), executed(&bench)), (1, vec![0, 2, 4]));
+    bench.cycle(b"<TyoKuittaus$4#50$2#>");
+    assert_eq!((bench.pc.executed(), executed(&bench)), (3, vec![0, 1, 2, 4]));
+}
+
+#[test]
+fn an_acknowledgement_that_comes_twice_counts_once() {
+    let mut bench = overtaking(4, &[LINE; 9]);
+    assert_eq!(bench.pc.sent(), 3, "as many as numbers tell apart");
+    bench.cycle(b"<TyoKuittaus$4#50$1#><TyoKuittaus$4#50$1#><TyoPyynto$4#50$4#>");
+    bench.cycle(b"<TyoKuittaus$4#50$2#><TyoPyynto$4#50$1#>");
+    assert_eq!((bench.pc.executed(), bench.pc.sent()), (2, 5), "number 1 again");
+    bench.cycle(b"<TyoKuittaus$4#50$3#><TyoKuittaus$4#50$4#>");
+    assert_eq!(bench.pc.executed(), 4);
+}
+
+/// §10.4: the robot cannot flush what it does not expect.
+#[test]
+fn a_message_is_answered_where_the_table_defines_an_answer() {
+    for unanswered in [None, Some(Role::Status), Some(Role::JobRequest)] {
+        let mut bench = Bench::with(PcConfig::TCP, |entry| {
+            if Some(entry.role) == unanswered {
+                entry.reply = None;
+            }
+        });
+        bench.pc.start(50, &[LINE; 3]).unwrap();
+        let packet = bench.cycle(IDLE);
+        assert_eq!(packet.contains("<Tila$"), unanswered != Some(Role::Status), "{packet}");
+        let packet = bench.cycle(STARTED);
+        assert_eq!(packet.contains("<Tyo$"), unanswered != Some(Role::JobRequest), "{packet}");
+    }
+}
+
+#[test]
+fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
+    let mut bench = Bench::new();
+    for count in 1..=2 {
+        bench.cycle(b"x<Huuhaa$0##>");
+        let statistics = bench.pc.statistics();
+        assert_eq!((statistics.packets, statistics.corrupt), (count, count));
+    }
+    let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
+    let dialect = dialect(|_| {});
+    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    robot.handle_timeout(SECOND);
+    robot.handle_connected(SECOND);
+    robot.handle_input(SECOND, b"x<");
+    robot.handle_input(SECOND, b"Huuhaa$0##>y<");
+    robot.handle_input(SECOND, b"Nopeus$3#0$1#>");
+    assert_eq!((robot.statistics().corrupt, robot.statistics().discarded), (2, 0));
+    while robot.poll_event().is_some() {}
+    // Nobody takes their outcomes: the last have no room.
+    (0..40).for_each(|_| robot.handle_input(SECOND, b"<Nopeus$3#0$1#>"));
+    let events = core::iter::from_fn(|| robot.poll_event());
+    let taken = events.filter(|event| matches!(event, RobotEvent::Command { .. })).count();
+    assert_eq!(robot.statistics().discarded, 40 - u64::try_from(taken).unwrap());
+    assert!(taken > 0 && taken < 39, "{taken}");
+}
+
+/// The queue has 32 places. Six are kept: for an order that ends with a job that does not fit, and for four commands.
+#[test]
+fn nothing_begins_without_room_for_its_outcome() {
+    let mut bench = Bench::new();
+    let mut begun = 0;
+    while bench.pc.command(7, begun).is_ok() {
+        begun += 1;
+        bench.cycle(b"<Huuhaa$0##>");
+        bench.cycle(b"<Huuhaa$0##>");
+    }
+    assert_eq!(bench.pc.start(50, &[LINE; 3]), Err(SessionError::TooManyEvents));
+    let outcomes = bench.outcomes();
+    assert_eq!(outcomes.len(), 27);
+    assert!((0..begun).zip(outcomes).all(|(value, outcome)| outcome == (value, CommandOutcome::Transmitted)));
+    assert_eq!(bench.pc.start(50, &[LINE; 3]), Ok(()));
 }

@@ -1,0 +1,301 @@
+//! The task of each end, whose peer is the test.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+
+use kawasaki_msg::robot_session::tokio::{Dial, Link, Reconnect};
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Order, Over, Pc, RobotError, pc, robot};
+use kawasaki_msg::{
+    CommandOutcome, Dialect, Entry, Field, JobKind, LargePc, Line, PcConfig, Point, RobotConfig, RobotEvent,
+    Role, SessionError, Supply, Takeover,
+};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+
+const LONG: Duration = Duration::from_secs(10);
+const MS: Duration = Duration::from_millis(1);
+const IDLE: &str = "<Tila$6#0$0$$$#>";
+const STARTED: &str = "<TilausKuittaus$2#50#><Tila$7#50$2$$$#><TyoPyynto$4#50$1#>";
+
+fn job(x: i32) -> Line {
+    Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(0, 0) }
+}
+
+fn jobs(count: i32) -> Vec<Line> {
+    (0..count).map(job).collect()
+}
+
+struct Peer(DuplexStream);
+
+impl Peer {
+    async fn receive(&mut self) -> String {
+        let mut packet = [0; 4096];
+        let length = timeout(LONG, self.0.read(&mut packet)).await.expect("a packet").unwrap();
+        String::from_utf8(packet[..length].to_vec()).unwrap()
+    }
+
+    /// What is answered.
+    async fn exchange(&mut self, packet: &str) -> String {
+        self.0.write_all(packet.as_bytes()).await.unwrap();
+        self.receive().await
+    }
+}
+
+/// Connects once: when it is given its end.
+type Gate = oneshot::Sender<DuplexStream>;
+
+fn open(gate: Gate) -> Peer {
+    let (end, peer) = tokio::io::duplex(1 << 16);
+    gate.send(end).unwrap();
+    Peer(peer)
+}
+
+macro_rules! gated {
+    () => {{
+        let (gate, end) = oneshot::channel::<DuplexStream>();
+        let mut end = Some(end);
+        let dial = move || {
+            let end = end.take();
+            async move {
+                let end = end.ok_or_else(|| io::Error::other("once"))?;
+                end.await.map_err(|_| io::Error::other("no robot"))
+            }
+        };
+        (gate, Dial(dial))
+    }};
+}
+
+type Session = Box<LargePc<'static, kawasaki_msg::tokio::Source<Line>>>;
+
+fn a_pc<K: Keep>(config: PcConfig<'static>, keep: K) -> (Pc<Line, K>, Gate, JoinHandle<Session>) {
+    let (gate, dial) = gated!();
+    let (pc, task) = pc(config, keep, dial).unwrap();
+    (pc, gate, tokio::spawn(task.run()))
+}
+
+async fn kill<T>(task: JoinHandle<T>) {
+    task.abort();
+    assert!(task.await.is_err());
+}
+
+async fn outcome(order: Order) -> Result<Over, Error> {
+    timeout(LONG, order).await.expect("an outcome")
+}
+
+/// Where jobs overtake one another the journal has each that is executed.
+#[tokio::test]
+async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let config = PcConfig { cumulative_acks: false, ..PcConfig::TCP };
+    let (journal, begun) = Journal::open(&path).unwrap();
+    assert_eq!(begun, None);
+    let (pc, gate, task) = a_pc(config, journal);
+    let mut robot = open(gate);
+    let limit = Arc::new(AtomicU32::new(3));
+    let known = Arc::clone(&limit);
+    let supply = move |index: u32| {
+        let is_known = index < known.load(Ordering::SeqCst);
+        if is_known { Supply::Job(job(index.try_into().unwrap())) } else { Supply::Later }
+    };
+    let order = pc.start_from(50, supply).await.unwrap();
+    assert!(robot.exchange(IDLE).await.contains("<TilausAlkaa$4#50$1#>"));
+    assert_eq!(robot.exchange(STARTED).await.matches("<Tyo$").count(), 3);
+    limit.store(4, Ordering::SeqCst);
+    let packet = robot.exchange("<TyoKuittaus$4#50$2#><TyoPyynto$4#50$4#>").await;
+    assert_eq!(packet.matches("<Tyo$").count(), 1);
+    kill(task).await;
+    drop(order);
+    let (journal, begun) = Journal::open(&path).unwrap();
+    let begun = begun.expect("an order has begun");
+    assert_eq!(begun, Kept { order: 50, executed: 0, sent: 4, ahead: vec![1] });
+
+    let (pc, gate, task) = a_pc(config, journal);
+    let mut robot = open(gate);
+    let order = pc.resume(begun, jobs(5)).await.unwrap();
+    assert!(!robot.exchange("<Tila$8#50$2$4$$#>").await.contains("<Tyo$"), "nothing is sent twice");
+    let acks = [1, 3, 4].map(|number| format!("<TyoKuittaus$4#50${number}#>")).concat();
+    let packet = robot.exchange(&(acks + "<TyoPyynto$4#50$5#>")).await;
+    assert!(packet.contains("<Tyo$14#50$5$1$4$0$0$0#>"), "{packet}");
+    robot.exchange("<TyoKuittaus$4#50$5#><LoppuKuittaus$6#50$0$5#>").await;
+    assert_eq!(outcome(order).await.unwrap(), Over { executed: 5, complete: true, unfit: None });
+    kill(task).await;
+    assert_eq!(Journal::open(&path).unwrap().1, None, "what is over is not resumed");
+}
+
+#[tokio::test]
+async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
+    const MOST: u64 = 1 << 20;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let length = || std::fs::metadata(&path).unwrap().len();
+    // A line of half of it: "50 1 2", a job of 5 digits, the others of 4 digits, each after a blank, and the end of the line.
+    let mut kept = Kept { order: 50, executed: 1, sent: 2, ahead: vec![1000; (1 << 19) / 5 - 1] };
+    kept.ahead[0] = 10_000;
+    let (mut journal, _) = Journal::open(&path).unwrap();
+    journal.keep(&kept).await.unwrap();
+    assert_eq!(length(), MOST / 2);
+    kept.executed = 2;
+    journal.keep(&kept).await.unwrap();
+    assert_eq!(length(), MOST);
+    // It would be longer than that: the last line is left.
+    kept.executed = 3;
+    journal.keep(&kept).await.unwrap();
+    assert_eq!(length(), MOST / 2);
+    drop(journal);
+    let (mut journal, begun) = Journal::open(&path).unwrap();
+    assert_eq!(begun.as_ref(), Some(&kept));
+    // One that was opened again knows how long the file is.
+    kept.executed = 4;
+    journal.keep(&kept).await.unwrap();
+    kept.executed = 5;
+    journal.keep(&kept).await.unwrap();
+    assert_eq!(length(), MOST / 2);
+    let last = Kept { order: 51, ..Kept::default() };
+    journal.keep(&last).await.unwrap();
+    drop(journal);
+    assert_eq!(Journal::open(&path).unwrap().1, Some(last));
+}
+
+/// A PC in the middle of order 50, three jobs of which were sent.
+async fn running(config: PcConfig<'static>, jobs: Vec<Line>) -> (Pc<Line, ()>, Peer, Order) {
+    let (pc, gate, _task) = a_pc(config, ());
+    let mut robot = open(gate);
+    let order = pc.start(50, jobs).await.unwrap();
+    robot.exchange(IDLE).await;
+    robot.exchange(STARTED).await;
+    (pc, robot, order)
+}
+
+#[tokio::test]
+async fn an_order_has_the_outcome_that_the_robot_reports() {
+    let (_pc, mut robot, order) = running(PcConfig::TCP, jobs(3)).await;
+    robot.exchange(IDLE).await;
+    let unknown = outcome(order).await.unwrap_err();
+    assert!(matches!(unknown, Error::OutcomeUnknown { executed: 0, sent: 3 }), "{unknown:?}");
+
+    let (_pc, mut robot, order) = running(PcConfig::TCP, vec![job(1), job(10_000_000)]).await;
+    robot.exchange("<TyoKuittaus$4#50$1#><LoppuKuittaus$6#50$0$1#>").await;
+    let over = outcome(order).await.unwrap();
+    assert_eq!((over.executed, over.complete), (1, false));
+    let (index, error) = over.unfit.expect("a job does not fit");
+    assert_eq!(
+        (index, error.to_string().as_str()),
+        (1, "field 'x1' is 10000000, not from -9999999 to 9999999")
+    );
+
+    let (pc, mut robot, order) = running(PcConfig::TCP, jobs(2)).await;
+    pc.end().await.unwrap();
+    assert!(robot.exchange("<Huuhaa$0##>").await.contains("<TilausLoppuu$2#50#>"));
+    robot.exchange("<LoppuKuittaus$6#50$0$2#>").await;
+    assert_eq!(outcome(order).await.unwrap(), Over { executed: 2, complete: true, unfit: None });
+    let error = pc.end().await.unwrap_err();
+    assert!(matches!(error, Error::Call(SessionError::NoOrder)), "{error:?}");
+
+    let (pc, gate, _task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }, ());
+    let mut robot = open(gate);
+    let order = pc.start(50, jobs(3)).await.unwrap();
+    robot.exchange("<Tila$6#9$2$$$#>").await;
+    robot.exchange("<TilausKuittaus$1#9#>").await;
+    let refused = outcome(order).await.unwrap_err();
+    assert!(matches!(refused, Error::Refused { active: 9 }), "{refused:?}");
+}
+
+fn with_command() -> PcConfig<'static> {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    let fields = &[Field::Order, Field::Value];
+    let role = Role::Command(7);
+    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None, past_queue: true });
+    PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::TCP }
+}
+
+#[tokio::test]
+async fn a_command_has_its_outcome_when_the_robot_has_sent_its_next_packet() {
+    let (pc, gate, _task) = a_pc(with_command(), ());
+    let mut robot = open(gate);
+    let of_robot = async {
+        let packet = robot.exchange(IDLE).await;
+        assert!(packet.contains("<Nopeus$5#0$-80#>"), "{packet}");
+        robot.exchange(IDLE).await;
+    };
+    let (outcome, ()) = timeout(LONG, async { tokio::join!(pc.command(7, -80), of_robot) }).await.unwrap();
+    assert_eq!(outcome.unwrap(), CommandOutcome::Transmitted);
+}
+
+/// There was no connection until then, so nothing of it was done.
+#[tokio::test]
+async fn a_call_that_is_awaited_no_longer_is_not_made() {
+    let (pc, gate, task) = a_pc(with_command(), ());
+    drop(pc.start(50, jobs(3)).await.unwrap());
+    assert!(timeout(MS, pc.command(7, 1)).await.is_err());
+    let mut robot = open(gate);
+    let packet = robot.exchange(IDLE).await;
+    assert!(!packet.contains("<TilausAlkaa$") && !packet.contains("<Nopeus$"), "{packet}");
+    let order = pc.start(51, jobs(3)).await.unwrap();
+    assert!(robot.exchange(IDLE).await.contains("<TilausAlkaa$4#51$1#>"));
+    pc.handle().shutdown().await;
+    assert!(matches!(outcome(order).await, Err(Error::Closed(_))));
+    // The order may be resumed: the session still has it.
+    let session = task.await.unwrap();
+    assert!(format!("{session:?}").contains("source: Some(Source { .. })"));
+}
+
+#[tokio::test]
+async fn a_call_fails_with_the_attempt_to_connect() {
+    let (pc, gate, _task) = a_pc(with_command(), ());
+    let calls = async {
+        tokio::join!(pc.run(50, jobs(3)), pc.end(), pc.interrupt(), pc.command(7, 1), async { drop(gate) })
+    };
+    let (run, end, interrupt, command, ()) = timeout(LONG, calls).await.unwrap();
+    for error in [run.err(), end.err(), interrupt.err(), command.err()] {
+        assert_eq!(error.expect("no robot").to_string(), "not connected: no robot");
+    }
+}
+
+async fn failure(mut link: tokio::sync::watch::Receiver<Link>) -> String {
+    let failed = timeout(LONG, link.wait_for(|link| matches!(link, Link::Failed(_)))).await.unwrap().unwrap();
+    let Link::Failed(error) = &*failed else { panic!("it has failed") };
+    error.to_string()
+}
+
+#[tokio::test]
+async fn a_silent_peer_costs_the_connection() {
+    let (pc, gate, _task) = a_pc(PcConfig { silence: 30 * MS, ..PcConfig::TCP }, ());
+    let _robot = open(gate);
+    assert_eq!(failure(pc.handle().link()).await, "the robot is silent");
+
+    let config = RobotConfig { silent_cycles: 1, reply_timeout: 30 * MS, ..RobotConfig::TCP };
+    let (gate, dial) = gated!();
+    let (robot, _motion, task) = robot::<Line, _>(config, Default::default(), 8, dial).unwrap();
+    let mut events = robot.handle().events();
+    tokio::spawn(task.run());
+    let _pc = open(gate);
+    assert_eq!(failure(robot.handle().link()).await, "the PC is silent");
+    let mut seen = Vec::new();
+    while let Ok(event) = events.try_recv() {
+        seen.push(event);
+    }
+    assert!(seen.contains(&RobotEvent::NoReply) && seen.contains(&RobotEvent::Disconnect), "{seen:?}");
+}
+
+#[tokio::test]
+async fn both_resets_of_a_robot_reach_its_order() {
+    let (gate, dial) = gated!();
+    let (robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, Default::default(), 8, dial).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: MS, longest: MS }).run());
+    let no_order = Err(RobotError::Call(SessionError::NoOrder));
+    let calls = timeout(LONG, async { (robot.clear_queue().await, robot.reset_order().await) }).await;
+    assert_eq!(calls.unwrap(), (no_order, no_order), "without a connection too");
+    let mut pc = open(gate);
+    pc.receive().await;
+    pc.exchange("<TilausAlkaa$4#50$1#><Tyo$14#50$1$1$0$0$0$0#>").await;
+    assert!(motion.wait().await);
+    robot.clear_queue().await.unwrap();
+    assert!(motion.take().is_none(), "it was discarded");
+    robot.reset_order().await.unwrap();
+    assert_eq!(robot.reset_order().await, no_order);
+}

@@ -81,7 +81,10 @@ impl<const N: usize> StreamBuffer<N> {
     }
 
     fn move_to_front(&mut self) {
-        self.bytes.copy_within(self.start..self.end, 0);
+        // Most often there is nothing to move, and no call is needed.
+        if self.start < self.end {
+            self.bytes.copy_within(self.start..self.end, 0);
+        }
         self.end -= self.start;
         self.start = 0;
     }

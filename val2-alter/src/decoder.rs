@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, Reading, find_dle, plain_data, plain_len};
-use crate::framing::{DLE, ETX, Framing, STX};
+use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
 use crate::message::Message;
 
 /// A message and where its frame is.
@@ -230,6 +230,16 @@ impl<M: Message> Decoder<M> {
         self.spare_dles += self.consume(dles);
     }
 
+    /// Moves the bytes to the front; whether there is room behind them.
+    #[cold]
+    #[inline(never)] // a byte that comes alone nearly always has room
+    fn makes_room(&mut self) -> bool {
+        self.buffer.copy_within(self.start..self.end, 0);
+        self.end -= self.start;
+        self.start = 0;
+        self.end < CAPACITY
+    }
+
     /// Removes bytes from the buffer; returns how many of them are not counted yet.
     fn consume(&mut self, count: usize) -> usize {
         self.start += count;
@@ -282,15 +292,11 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
     type Error = DecodeError;
 
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > CAPACITY - self.end {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
+        if bytes.len() > CAPACITY - self.end && !self.makes_room() {
+            return 0;
         }
         // A port that gives single bytes: no call to copy one.
-        if self.end < CAPACITY
-            && let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end))
-        {
+        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
             *room = *byte;
             self.end += 1;
             return 1;
@@ -322,11 +328,10 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
                 return None;
             }
         }
-        match self.buffer.get(from..self.end) {
-            Some([]) => None,
-            Some([DLE, byte]) if *byte == self.half_mark() => None,
-            _ => self.next_message(),
-        }
+        let is_half = self.framing.leading_dle == LeadingDle::Two
+            && self.end == from + 2
+            && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
+        if from == self.end || is_half { None } else { self.next_message() }
     }
 
     fn finish(&mut self) {

@@ -253,13 +253,13 @@ impl Reading {
         self.at > 0
     }
 
-    /// Takes a byte of the data that stands alone, and is no DLE; false: there is more to it.
+    /// Takes a byte of the data that stands alone; false: there is more to it.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
         let (len, has_begun) = (self.frame.len, self.has_begun());
         // Below the limit there is room.
         match self.frame.data.get_mut(..limit).and_then(|data| data.get_mut(len)) {
-            Some(room) if has_begun => {
+            Some(room) if byte != DLE && has_begun => {
                 *room = byte;
                 self.frame.len += 1;
                 self.at += 1;
@@ -317,7 +317,6 @@ impl Reading {
 
 /// The start mark's length: a run of DLEs, at least the framing's number, then STX. `None`: more bytes are needed.
 fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, DecodeError> {
-    // Nearly every one.
     match (leading, bytes) {
         (LeadingDle::One, [DLE, STX, ..]) => return Ok(Some(2)),
         (LeadingDle::Two, [DLE, DLE, STX, ..]) => return Ok(Some(3)),

@@ -14,18 +14,23 @@ import re
 import subprocess
 import sys
 import time
-import tomllib
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import count
 from pathlib import Path
 from threading import Lock
 
-from programs import PLACE, ROOT, Check, Workspace, execute
+from programs import PLACE, ROOT, Check, Workspace, execute, exemptions
 from source import Mutant
 
 RESULTS = PLACE / "results.json"
 LINKS = {path.stem for path in (ROOT / "reference" / "sessions").glob("*.json")}
 AT_ONCE = 0.3  # seconds of tests that run in one process
+
+
+@cache
+def lines(file: str) -> list[str]:
+    return (ROOT / file).read_text().splitlines()
 
 
 def keys(mutants: list[Mutant]) -> dict[int, str]:
@@ -34,7 +39,7 @@ def keys(mutants: list[Mutant]) -> dict[int, str]:
     names = {}
     for mutant in mutants:
         what = re.sub(r"^\S+: ", "", mutant.name)
-        line = (ROOT / mutant.file).read_text().splitlines()[mutant.span["start"]["line"] - 1].strip()
+        line = lines(mutant.file)[mutant.span["start"]["line"] - 1].strip()
         name = next(name for number in count() if (name := f"{mutant.file}: {what}: {line}: {number}") not in taken)
         taken.add(name)
         names[mutant.id] = name
@@ -46,8 +51,7 @@ def stale(crates: list[str]) -> list[str]:
     packages = [word for crate in crates for word in ("--package", crate)]
     command = ["cargo", "mutants", "--no-config", "--list", *packages]
     names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    exempt = tomllib.loads((ROOT / ".cargo" / "mutants.toml").read_text())["exclude_re"]
-    return [pattern for pattern in exempt if not re.search(pattern, names, re.MULTILINE)]
+    return [pattern for pattern in exemptions() if not re.search(pattern, names, re.MULTILINE)]
 
 
 def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, bool]:

@@ -10,6 +10,7 @@ import struct
 import subprocess
 import tempfile
 import time
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,14 +73,23 @@ def execute(checks: list[Check], limit: float, settings: dict[str, str]) -> str 
     return f"{checks[0].name}: {'no end' if late.is_set() else f'exit {code}'}"
 
 
+def exemptions() -> list[str]:
+    """The patterns of what is not tried."""
+    return tomllib.loads((ROOT / ".cargo" / "mutants.toml").read_text())["exclude_re"]
+
+
 class Workspace:
     """A copy of the workspace in which every mutant is compiled."""
 
     def __init__(self, crates: list[str]):
         self.crates = crates
         self.mutants: list[Mutant] = []
+        exempt = exemptions()
         for crate in crates:
             for found in json.loads(self.run(["cargo", "mutants", "--package", crate, "--list", "--json"], ROOT)[1]):
+                # cargo-mutants exempts no field of a struct.
+                if any(re.search(pattern, found["name"]) for pattern in exempt):
+                    continue
                 names = ("name", "package", "file", "genre", "replacement", "function", "span")
                 self.mutants.append(Mutant(len(self.mutants) + 1, **{name: found[name] for name in names}))
         self.left_out = {mutant.id for mutant in self.mutants if mutant.is_opaque}
@@ -117,7 +127,8 @@ class Workspace:
                 to.parent.mkdir(parents=True, exist_ok=True)
                 to.write_bytes(text)
                 shutil.copymode(ROOT / path, to)
-        for path in [path for path in TREE.rglob("*") if path.is_file() and path.relative_to(TREE).as_posix() not in set(paths)]:
+        kept = {TREE / path for path in paths}
+        for path in [path for path in TREE.rglob("*") if path.is_file() and path not in kept]:
             path.unlink()
 
     def cargo(self, *arguments: str) -> list[dict]:

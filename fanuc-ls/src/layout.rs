@@ -2,9 +2,10 @@
 
 use alloc::format;
 use alloc::string::{String, ToString};
+use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::attribute::Attribute;
+use crate::attribute::{Attribute, AttributeValue};
 use crate::document::Document;
 use crate::edit::{Edit, words};
 use crate::error::EncodeError;
@@ -46,10 +47,13 @@ impl Document {
                 edits.push((end..range.start, self.line_end().to_string()));
             }
         }
-        edits.extend(self.line_count(number));
+        let count = self.line_count(number);
         for (place, attribute) in self.parts.attributes(&self.text) {
-            let is_count = edits.iter().any(|(edit, _)| place.start <= edit.start && edit.end <= place.end);
-            let Some(attribute) = attribute.ok().filter(|_| !is_count) else { continue };
+            let Ok(mut attribute) = attribute else { continue };
+            let is_count = |(counted, _): &&Edit| place.start <= counted.start && counted.end <= place.end;
+            if let Some((_, number)) = count.as_ref().filter(is_count) {
+                attribute.value = AttributeValue::Text(number.clone());
+            }
             let mut new = String::new();
             attribute.encode(&mut new);
             if Attribute::decode(&new).is_ok_and(|(rest, again)| rest.is_empty() && again == attribute) {
@@ -86,9 +90,9 @@ fn line(text: &str, number: usize) -> Option<String> {
     let instruction = statement.decode().ok()?;
     let mut new = String::new();
     instruction.encode(&mut new);
-    let laid_out = match &instruction {
-        Instruction::Motion(_) => format!("{}   ", respelled(body, new.trim_end())?),
-        Instruction::Comment(_) | Instruction::Empty => new,
+    let bodies = match &instruction {
+        Instruction::Motion(_) => vec![format!("{}   ", respelled(body, new.trim_end())?)],
+        Instruction::Comment(_) | Instruction::Empty => vec![new],
         _ => {
             let before = text.get(..offset(text, body)).unwrap_or("");
             let colon = before.rfind(':').map_or(0, |at| at + 1);
@@ -100,12 +104,15 @@ fn line(text: &str, number: usize) -> Option<String> {
             let behind = behind.get(..behind.find(';').unwrap_or(0)).unwrap_or("");
             // Controllers end some instructions with one blank and some with four, each its own way.
             let behind = if behind == "    " { "   " } else { "" };
-            format!("{lead}{}{behind}", seconds(body))
+            // A remark may look as if it had seconds.
+            let bodies = [seconds(body), body.to_string()];
+            bodies.map(|body| format!("{lead}{body}{behind}")).to_vec()
         }
     };
-    let laid_out = format!("{number:4}:{laid_out} ;");
-    let again = Statement::new(&laid_out, false).decode();
-    again.is_ok_and(|again| is_same(&instruction, &again)).then_some(laid_out)
+    bodies.into_iter().map(|body| format!("{number:4}:{body} ;")).find(|laid_out| {
+        let again = Statement::new(laid_out, false).decode();
+        again.is_ok_and(|again| is_same(&instruction, &again))
+    })
 }
 
 fn is_same(before: &Instruction, after: &Instruction) -> bool {

@@ -152,7 +152,7 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
         ("   1:  DO[1]=PULSE, .5sec ;", "   1:  DO[1]=PULSE,0.5sec ;"),
         (" 12:!two ;\n\n 12:;", "   1:  !two ;\n   2:   ;"),
         // What would say something else stays.
-        ("1:--eg PULSE,1sec ;", "1:--eg PULSE,1sec ;"),
+        ("1:--eg PULSE,1sec ;", "   1:  --eg PULSE,1sec ;"),
         ("1:CALL A\u{a0} ;", "1:CALL A\u{a0} ;"),
         // A comment says what it says, without blanks at its end.
         ("1:!a\u{a0} ;", "   1:  !a ;"),
@@ -199,7 +199,7 @@ fn attributes_and_positions_are_laid_out_and_what_is_not_taught_stays() {
         let positions = rest.split_once("/POS\n").unwrap().1.strip_suffix("\n/END\n").unwrap();
         (attributes.to_owned(), positions.to_owned())
     };
-    let (attributes, _) = formatted("OWNER = A;\nLINE_COUNT\t= 9;\nCOMMENT =\"x\";\nPROTECT = READ;", "");
+    let (attributes, _) = formatted("OWNER = A;\nLINE_COUNT = 9;\nCOMMENT =\"x\";\nPROTECT = READ;", "");
     assert_eq!(attributes, "OWNER\t\t= A;\nLINE_COUNT\t= 1;\nCOMMENT\t\t= \"x\";\nPROTECT\t\t= READ;");
     let position = |first: &str, second: &str| {
         let block = format!("P[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1={first} deg,\tJ2={second} deg\n}};");

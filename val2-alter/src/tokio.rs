@@ -55,7 +55,8 @@ pub fn host<C: Connector>(
     let session = Host::new(config)?;
     let (target, to) = watch::channel(None);
     let (odometer, commanded) = watch::channel([0; AXES]);
-    let moving = Moving { reach, to, odometer, replies: 0, stops: Vec::new(), exception: None };
+    let moving =
+        Moving { reach, to, odometer, replies: 0, before: [0; AXES], stops: Vec::new(), exception: None };
     let (handle, task) = session::spawn(session, moving, connector);
     Ok((Arm { target: Arc::new(target), commanded, handle }, task))
 }
@@ -141,28 +142,26 @@ pub struct Moving {
     reach: Option<Reach>,
     to: watch::Receiver<Option<Target>>,
     odometer: watch::Sender<[i32; AXES]>,
-    /// How many replies are in the odometer.
+    /// How many replies are in the odometer, and what it was before the last one.
     replies: u64,
+    before: [i32; AXES],
     stops: Vec<Reply<Result<(), Error>>>,
     exception: Option<Reply<Result<ExceptionOutcome, Error>>>,
 }
 
 impl Moving {
-    /// A message has come, and the reply before it was read.
+    /// A message has come: the reply before it was read.
     fn count(&mut self, session: &Host) {
-        let (replies, values) = (robot_session::Session::statistics(session).replies, session.values());
-        match session.config().mode.accumulation() {
-            Accumulation::NonCumulative => drop(self.odometer.send_replace(values.map(i32::from))),
-            Accumulation::Cumulative if replies != self.replies => self.add(values, 1),
-            Accumulation::Cumulative => {}
+        let replies = robot_session::Session::statistics(session).replies;
+        if replies == self.replies {
+            return;
         }
         self.replies = replies;
-    }
-
-    fn add(&self, values: [i16; AXES], sign: i32) {
+        self.before = *self.odometer.borrow();
+        let is_speed = session.config().mode.accumulation() == Accumulation::Cumulative;
         self.odometer.send_modify(|odometer| {
-            for (way, value) in odometer.iter_mut().zip(values) {
-                *way = way.saturating_add(sign * i32::from(value));
+            for (way, value) in odometer.iter_mut().zip(session.values()) {
+                *way = if is_speed { way.saturating_add(value.into()) } else { value.into() };
             }
         });
     }
@@ -220,9 +219,9 @@ impl Service for Moving {
                 self.aim(session, now());
             }
             // Whether this comes before or after its message, the reply is in the odometer then.
-            HostEvent::Rejected(_) if session.config().mode.accumulation() == Accumulation::Cumulative => {
+            HostEvent::Rejected(_) => {
                 self.count(session);
-                self.add(session.values(), -1);
+                self.odometer.send_replace(self.before);
             }
             HostEvent::Exception { outcome, .. } => {
                 if let Some(reply) = self.exception.take() {

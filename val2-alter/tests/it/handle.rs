@@ -126,11 +126,12 @@ async fn a_target_that_nobody_renews_ends() {
 struct Line(Arc<net::TcpStream>);
 
 impl Line {
-    async fn to_arm() -> (Arm, Self) {
+    async fn to_arm(mode: Mode) -> (Arm, Self) {
         let listener = net::TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let to = Tcp::new(listener.local_addr().unwrap().to_string());
         let config = HostConfig {
             baud: FAST,
+            mode,
             subroutine: true,
             silence_cycles: 10_000,
             target_timeout: LONG,
@@ -163,8 +164,8 @@ impl Line {
         spawn_blocking(answering).await.unwrap()
     }
 
-    async fn start(&self) -> HostMessage {
-        self.answer(RobotMessage::Start(Start::new(Mode::CUMULATIVE_23, List::EMPTY))).await
+    async fn start(&self, mode: Mode) -> HostMessage {
+        self.answer(RobotMessage::Start(Start::new(mode, List::EMPTY))).await
     }
 
     async fn reply(&self, phase: MotionPhase, error: ErrorCode) -> Reply {
@@ -179,8 +180,8 @@ impl Line {
 
 #[tokio::test]
 async fn a_reply_that_the_controller_could_not_read_is_no_way() {
-    let (arm, line) = Line::to_arm().await;
-    line.start().await;
+    let (arm, line) = Line::to_arm(Mode::CUMULATIVE_23).await;
+    line.start(Mode::CUMULATIVE_23).await;
     arm.set_target([5, 0, 0, 0, 0, 0]);
     let mut ways = Vec::new();
     for error in [ErrorCode::None, ErrorCode::None, ErrorCode::Checksum, ErrorCode::None] {
@@ -195,9 +196,24 @@ async fn a_reply_that_the_controller_could_not_read_is_no_way() {
 }
 
 #[tokio::test]
+async fn an_offset_that_the_controller_could_not_read_is_not_where_the_arm_is() {
+    let (arm, line) = Line::to_arm(Mode(22)).await;
+    line.start(Mode(22)).await;
+    let mut places = Vec::new();
+    for (offset, error) in
+        [(5, ErrorCode::None), (6, ErrorCode::None), (7, ErrorCode::Checksum), (8, ErrorCode::None)]
+    {
+        arm.set_target([offset, 0, 0, 0, 0, 0]);
+        line.reply(MotionPhase::Running, error).await;
+        places.push(arm.commanded()[0]);
+    }
+    assert_eq!(places, [0, 5, 5, 7]);
+}
+
+#[tokio::test]
 async fn an_exception_is_sent_once_unless_its_caller_is_gone() {
-    let (arm, line) = Line::to_arm().await;
-    line.start().await;
+    let (arm, line) = Line::to_arm(Mode::CUMULATIVE_23).await;
+    line.start(Mode::CUMULATIVE_23).await;
     line.reply(MotionPhase::Running, ErrorCode::None).await;
     // Both are called before the task runs again.
     let mut context = Context::from_waker(Waker::noop());
@@ -215,11 +231,11 @@ async fn an_exception_is_sent_once_unless_its_caller_is_gone() {
 
 #[tokio::test]
 async fn no_start_is_answered_from_a_stop_until_it_is_accepted_again() {
-    let (arm, line) = Line::to_arm().await;
+    let (arm, line) = Line::to_arm(Mode::CUMULATIVE_23).await;
     arm.handle().connected().await.unwrap();
     timeout(LONG, arm.stop()).await.unwrap().unwrap();
     arm.accept().await.unwrap();
-    assert_eq!(line.start().await, HostMessage::StartReply(StartCode::Accept));
+    assert_eq!(line.start(Mode::CUMULATIVE_23).await, HostMessage::StartReply(StartCode::Accept));
 }
 
 #[tokio::test]

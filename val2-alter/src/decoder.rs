@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, Reading, find_dle, plain_data, plain_len};
-use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
+use crate::framing::{DLE, ETX, Framing, STX};
 use crate::message::Message;
 
 /// A message and where its frame is.
@@ -230,14 +230,20 @@ impl<M: Message> Decoder<M> {
         self.spare_dles += self.consume(dles);
     }
 
-    /// Moves the bytes to the front; whether there is room behind them.
-    #[cold]
-    #[inline(never)] // a byte that comes alone nearly always has room
-    fn makes_room(&mut self) -> bool {
-        self.buffer.copy_within(self.start..self.end, 0);
-        self.end -= self.start;
-        self.start = 0;
-        self.end < CAPACITY
+    #[inline(never)]
+    fn push_all(&mut self, bytes: &[u8]) -> usize {
+        if bytes.len() > CAPACITY - self.end {
+            self.buffer.copy_within(self.start..self.end, 0);
+            self.end -= self.start;
+            self.start = 0;
+        }
+        let taken = bytes.len().min(CAPACITY - self.end);
+        let room = self.buffer.get_mut(self.end..self.end + taken);
+        if let (Some(room), Some(bytes)) = (room, bytes.get(..taken)) {
+            room.copy_from_slice(bytes);
+            self.end += taken;
+        }
+        taken
     }
 
     /// Removes bytes from the buffer; returns how many of them are not counted yet.
@@ -291,23 +297,17 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
         M: 'a;
     type Error = DecodeError;
 
+    #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > CAPACITY - self.end && !self.makes_room() {
-            return 0;
-        }
         // A port that gives single bytes: no call to copy one.
-        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
+        if let ([byte], true) = (bytes, self.end < CAPACITY)
+            && let Some(room) = self.buffer.get_mut(self.end)
+        {
             *room = *byte;
             self.end += 1;
             return 1;
         }
-        let taken = bytes.len().min(CAPACITY - self.end);
-        let room = self.buffer.get_mut(self.end..self.end + taken);
-        if let (Some(room), Some(bytes)) = (room, bytes.get(..taken)) {
-            room.copy_from_slice(bytes);
-            self.end += taken;
-        }
-        taken
+        self.push_all(bytes)
     }
 
     #[inline]
@@ -317,20 +317,18 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
             return self.next_message();
         }
         // A port that gives single bytes: most of them need no more than a look.
-        if self.end == from + 1
-            && let Some(byte) = self.buffer.get(from)
-        {
-            if *byte == DLE || self.reading.take(*byte, M::MAX_DATA) {
-                return None;
-            }
+        if self.end == from + 1 {
+            let byte = self.buffer.get(from).filter(|byte| **byte != DLE)?;
             if !self.reading.has_begun() {
                 self.skip(1);
                 return None;
             }
+            if self.reading.take(*byte, M::MAX_DATA) {
+                return None;
+            }
         }
-        let is_half = self.framing.leading_dle == LeadingDle::Two
-            && self.end == from + 2
-            && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
+        let is_half =
+            self.end == from + 2 && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
         if from == self.end || is_half { None } else { self.next_message() }
     }
 

@@ -253,13 +253,13 @@ impl Reading {
         self.at > 0
     }
 
-    /// Takes a byte of the data that stands alone; false: there is more to it.
+    /// Takes a byte of the data that stands alone, where the frame has begun; false: there is more to it.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
-        let (len, has_begun) = (self.frame.len, self.has_begun());
+        let len = self.frame.len;
         // Below the limit there is room.
         match self.frame.data.get_mut(..limit).and_then(|data| data.get_mut(len)) {
-            Some(room) if byte != DLE && has_begun => {
+            Some(room) if byte != DLE => {
                 *room = byte;
                 self.frame.len += 1;
                 self.at += 1;

@@ -279,10 +279,15 @@ impl<M: Message> Decoder<M> {
         (offset, length)
     }
 
-    /// What a DLE and this are the beginning of, and no more.
+    /// Whether what is unread from here on is nothing, or half a mark.
     #[inline]
-    fn half_mark(&self) -> u8 {
-        if self.reading.has_begun() { ETX } else { DLE }
+    fn waits(&self, from: usize) -> bool {
+        match self.buffer.get(from..self.end) {
+            Some([]) => true,
+            Some([DLE, ETX]) => self.reading.has_begun(),
+            Some([DLE, DLE]) => !self.reading.has_begun(),
+            _ => false,
+        }
     }
 
     fn bytes(&self) -> &[u8] {
@@ -327,9 +332,7 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
                 return None;
             }
         }
-        let is_half =
-            self.end == from + 2 && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
-        if from == self.end || is_half { None } else { self.next_message() }
+        if self.waits(from) { None } else { self.next_message() }
     }
 
     fn finish(&mut self) {

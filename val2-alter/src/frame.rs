@@ -253,20 +253,19 @@ impl Reading {
         self.at > 0
     }
 
-    /// Takes a byte of the data that stands alone, where the frame has begun; false: there is more to it.
+    /// Takes a byte of the data that is no DLE, where the frame has begun; false: there is no room for it.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
-        let len = self.frame.len;
         // Below the limit there is room.
-        match self.frame.data.get_mut(..limit).and_then(|data| data.get_mut(len)) {
-            Some(room) if byte != DLE => {
-                *room = byte;
-                self.frame.len += 1;
-                self.at += 1;
-                true
-            }
-            _ => false,
+        let data = self.frame.data.get_mut(..limit);
+        let room = data.and_then(|data| data.get_mut(self.frame.len));
+        if let Some(room) = room {
+            *room = byte;
+            self.frame.len += 1;
+            self.at += 1;
+            return true;
         }
+        false
     }
 
     /// The bytes that were read.

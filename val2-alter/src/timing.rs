@@ -115,7 +115,7 @@ pub const fn min_reply_len(values: usize, framing: Framing) -> usize {
 /// and segment status are never DLE; all other bytes can be. The source counts 14 and 52.
 pub const fn max_request_len(transform: bool, framing: Framing) -> usize {
     let words = if transform { 2 + 12 } else { 2 };
-    envelope(framing) + 2 + 2 * 2 * words
+    envelope(framing) + 2 + 4 * words
 }
 
 /// The longest reply with this number of values: 33 bytes for six (two leading DLEs, checksum not doubled). The exception
@@ -123,7 +123,7 @@ pub const fn max_request_len(transform: bool, framing: Framing) -> usize {
 pub const fn max_reply_len(values: usize, framing: Framing) -> usize {
     let values = if values > AXES { AXES } else { values };
     let select = if values == 1 { 2 } else { 1 };
-    envelope(framing) + 2 + select + 2 * 2 * values
+    envelope(framing) + 2 + select + 4 * values
 }
 
 /// The length of a reply with this number of values as the source's table counts it (§3.4.2): 8 bytes, and for each value

@@ -173,7 +173,7 @@ impl<F: Framings> Decoder<F> {
                 Ok(len) if len <= data.len() => {
                     let frame = self.stream.take(len);
                     if !has_ended {
-                        self.wanted = frame.end + 1;
+                        self.want(1, frame.end);
                     }
                     return Some(Ok(frame));
                 }
@@ -183,17 +183,23 @@ impl<F: Framings> Decoder<F> {
                     DecodeError::Cut { expected, found: data.len() }
                 }
                 Ok(len) => {
-                    self.wanted = self.stream.start() + len;
+                    self.want(len, self.stream.start());
                     return None;
                 }
                 Err(error) => error,
             };
             let from = self.corrupt(error);
             if from > limit && !has_ended {
-                self.wanted = from + MBAP;
+                self.want(MBAP, from);
                 return None; // the frame that is passed over has not come whole
             }
         }
+    }
+
+    /// Nothing is decided before so many bytes from there have come.
+    #[inline]
+    fn want(&mut self, count: usize, from: usize) {
+        self.wanted = from + count;
     }
 
     /// A frame that [`advance`](Self::advance) found.

@@ -252,6 +252,30 @@ async fn a_server_that_cuts_a_reply_off_is_connected_again_and_a_silent_one_is_n
     timeout(LONG, async { tokio::join!(server, ask) }).await.unwrap();
 }
 
+/// On a serial line the silence ends it.
+#[tokio::test]
+async fn a_serial_line_goes_on_behind_a_reply_that_was_cut_off() {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    const REPLY: [u8; 6] = [1, 1, 1, 1, 0x90, 0x48];
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let config = ClientConfig { timeout: 100 * MS, ..ClientConfig::rtu_over_tcp() };
+    let robot = to(listener.local_addr().unwrap(), config);
+    let server = async {
+        let mut only = listener.accept().await.unwrap().0;
+        for reply in [&REPLY[..3], &REPLY] {
+            only.read_exact(&mut [0; 8]).await.unwrap();
+            only.write_all(reply).await.unwrap();
+        }
+        only
+    };
+    let ask = async {
+        let cut = robot.read_coils(0..1).await;
+        assert!(matches!(cut, Err(Error::Failed(Failure::TimedOut))), "{cut:?}");
+        assert_eq!(robot.read_coils(0..1).await.unwrap(), [true]);
+    };
+    timeout(LONG, async { tokio::join!(server, ask) }).await.unwrap();
+}
+
 #[tokio::test]
 async fn a_broadcast_has_no_reply_and_goes_to_every_unit() {
     let listener = TcpListener::bind(ANY).await.unwrap();

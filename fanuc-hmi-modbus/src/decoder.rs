@@ -239,13 +239,13 @@ impl<F: Framings> Decoder<F> {
     fn end_corruption(&mut self, limit: usize) -> Option<(DecodeError, usize)> {
         let corruption = self.corruption.as_mut()?;
         let (from, tried) = (corruption.from, corruption.tried);
-        let window = limit.min(self.stream.start() + WINDOW);
+        let start = self.stream.start();
+        let window = limit.min(start + WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
             (self.next_header(from, tried, window), HEADER)
         } else {
             (self.next_rtu(from, tried, window), Frame::MAX_RTU_LEN - 1)
         };
-        let start = self.stream.start();
         let is_full = window - start == WINDOW;
         let corruption = self.corruption.as_mut()?;
         if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {

@@ -338,7 +338,8 @@ fn read_on<E: End>(end: &mut E, now: Duration) {
 /// Reads what has waited, if anything has.
 #[inline(always)]
 fn read_held<E: End>(end: &mut E, now: Duration) {
-    if core::mem::take(&mut end.core_mut().held) {
+    if end.core().held {
+        end.core_mut().held = false;
         read_on(end, now);
     }
 }

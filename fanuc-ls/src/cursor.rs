@@ -96,7 +96,7 @@ impl<'a> Cursor<'a> {
     pub(crate) fn number<N: TryFrom<u32>>(&mut self, reason: Reason) -> Result<N, Fault<'a>> {
         let (mut rest, mut number) = (self.rest, 0u64);
         while let [digit @ b'0'..=b'9', after @ ..] = rest {
-            number = number.saturating_mul(10).saturating_add((digit - b'0').into());
+            number = (10 * number + u64::from(digit - b'0')).min(1 << u32::BITS);
             rest = after;
         }
         match u32::try_from(number).ok().and_then(|number| N::try_from(number).ok()) {

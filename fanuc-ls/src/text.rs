@@ -139,7 +139,8 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
 
 /// A text that is digits alone, as a number.
 pub(crate) fn plain_number<N: core::str::FromStr>(text: &str) -> Option<N> {
-    if digits(text) == text.len() { text.parse().ok() } else { None }
+    // Only the first may be something else than a digit for `parse`.
+    if text.starts_with(|first: char| first.is_ascii_digit()) { text.parse().ok() } else { None }
 }
 
 /// A decimal number; the zero before the point may be missing, the point as well.

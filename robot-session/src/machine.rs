@@ -98,7 +98,7 @@ pub trait Input: Clone + Debug {
     const CONNECTED: Self;
     /// The connection is lost or closed.
     const DISCONNECTED: Self;
-    /// Time has passed.
+    /// A deadline has passed. Given only where [`Machine::expires`] says so.
     const TIMEOUT: Self;
 
     /// The input's name.

@@ -55,7 +55,7 @@ pub enum Input {
     },
     /// Bytes that are no answer.
     Corrupt,
-    /// Time has passed.
+    /// A deadline has passed.
     Timeout,
     /// The caller goes on after a refusal or an unknown outcome.
     Resume,
@@ -108,7 +108,7 @@ impl Machine for HostMachine {
             (Is::Awaiting(sent), On::Transmitted) => (Is::Awaiting(sent.transmitted(now, config)), Nothing),
             (Is::Awaiting(sent), On::Answer { word, refusal }) => sent.answered(now, word, refusal, config),
             (Is::Awaiting(sent), On::Corrupt) => (Is::Awaiting(Sent { corrupt: true, ..*sent }), Nothing),
-            (Is::Awaiting(sent), On::Timeout) if is_due(sent.deadline, now) => sent.overdue(now, config),
+            (Is::Awaiting(sent), On::Timeout) => sent.overdue(now, config),
             (
                 Is::Resending { batch, tries, not_before: until } | Is::AwaitingRest { batch, tries, until },
                 On::Answer { word, refusal },
@@ -118,7 +118,7 @@ impl Machine for HostMachine {
                 // The same corruption is answered a second time.
                 Some(_) => return Ok(Nothing),
             },
-            (Is::AwaitingRest { batch, until, .. }, On::Timeout) if is_due(*until, now) => {
+            (Is::AwaitingRest { batch, until, .. }, On::Timeout) => {
                 batch.unknown(UnknownReason::PartialFrame, *until)
             }
             (Is::Idle { .. } | Is::Held { .. }, On::Answer { word, .. }) => {
@@ -132,7 +132,6 @@ impl Machine for HostMachine {
                 Is::Idle { .. } | Is::Resending { .. } | Is::AwaitingRest { .. } | Is::Held { .. },
                 On::Corrupt | On::Timeout | On::Transmitted,
             )
-            | (Is::Awaiting(_), On::Timeout)
             | (Is::Disconnected { .. }, On::Timeout | On::Transmitted) => return Ok(Nothing),
             (_, On::Submit { .. })
             | (Is::Disconnected { .. }, On::Answer { .. } | On::Corrupt)

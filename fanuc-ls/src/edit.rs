@@ -249,11 +249,11 @@ fn aligned(before: &str, old: usize, new: usize) -> String {
 /// continues a line are between them.
 pub(crate) fn words(text: &str) -> Vec<Range<usize>> {
     let mut places: Vec<Range<usize>> = Vec::new();
-    let (mut rest, mut last) = (text, None);
+    let mut rest = text;
     loop {
         rest = joint(rest).trim_start();
         let Some(first) = rest.chars().next() else { return places };
-        let signed = matches!(last, Some('=' | ',')) && rest.starts_with(['-', '+']);
+        let signed = rest.starts_with(['-', '+']);
         let number = rest.get(usize::from(signed)..).unwrap_or(rest);
         let digits = run(number, |c| c.is_ascii_digit() || c == '.');
         let length = match first {
@@ -264,7 +264,6 @@ pub(crate) fn words(text: &str) -> Vec<Range<usize>> {
         let start = text.len() - rest.len();
         places.push(start..start + length);
         rest = rest.get(length..).unwrap_or("");
-        last = Some(first);
     }
 }
 

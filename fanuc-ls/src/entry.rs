@@ -109,8 +109,7 @@ impl<'a> Entries<'a> {
         let first = self.findings.partition_point(|(finding, _)| finding.offset < offset);
         let there = self.findings.get_mut(first..)?.iter_mut().take_while(|(f, _)| f.offset == offset);
         let problem = Problem::Error(reason);
-        let (finding, is_taken) =
-            { there }.find(|(finding, is_taken)| finding.problem == problem && !is_taken)?;
+        let (finding, is_taken) = { there }.find(|(finding, _)| finding.problem == problem)?;
         *is_taken = true;
         Some(*finding)
     }

@@ -71,9 +71,6 @@ impl Parts {
             }
             parts.close(last, begins..line.start);
             (last, begins) = (section, lines.start);
-            if section == 4 {
-                parts.blocks.reserve((text.len() - begins) / 128);
-            }
             if section == 5 {
                 break;
             }

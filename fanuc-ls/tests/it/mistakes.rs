@@ -73,6 +73,7 @@ fn each_mistake_is_found_at_its_line() {
 /// What controllers write, and people by hand.
 const SOUND: &[&str] = &[
     "!a comment ; with a semicolon",
+    "!IF IT IS READY, THEN",
     "--eg:PASTE (FR1L2)",
     "//CALL A(",
     "CALL WELD_ON",
@@ -198,10 +199,13 @@ fn a_long_instruction_of_a_block_goes_on_in_the_next_line() {
 
 #[test]
 fn a_name_is_perhaps_a_macro_and_nothing_worse() {
-    for text in ["OPEN HAND 1", "Op. Entry Menu('Chute')", "GRIP_CLOSE"] {
+    for text in ["OPEN HAND 1", "Op. Entry Menu('Chute')", "GRIP_CLOSE", "WIDE", "WHAT"] {
         let (program, first) = program("mn", text);
         assert_eq!(found(&program), [(first, "macro".to_owned(), Level::Hint)], "{text}");
     }
+    // Nor does what is not understood begin a block, whatever it ends with.
+    let (program, first) = program("mn", "R[1]=( THEN");
+    assert_eq!(found(&program), [(first, "expected".to_owned(), Level::Error)]);
 }
 
 #[test]

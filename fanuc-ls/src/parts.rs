@@ -71,6 +71,7 @@ impl Parts {
             }
             parts.close(last, begins..line.start);
             (last, begins) = (section, lines.start);
+            parts.blocks.reserve((text.len() - begins) / 128);
             if section == 5 {
                 break;
             }

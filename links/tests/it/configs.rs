@@ -158,6 +158,10 @@ fn times_are_nanoseconds_and_parts_are_objects() {
         let robot = read(robot, json!({"acks": individual})).unwrap();
         assert_eq!(robot.acks, kawasaki_msg::Acks::Individual);
     }
+    let bounds = read(kawasaki_msg::Bounds::WIDEST, json!({"min": {"x": -5}, "max": {"y": 7}})).unwrap();
+    let widest = kawasaki_msg::Bounds::WIDEST;
+    let corners = [bounds.min, bounds.max].map(|point| (point.x, point.y));
+    assert_eq!(corners, [(-5, widest.min.y), (widest.max.x, 7)]);
     let ball = isra_ball::HostConfig::default();
     assert_eq!(read(ball, json!({"baud": 0})).unwrap_err(), "baud=0: out of range, give from 1");
     let pause = read(val2_viewer::WorkstationConfig::default(), json!({"pause": 200_000_000}));

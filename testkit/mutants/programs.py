@@ -178,7 +178,8 @@ class Workspace:
         links = [path.stem for path in sorted((ROOT / "reference" / "sessions").glob("*.json"))]
         for link in links:
             data.append(Check("reference", [programs["reference"], "check", link], TREE, tests=False))
-            data.append(Check("must-fail", [programs["model"], "must-fail", "--link", link], TREE, tests=False))
+        for pair in (*links, "cellwire-motion"):
+            data.append(Check("must-fail", [programs["model"], "must-fail", "--link", pair], TREE, tests=False))
         for message in built:
             if not message.get("executable") or not message["profile"]["test"]:
                 continue

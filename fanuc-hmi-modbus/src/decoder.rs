@@ -296,8 +296,10 @@ impl<F: Framings> Decoder<F> {
             let start = limit - data.len();
             let Some((six, message)) = data.split_first_chunk() else { return Err(start) };
             let Ok(len) = Frame::tcp_len(six) else { continue };
+            if is_placed(start, from, self.stream.start()) {
+                return Ok(start);
+            }
             match RtuLen::of(message, self.side) {
-                _ if is_placed(start, from, self.stream.start()) => return Ok(start),
                 RtuLen::Known(rtu) if MBAP + rtu == len + 2 => return Ok(start),
                 RtuLen::AtLeast(_) if !self.stream.has_ended() => return Err(start),
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}

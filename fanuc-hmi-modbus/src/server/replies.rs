@@ -3,12 +3,12 @@
 use crate::frame::Frame;
 use crate::message::{Exception, function};
 
-/// At most `N` frames, oldest first.
+/// At most `N` frames, oldest first. How many there are is the machine's.
 #[derive(Debug, Clone)]
 pub(super) struct Replies<const N: usize> {
     frames: [Reply; N],
     first: usize,
-    count: usize,
+    next: usize,
 }
 
 /// A frame.
@@ -35,18 +35,18 @@ impl Reply {
 }
 
 impl<const N: usize> Replies<N> {
-    pub(super) const EMPTY: Self = Self { frames: [Reply::EMPTY; N], first: 0, count: 0 };
+    pub(super) const EMPTY: Self = Self { frames: [Reply::EMPTY; N], first: 0, next: 0 };
 
     /// The place of the next frame.
     #[inline]
     pub(super) fn next(&mut self) -> Option<&mut Reply> {
-        self.frames.get_mut((self.first + self.count) % N)
+        self.frames.get_mut(self.next)
     }
 
     /// There is a frame in the place of the next one now.
     #[inline]
     pub(super) const fn keep(&mut self) {
-        self.count += 1;
+        self.next = (self.next + 1) % N;
     }
 
     /// Writes the oldest frame to `out`; gives its length.
@@ -56,11 +56,10 @@ impl<const N: usize> Replies<N> {
         let length = reply.length;
         out.get_mut(..length)?.copy_from_slice(reply.bytes.get(..length)?);
         self.first = (self.first + 1) % N;
-        self.count = self.count.checked_sub(1)?;
         Some(length)
     }
 
     pub(super) fn clear(&mut self) {
-        (self.first, self.count) = (0, 0);
+        (self.first, self.next) = (0, 0);
     }
 }

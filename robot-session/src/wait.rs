@@ -166,3 +166,20 @@ impl Waker {
             && pending.swap(false, Ordering::AcqRel)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wake_that_was_taken_ends_no_wait() {
+        let waker = Waker::new().unwrap();
+        let ends = |limit| Wait::limited(limit).readable(&waker.0.socket).unwrap();
+        assert!(!waker.take());
+        for wakes in 1..4 {
+            (0..wakes).for_each(|_| waker.wake());
+            assert!(ends(Duration::from_secs(20)) && waker.take());
+            assert!(!ends(Duration::ZERO) && !waker.take(), "however often, it is woken once");
+        }
+    }
+}

@@ -83,6 +83,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn choices_that_are_bytes_are_spent_with_the_last() {
+        let mut choices = Rng::of(&[7, 1, 2]);
+        assert_eq!((choices.below(5), choices.is_spent()), (2, false));
+        assert_eq!((choices.below(1000), choices.is_spent()), (0x0201, true));
+        assert_eq!((choices.below(5), choices.next_u64()), (0, 0));
+        assert!(!Rng::new(0).is_spent());
+    }
+
+    #[test]
     fn each_order_of_magnitude_is_equally_likely() {
         let mut rng = Rng::new(1);
         let (from, to) = (Duration::from_millis(1), Duration::from_secs(10));

@@ -158,6 +158,50 @@ fn a_setting_given_twice_is_the_last_one() {
     }
 }
 
+/// Times of each kind of range.
+#[derive(Debug, Clone)]
+struct Times {
+    any: Duration,
+    some: Duration,
+    short: Duration,
+    never: Duration,
+}
+
+impl Configure for Times {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { any, some, short, never } = self;
+        fields.time("any", ANY_TIME, "may be nothing", any);
+        fields.time("some", SOME_TIME, "is something", some);
+        fields.time("short", Duration::ZERO..=Duration::from_secs(2), "has a most", short);
+        fields.time("never", Duration::from_millis(1)..=Duration::MAX, "has a least", never);
+    }
+}
+
+#[test]
+fn the_list_says_which_times_there_are_in_either_form() {
+    let second = Duration::from_secs(1);
+    let times = Times { any: Duration::ZERO, some: second, short: second, never: Duration::MAX };
+    let shown = |form| {
+        let list = list_as(form, times.clone());
+        list.into_iter().map(|it| (it.values, it.default)).collect::<Vec<_>>()
+    };
+    let lines = |all: [(&str, Value); 4]| all.map(|(values, default)| (values.to_owned(), default));
+    let text = [
+        ("a time, or never", json!("0s")),
+        ("a time above 0, or never", json!("1s")),
+        ("0s to 2s", json!("1s")),
+        ("a time from 1ms, or never", json!("never")),
+    ];
+    assert_eq!(shown(Form::Text), lines(text));
+    let nanoseconds = [
+        ("from 0; null: never", json!(0)),
+        ("above 0; null: never", json!(1_000_000_000)),
+        ("0s to 2s", json!(1_000_000_000)),
+        ("from 1ms; null: never", json!(null)),
+    ];
+    assert_eq!(shown(Form::Nanoseconds), lines(nanoseconds));
+}
+
 #[test]
 fn the_list_is_what_a_help_shows() {
     let list = list(CONFIG);

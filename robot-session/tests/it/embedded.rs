@@ -12,7 +12,10 @@ use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event};
 use embedded_io::{ErrorType, ReadReady, WriteReady};
 use robot_session::{Clock, Ended, Session, embedded_io as blocking, embedded_io_async as waiting};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf};
+use tokio::io::{
+    AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, BufWriter, DuplexStream, ReadHalf,
+    WriteHalf,
+};
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
@@ -26,13 +29,13 @@ impl<T> ErrorType for Half<T> {
     type Error = io::Error;
 }
 
-impl embedded_io_async::Read for Half<ReadHalf<DuplexStream>> {
+impl<T: AsyncRead + Unpin> embedded_io_async::Read for Half<T> {
     async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.0.read(buffer).await
     }
 }
 
-impl embedded_io_async::Write for Half<WriteHalf<DuplexStream>> {
+impl<T: AsyncWrite + Unpin> embedded_io_async::Write for Half<T> {
     async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.write(bytes).await
     }
@@ -124,6 +127,20 @@ async fn a_dropped_turn_loses_nothing() {
     assert!(dropped > 3, "{dropped}");
 }
 
+/// The port keeps up to 64 bytes until it is flushed.
+#[tokio::test]
+async fn what_a_port_holds_is_flushed() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let (reader, writer) = tokio::io::split(near);
+    let writer = BufWriter::with_capacity(64, writer);
+    let mut driver = waiting::Driver::<_, _, _, 64, 8>::new(Half(reader), Half(writer), Process);
+    let mut session = Asker::new(&["one"]);
+    assert!(timeout(SHORT, driver.turn(&mut session, pending(), go_on)).await.is_err(), "it waits");
+    let mut arrived = [0; 4];
+    timeout(SHORT, far.read_exact(&mut arrived)).await.expect("the bytes stay in the port").unwrap();
+    assert_eq!(&arrived, b"one\n");
+}
+
 #[tokio::test]
 async fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
     let (mut driver, _far) = driver(64);
@@ -173,6 +190,8 @@ struct Line {
     /// How many bytes it takes.
     room: usize,
     is_closed: bool,
+    /// It takes nothing any more, and says so.
+    is_full: bool,
 }
 
 impl ErrorType for Port<'_> {
@@ -212,7 +231,7 @@ impl embedded_io::Write for Port<'_> {
 impl WriteReady for Port<'_> {
     fn write_ready(&mut self) -> Result<bool, Infallible> {
         let line = self.0.borrow();
-        Ok(line.is_closed || line.room > 0)
+        Ok(line.is_closed || line.is_full || line.room > 0)
     }
 }
 
@@ -312,6 +331,13 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
         ControlFlow::Break(Ended::ByPeer),
         "it brings nothing"
     );
+    // What takes nothing is closed, and at once: nobody waits until it counts as stalled.
+    *line.borrow_mut() = Line { is_full: true, ..Line::default() };
+    let time = Cell::new(Duration::ZERO);
+    let clock = || time.replace(time.get() + Duration::from_secs(1));
+    let turn =
+        blocking::Driver::<_, _, 64, 8>::new(Port(&line), clock).poll(&mut Asker::new(&["one"]), go_on);
+    assert_eq!(turn.unwrap(), ControlFlow::Break(Ended::ByPeer), "it takes nothing");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 
 use crate::common::echo::{Echo, EchoEvent, EchoStatistics};
-use robot_session::{Output, Session as _, Unexpected, settle};
+use robot_session::{Output, Rules, Session as _, Unexpected, settle};
 
 /// What it sends and reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {
@@ -72,6 +72,18 @@ fn nothing_is_read_or_sent_without_room_for_its_outcome() {
 }
 
 #[test]
+fn more_is_wanted_when_what_waits_is_read() {
+    let mut echo = Echo::new(Duration::ZERO);
+    echo.handle_connected(Duration::ZERO);
+    echo.handle_input(Duration::ZERO, b"abcd");
+    while echo.poll_transmit(Duration::ZERO, &mut [0]).is_some() {}
+    while echo.poll_event().is_some() {}
+    assert!(!echo.wants_input(), "there is room, and the fourth waits");
+    assert_eq!(settled(&mut echo, Duration::ZERO), (b"d".to_vec(), vec![EchoEvent::Answered(b'd')]));
+    assert!(echo.wants_input());
+}
+
+#[test]
 fn a_buffer_that_is_too_short_changes_nothing() {
     let mut echo = Echo::new(Duration::from_secs(1));
     echo.handle_connected(Duration::ZERO);
@@ -81,4 +93,21 @@ fn a_buffer_that_is_too_short_changes_nothing() {
     let now = Duration::from_secs(2);
     assert_eq!(echo.poll_transmit(now, &mut []), None);
     assert_eq!(settled(&mut echo, now), (b"x".to_vec(), vec![EchoEvent::Answered(b'x')]));
+}
+
+robot_session::rules! {
+    pub enum Kept {
+        Order,
+        Room,
+    }
+}
+
+#[test]
+fn a_configuration_shows_which_rules_are_kept() {
+    assert_eq!(format!("{:?}", Rules::<Kept>::default()), "All");
+    #[cfg(feature = "model")]
+    {
+        assert_eq!(format!("{:?}", Rules::without(Kept::Order)), "All but Order");
+        assert_eq!(format!("{:?}", Rules::without_both(Kept::Order, Kept::Room)), "All but Order and Room");
+    }
 }

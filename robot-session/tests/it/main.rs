@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod common;
+#[cfg(feature = "contract")]
+mod contract;
 #[cfg(feature = "serialport")]
 mod drivers;
 #[cfg(all(feature = "embedded-io", feature = "embedded-io-async", feature = "std"))]

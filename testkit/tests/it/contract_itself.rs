@@ -1,4 +1,5 @@
-//! The contract tests themselves: a link that keeps the contract passes, and each broken rule is found.
+//! The contract tests themselves, of a session with its stories: one that keeps the contract passes, and each broken rule is found.
+//! `robot-session` has those of decoders.
 
 #[path = "../../../robot-session/tests/it/common/mod.rs"]
 mod toy;
@@ -8,114 +9,10 @@ use core::time::Duration;
 use std::panic::catch_unwind;
 
 use cellwire_links::end::{By, Called, End, Once, Room};
-use robot_session::{Decoder, Session as _, contract};
+use robot_session::{Session as _, contract};
 use serde_json::{Map, Value, json};
 use testkit::contract::{Held, Story};
-use toy::{Asker, Line, Lines, TooLong};
-
-/// What a broken decoder does wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Fault {
-    None,
-    /// A byte that is pushed alone is lost.
-    LosesSingleBytes,
-    /// The position does not move with errors.
-    StandsStill,
-    /// The end is not noticed.
-    NeverFinishes,
-    /// What was held stays.
-    ClearsNothing,
-    /// The line after an error is one too.
-    TakesTwo,
-    /// What came in a piece of several bytes is shown with the next one.
-    IsLate,
-    /// A push of nothing takes the end back.
-    ForgetsItsEnd,
-}
-
-struct Broken {
-    lines: Lines,
-    fault: Fault,
-    errors: u64,
-    failed: bool,
-    /// What waits is not shown.
-    hides: bool,
-}
-
-impl Decoder for Broken {
-    type Frame<'a> = Line;
-    type Error = TooLong;
-
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        self.hides = match self.fault {
-            Fault::IsLate => bytes.len() > 1,
-            Fault::ForgetsItsEnd => bytes.is_empty(),
-            _ => false,
-        };
-        if self.fault == Fault::LosesSingleBytes && bytes.len() == 1 { 1 } else { self.lines.push(bytes) }
-    }
-
-    fn next_frame(&mut self) -> Option<Result<Line, TooLong>> {
-        if self.hides {
-            return None;
-        }
-        let before = self.lines.position();
-        let mut frame = self.lines.next_frame()?;
-        if self.fault == Fault::TakesTwo && core::mem::take(&mut self.failed) {
-            frame = Err(TooLong);
-        }
-        if frame.is_err() {
-            self.failed = true;
-            self.errors += self.lines.position() - before;
-        }
-        Some(frame)
-    }
-
-    fn finish(&mut self) {
-        if self.fault != Fault::NeverFinishes {
-            self.lines.finish();
-        }
-        self.hides = false;
-    }
-
-    fn position(&self) -> u64 {
-        self.lines.position() - if self.fault == Fault::StandsStill { self.errors } else { 0 }
-    }
-
-    fn clear(&mut self) {
-        if self.fault != Fault::ClearsNothing {
-            self.lines.clear();
-        }
-    }
-}
-
-fn check(fault: Fault, lines: &[&str], spread: usize) -> bool {
-    let frames: Vec<_> = lines.iter().map(|line| line.as_bytes().to_vec()).collect();
-    let new = move || Broken { lines: Lines::default(), fault, errors: 0, failed: false, hides: false };
-    catch_unwind(move || contract::decoder("toy", new, &frames, spread)).is_ok()
-}
-
-#[test]
-fn each_broken_rule_of_a_decoder_is_found() {
-    // A corrupt line end makes one line of two.
-    let mixed = ["one\n", "12\n", "3456789\n", "\n"];
-    assert!(check(Fault::None, &mixed, 1));
-    let faults = [
-        Fault::LosesSingleBytes,
-        Fault::StandsStill,
-        Fault::NeverFinishes,
-        Fault::ClearsNothing,
-        Fault::IsLate,
-        Fault::ForgetsItsEnd,
-    ];
-    for fault in faults {
-        assert!(!check(fault, &mixed, 1), "{fault:?}");
-    }
-    // Lines of the greatest length have nothing to do with one another.
-    assert!(!check(Fault::None, &mixed, 0));
-    assert!(check(Fault::None, &["3456789\n"], 0));
-    assert!(!check(Fault::TakesTwo, &["3456789\n"], 0));
-}
+use toy::Asker;
 
 /// A session around the toy's that breaks one rule.
 struct Sloppy<const FAULT: u8> {

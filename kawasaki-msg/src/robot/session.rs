@@ -201,6 +201,11 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
         let pushed = self.core.events.push_outcome(outcome);
         debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
     }
+
+    /// The number of the job that is queued next.
+    fn next(&self) -> u16 {
+        self.core.config.numbering().next(self.core.machine.queued)
+    }
 }
 
 impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'_, W, MESSAGE, WORDS, R> {
@@ -263,7 +268,6 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     }
 
     fn act(&mut self, now: Duration, action: Action, received: Option<Received<W>>) {
-        let next = self.core.config.numbering().next(self.core.machine.queued);
         let order = self.core.machine.order.number();
         match action {
             Action::Nothing => {}
@@ -312,14 +316,16 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 let order = self.core.machine.ended.map_or(0, |ended| ended.order);
                 self.push_outcome(RobotEvent::OrderOver { order, executed: self.core.machine.executed });
             }
-            Action::Cleared => self.core.events.push_notice(RobotEvent::QueueCleared { next }),
-            Action::Drained => self.core.events.push_notice(RobotEvent::QueueDrained { next }),
-            Action::Step(RecoveryStep::Alarm) => self.push_outcome(RobotEvent::Alarm { order, next }),
+            Action::Cleared => self.core.events.push_notice(RobotEvent::QueueCleared { next: self.next() }),
+            Action::Drained => self.core.events.push_notice(RobotEvent::QueueDrained { next: self.next() }),
+            Action::Step(RecoveryStep::Alarm) => {
+                self.push_outcome(RobotEvent::Alarm { order, next: self.next() })
+            }
             Action::Step(step) => {
                 if step == RecoveryStep::Clear {
                     self.jobs.writer.clear();
                 }
-                self.core.events.push_notice(RobotEvent::Recovery { step, next });
+                self.core.events.push_notice(RobotEvent::Recovery { step, next: self.next() });
             }
         }
     }

@@ -116,6 +116,27 @@ fn a_step_across_the_limit_a_path_ends_at_it_and_says_so() {
 }
 
 #[test]
+fn at_the_limit_a_path_less_than_a_count_goes_back_but_no_further() {
+    for direction in [1.0, -1.0] {
+        let mut modifier = x_only(Axis { max_per_path: 0.2, ..Axis::new(0.001) });
+        modifier.demand(ms(0), along_x(25.0 * direction)).unwrap();
+        modifier.next_period(ms(0));
+        modifier.demand(ms(0), along_x(0.0375 * direction)).unwrap(); // 0.3 counts a period
+        for _ in 0..10 {
+            let offsets = modifier.next_period(ms(0));
+            assert_eq!((offsets.counts[0], offsets.at_path_limit[0]), (0, true));
+        }
+        modifier.demand(ms(0), along_x(0.0)).unwrap();
+        assert!(!modifier.next_period(ms(0)).at_path_limit[0], "nothing is held back");
+        modifier.demand(ms(0), along_x(-0.0375 * direction)).unwrap();
+        for _ in 0..100 {
+            assert!(!modifier.next_period(ms(0)).at_path_limit[0]);
+        }
+        has_gone(&modifier, 0.170 * direction);
+    }
+}
+
+#[test]
 fn the_group_inputs_hold_16_bits() {
     let mut modifier = x_only(Axis { mm_per_count: 1e-6, max_per_period: 1.0, max_per_path: 1e9 });
     modifier.demand(ms(0), along_x(1000.0)).unwrap();

@@ -348,7 +348,9 @@ fn arc(from: Pose, via: [f64; 3], to: Pose) -> Result<Path, MoveError> {
     let (u, v) = (difference(via, from.position), difference(to.position, from.position));
     let normal = cross(u, v);
     let square = dot(normal, normal);
-    if square < 1e-6 * dot(u, u) * dot(v, v) || dot(v, v) < 1e-6 {
+    // Less than a micrometre has no direction.
+    let is_short = |side| dot(side, side) < 1e-6;
+    if square <= 1e-6 * dot(u, u) * dot(v, v) || is_short(u) || is_short(v) {
         return Err(MoveError::Arc);
     }
     // The centre of the circle through the three.

@@ -220,3 +220,30 @@ fn an_arc_is_that_of_the_circle_through_its_points() {
         }
     }
 }
+
+/// "The three places of an arc are on one line": within a thousandth, whatever their size.
+#[test]
+fn an_arc_has_three_places_that_are_not_on_one_line() {
+    let arc = |via: [f64; 3], [x, y, z]: [f64; 3]| {
+        let goal = to(Pose::shift(x, y, z), Way::Arc(via), Pace::Time(1.0));
+        let mut planner = tool_at(Pose::IDENTITY);
+        let (_, end) = planner.add(0.0, &goal)?;
+        is_at(planner.pose(end), Pose::shift(x, y, z));
+        Ok(())
+    };
+    for size in [0.1, 1.0, 1000.0] {
+        let goal = [2.0 * size, 0.0, 0.0];
+        let bent = |share: f64| [size, 0.0, size * share];
+        assert_eq!(arc(bent(0.002), goal), Ok(()), "{size} mm");
+        assert_eq!(arc(bent(-0.002), goal), Ok(()), "{size} mm");
+        for via in [bent(0.0005), bent(0.0), [0.0; 3], goal, goal.map(|part| -part)] {
+            assert_eq!(arc(via, goal), Err(MoveError::Arc), "{size} mm, through {via:?}");
+        }
+    }
+    // Two of them are the same place up to a micrometre, whether the arc would be a whole circle or begins with its point.
+    let far = [1.0, 1.0, 0.0];
+    for (near, expected) in [(0.0, Err(MoveError::Arc)), (0.000_9, Err(MoveError::Arc)), (0.001, Ok(()))] {
+        assert_eq!(arc(far, [near, 0.0, 0.0]), expected, "ends {near} mm from its begin");
+        assert_eq!(arc([near, 0.0, 0.0], far), expected, "its point is {near} mm from its begin");
+    }
+}

@@ -179,8 +179,9 @@ impl AxisState {
         let within = to_i64(nearest).clamp(-most, most);
         let counts = within.clamp(-path - self.path, path - self.path);
         self.path += counts;
-        // Beyond a limit there is nothing to catch up with.
-        let at_path_limit = counts != within || (counts == 0 && self.path.abs() == path && wanted != 0.0);
+        // Beyond a limit there is nothing to catch up with. Back from it, less than a count is carried as everywhere.
+        let beyond = (wanted > 0.0 && self.path == path) || (wanted < 0.0 && self.path == -path);
+        let at_path_limit = counts != within || (counts == 0 && beyond);
         self.rest = if at_path_limit { 0.0 } else { allowed - to_f64(counts) * axis.mm_per_count };
         (i16::try_from(counts).unwrap_or_default(), allowed != wanted, at_path_limit)
     }

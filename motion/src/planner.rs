@@ -199,11 +199,7 @@ impl Planner {
         while let Some(first) = self.active.first().copied()
             && now >= first.begin + first.cruise + first.ramp
         {
-            self.base = if let (Path::Joint, true) = (first.path, self.active.len() > 1) {
-                added(self.base, first.from, first.to, 1.0)
-            } else {
-                first.to
-            };
+            self.base = first.to;
             if let Some((base, _)) = &mut self.anywhere {
                 *base = first.pose(&self.arm, 1.0);
             }
@@ -352,7 +348,9 @@ fn arc(from: Pose, via: [f64; 3], to: Pose) -> Result<Path, MoveError> {
     let (u, v) = (difference(via, from.position), difference(to.position, from.position));
     let normal = cross(u, v);
     let square = dot(normal, normal);
-    if square < 1e-6 * dot(u, u) * dot(v, v) || dot(v, v) < 1e-6 {
+    // Less than a micrometre has no direction.
+    let is_short = |side| dot(side, side) < 1e-6;
+    if square <= 1e-6 * dot(u, u) * dot(v, v) || is_short(u) || is_short(v) {
         return Err(MoveError::Arc);
     }
     // The centre of the circle through the three.
@@ -375,14 +373,14 @@ fn arc(from: Pose, via: [f64; 3], to: Pose) -> Result<Path, MoveError> {
 /// A pose moved as from one pose to another.
 fn moved(pose: Pose, from: Pose, to: Pose) -> Pose {
     let ([x, y, z], [a, b, c]) = (pose.position, difference(to.position, from.position));
-    let orientation = rotation(from.rotation_to(&to)).then(Pose { position: [0.0; 3], ..pose }).orientation;
+    let orientation = rotation(from.rotation_to(&to)).then(pose).orientation;
     Pose { position: [x + a, y + b, z + c], orientation }
 }
 
 /// The orientation on the way from one to another.
 fn turned(from: Pose, to: Pose, share: f64) -> [f64; 4] {
     let turn = from.rotation_to(&to).map(|part| part * share);
-    rotation(turn).then(Pose { position: [0.0; 3], ..from }).orientation
+    rotation(turn).then(from).orientation
 }
 
 /// A turn by a rotation vector in degrees.

@@ -92,7 +92,8 @@ fn joints_arrive_together_and_the_slowest_one_decides() {
     let (_, end) = planner.add(0.0, &motion).unwrap();
     assert!((end - 0.5).abs() < 1e-9, "90° at half of 450°/s, and the ramp: {end}");
     let middle = planner.at(end / 2.0);
-    assert!((middle[0] - 45.0).abs() < 1e-9 && (middle[1] - 9.5).abs() < 1e-9, "{middle:?}");
+    let half = [45.0, 9.5, 0.0, 0.0, -90.0, 0.0];
+    assert!(middle.iter().zip(half).all(|(found, half)| (found - half).abs() < 1e-9), "{middle:?}");
     assert_eq!(planner.at(end), goal);
     let far = Move { goal: Goal::Joints([171.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..motion };
     assert_eq!(
@@ -156,4 +157,93 @@ fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
     assert!((here - from - 990.0).abs() < 20.0, "{here} from {from}");
     let (_, end) = planner.add(20.0, &far).unwrap();
     assert!((planner.pose(end).position[0] - 9000.0).abs() < 1e-6);
+}
+
+/// A tool without an arm that stands there at time 0.
+fn tool_at(place: Pose) -> Planner {
+    let mut planner = planner().anywhere();
+    let there = Move { pace: Pace::Time(1.0), ..to(place, Way::Linear, Pace::Share(1.0)) };
+    let (_, end) = planner.add(-2.0, &there).unwrap();
+    is_at(planner.pose(end), place);
+    planner
+}
+
+fn to(place: Pose, way: Way, pace: Pace) -> Move {
+    Move { goal: Goal::Pose(place, None), way, pace, ramp: 0.2, blend: 0.0 }
+}
+
+fn is_at(found: Pose, place: Pose) {
+    let turn = found.rotation_to(&place);
+    assert!(found.distance(&place) < 1e-6 && dot(turn, turn) < 1e-12, "{found:?}, expected {place:?}");
+}
+
+/// A turn of 70 degrees about an axis that is none of the frame's.
+#[test]
+fn in_the_middle_of_its_time_a_line_is_in_the_middle_of_its_way_and_of_its_turn() {
+    let start = Pose { position: [30.0, -40.0, 50.0], ..rotation([10.0, -20.0, 30.0]) };
+    let turned = |turn, position| Pose { position, orientation: rotation(turn).then(start).orientation };
+    let middle = turned([10.0, 15.0, 30.0], [80.0, 10.0, -50.0]);
+    let goal = turned([20.0, 30.0, 60.0], [130.0, 60.0, -150.0]); // 245 mm
+    let paces = [
+        (Way::Linear, Pace::Turn(35.0), 2.0),
+        (Way::Linear, Pace::Path(1e6), 70.0 / FASTEST_TURN), // the turn takes longer than the way
+        (Way::Linear, Pace::Path(100.0), 60_000f64.sqrt() / 100.0),
+        (Way::Joint, Pace::Share(0.5), 70.0 / FASTEST_TURN / 0.5),
+        (Way::Joint, Pace::Share(0.1), 70.0 / FASTEST_TURN / 0.1),
+    ];
+    for (way, pace, cruise) in paces {
+        let mut planner = tool_at(start);
+        let (_, end) = planner.add(0.0, &to(goal, way, pace)).unwrap();
+        assert!((end - cruise - 0.2).abs() < 1e-9, "{pace:?}: {end} s");
+        is_at(planner.pose(end / 2.0), middle);
+        is_at(planner.pose(end), goal);
+    }
+}
+
+/// From 0 to 200 degrees of a circle that is askew to every axis, and the other way around.
+#[test]
+fn an_arc_is_that_of_the_circle_through_its_points() {
+    let place = |degrees: f64| {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        Pose::shift(
+            100.0 + 40.0 * cosine - 40.0 * sine,
+            -200.0 + 20.0 * cosine + 40.0 * sine,
+            300.0 + 40.0 * cosine + 20.0 * sine,
+        )
+    };
+    for way in [200.0, -160.0] {
+        let mut planner = tool_at(place(0.0));
+        let arc = to(place(200.0), Way::Arc(place(way / 4.0).position), Pace::Time(2.0));
+        let (_, end) = planner.add(0.0, &arc).unwrap();
+        for (time, share) in [(end / 2.0, 0.5), (end, 1.0)] {
+            is_at(planner.pose(time), place(way * share));
+        }
+    }
+}
+
+/// "The three places of an arc are on one line": within a thousandth, whatever their size.
+#[test]
+fn an_arc_has_three_places_that_are_not_on_one_line() {
+    let arc = |via: [f64; 3], [x, y, z]: [f64; 3]| {
+        let goal = to(Pose::shift(x, y, z), Way::Arc(via), Pace::Time(1.0));
+        let mut planner = tool_at(Pose::IDENTITY);
+        let (_, end) = planner.add(0.0, &goal)?;
+        is_at(planner.pose(end), Pose::shift(x, y, z));
+        Ok(())
+    };
+    for size in [0.1, 1.0, 1000.0] {
+        let goal = [2.0 * size, 0.0, 0.0];
+        let bent = |share: f64| [size, 0.0, size * share];
+        assert_eq!(arc(bent(0.002), goal), Ok(()), "{size} mm");
+        assert_eq!(arc(bent(-0.002), goal), Ok(()), "{size} mm");
+        for via in [bent(0.0005), bent(0.0), [0.0; 3], goal, goal.map(|part| -part)] {
+            assert_eq!(arc(via, goal), Err(MoveError::Arc), "{size} mm, through {via:?}");
+        }
+    }
+    // Two of them are the same place up to a micrometre, whether the arc would be a whole circle or begins with its point.
+    let far = [1.0, 1.0, 0.0];
+    for (near, expected) in [(0.0, Err(MoveError::Arc)), (0.000_9, Err(MoveError::Arc)), (0.001, Ok(()))] {
+        assert_eq!(arc(far, [near, 0.0, 0.0]), expected, "ends {near} mm from its begin");
+        assert_eq!(arc([near, 0.0, 0.0], far), expected, "its point is {near} mm from its begin");
+    }
 }

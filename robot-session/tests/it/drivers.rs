@@ -12,6 +12,8 @@ use crate::common::{Asker, Event};
 use robot_session::{
     Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, is_lost_datagram, now,
 };
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
 fn peer() -> SocketAddr {
@@ -339,6 +341,26 @@ fn bytes_and_an_end_are_there_to_be_read_and_silence_is_not() {
     let another = TcpStream::connect(address).unwrap();
     drop(listener.accept().unwrap());
     assert!(Wait::default().readable(&another).unwrap());
+}
+
+/// Linux calls an urgent byte readable where the system's buffer is small, and nothing can be read.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_wait_that_ends_without_a_byte_is_silence() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    SockRef::from(&listener).set_recv_buffer_size(1).unwrap();
+    let mut peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let mut stream = listener.accept().unwrap().0;
+    let mut buffer = [0; 1000];
+    peer.write_all(&buffer).unwrap();
+    stream.read_exact(&mut buffer).unwrap();
+    SockRef::from(&peer).send_out_of_band(b"!").unwrap();
+    let begin = now();
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
+    assert!(now() - begin < LONG / 2);
+    peer.write_all(b"x").unwrap();
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Bytes(1));
+    assert_eq!(buffer[0], b'x');
 }
 
 const LONG: Duration = Duration::from_secs(20);

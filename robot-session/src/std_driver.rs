@@ -2,7 +2,7 @@
 
 use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{self, ErrorKind, Read as _};
+use std::io::{self, ErrorKind};
 use std::net::{TcpStream, UdpSocket};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -287,7 +287,7 @@ impl Transport for TcpStream {
         if !wait.readable(&*self)? {
             return Ok(Received::Nothing);
         }
-        match self.read(buffer) {
+        match receive_some(self, buffer) {
             Ok(0) => Ok(Received::Closed),
             Ok(length) => Ok(Received::Bytes(length)),
             Err(error) if is_silence(&error) => Ok(Received::Nothing),
@@ -330,6 +330,19 @@ impl Transport for UdpSocket {
             _ => Ok(Sent::Buffered),
         }
     }
+}
+
+/// What has arrived; a socket that blocks does not wait where it was called readable and is not, or another reader has the bytes.
+#[cfg(unix)]
+fn receive_some(stream: &mut TcpStream, buffer: &mut [u8]) -> io::Result<usize> {
+    use rustix::net::{RecvFlags, recv};
+    Ok(recv(stream, buffer, RecvFlags::DONTWAIT)?.0)
+}
+
+#[cfg(not(unix))]
+fn receive_some(stream: &mut TcpStream, buffer: &mut [u8]) -> io::Result<usize> {
+    use std::io::Read as _;
+    stream.read(buffer)
 }
 
 /// What there is room for; a socket that blocks does not wait for the rest.

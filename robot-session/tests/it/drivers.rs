@@ -10,9 +10,10 @@ use std::thread;
 use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event};
 use robot_session::{
-    Driver, Ended, Received, Sent, Serial, Session as _, Transport, Wait, drive, is_lost_datagram, now,
+    Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, is_lost_datagram, now,
 };
-use serialport::SerialPort as _;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
 fn peer() -> SocketAddr {
@@ -245,43 +246,18 @@ fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     assert_eq!(buffer[..9], [2; 9]);
     let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
     assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);
+    assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
 }
 
-/// A pseudo-terminal, whose other end does not read at first.
+/// Here because it is none for datagrams.
 #[cfg(unix)]
 #[test]
-fn a_serial_port_takes_what_it_has_room_for() {
-    let (master, mut slave) = serialport::TTYPort::pair().unwrap();
-    slave.set_timeout(Duration::from_secs(20)).unwrap();
-    let mut port = Serial(Box::new(master));
-    let mut sent = 0;
-    let bytes: Vec<u8> = (0..=250).cycle().take(1000).collect();
-    loop {
-        match port.send(&bytes).unwrap() {
-            Sent::Buffered => sent += bytes.len(),
-            Sent::Part(length) => {
-                sent += length;
-                break;
-            }
-            Sent::Transmitted => panic!("a port does not know"),
-        }
-    }
-    let begin = now();
-    port.wait_for_room(Wait::default()).unwrap();
-    assert!(now() - begin < Duration::from_secs(5));
-    let mut received = vec![0; sent];
-    slave.read_exact(&mut received).unwrap();
-    assert!(received.iter().enumerate().all(|(at, byte)| *byte == bytes[at % bytes.len()]));
-    slave.write_all(b"ok").unwrap();
-    let mut buffer = [0; 8];
-    let mut arrived: Vec<u8> = Vec::new();
-    while arrived.len() < 2 {
-        if let Received::Bytes(length) = port.receive(&mut buffer, Wait::limited(SHORT)).unwrap() {
-            arrived.extend(&buffer[..length]);
-        }
-    }
-    assert_eq!(arrived, b"ok");
-    assert_eq!(port.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
+fn an_error_of_a_socket_itself_is_no_lost_datagram() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let _peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let mut socket = UdpSocket::from(std::os::fd::OwnedFd::from(listener));
+    let error = socket.receive(&mut [0; 8], Wait::limited(LONG)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotConnected);
 }
 
 /// What a connection did not take is not the beginning of the next one.
@@ -365,6 +341,26 @@ fn bytes_and_an_end_are_there_to_be_read_and_silence_is_not() {
     let another = TcpStream::connect(address).unwrap();
     drop(listener.accept().unwrap());
     assert!(Wait::default().readable(&another).unwrap());
+}
+
+/// Linux calls an urgent byte readable where the system's buffer is small, and nothing can be read.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_wait_that_ends_without_a_byte_is_silence() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    SockRef::from(&listener).set_recv_buffer_size(1).unwrap();
+    let mut peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let mut stream = listener.accept().unwrap().0;
+    let mut buffer = [0; 1000];
+    peer.write_all(&buffer).unwrap();
+    stream.read_exact(&mut buffer).unwrap();
+    SockRef::from(&peer).send_out_of_band(b"!").unwrap();
+    let begin = now();
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
+    assert!(now() - begin < LONG / 2);
+    peer.write_all(b"x").unwrap();
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Bytes(1));
+    assert_eq!(buffer[0], b'x');
 }
 
 const LONG: Duration = Duration::from_secs(20);

@@ -11,11 +11,13 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::common::echo::Echo;
 use crate::common::{Asker, Event};
 use robot_session::Session as _;
 use robot_session::tokio::{
-    Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, spawn,
+    Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, serve, spawn,
 };
+use socket2::SockRef;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
@@ -119,6 +121,49 @@ async fn a_peer_that_is_back_at_once_is_taken_at_once() {
         drop(stream);
         let mut link = handle.link();
         link.wait_for(|link| matches!(link, Link::Failed(_))).await.unwrap();
+    }
+}
+
+/// Those beyond that wait in the order in which they came.
+#[tokio::test]
+async fn a_listener_serves_so_many_peers_at_a_time() {
+    async fn ask(peer: &mut TcpStream) {
+        let mut answer = [0];
+        peer.write_all(b"x").await.unwrap();
+        timeout(LONG, peer.read_exact(&mut answer)).await.unwrap().unwrap();
+        assert_eq!(&answer, b"x");
+    }
+
+    let listener = TcpListener::bind(any()).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let mut peers = VecDeque::new();
+    for _ in 0..5 {
+        peers.push_back(TcpStream::connect(address).await.unwrap());
+    }
+    let begun = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&begun);
+    let session = move |_| {
+        counted.fetch_add(1, Ordering::SeqCst);
+        Echo::new(Duration::ZERO)
+    };
+    let serving = tokio::spawn(serve(listener, 2, session, |_, _, _| {}));
+    for gone in 0..4 {
+        ask(&mut peers[0]).await;
+        ask(&mut peers[1]).await;
+        assert_eq!(begun.load(Ordering::SeqCst), gone + 2);
+        peers.pop_front();
+    }
+    serving.abort();
+}
+
+#[tokio::test]
+async fn every_connection_sends_at_once_and_notices_a_peer_without_power() {
+    let mut listen = Listen::bind(any()).await.unwrap();
+    let mut dial = Tcp::new(listen.address().unwrap().to_string());
+    let (dialled, accepted) = tokio::join!(dial.connect(), listen.connect());
+    for stream in [dialled.unwrap(), accepted.unwrap()] {
+        assert!(stream.nodelay().unwrap());
+        assert!(SockRef::from(&stream).keepalive().unwrap());
     }
 }
 
@@ -295,6 +340,26 @@ async fn calls_are_made_in_the_order_in_which_they_came() {
         let outcome = timeout(LONG, call).await.unwrap().unwrap();
         assert!(matches!(outcome, Ok(Err(_))), "{outcome:?}");
     }
+}
+
+#[tokio::test]
+async fn a_call_that_waits_when_a_connection_is_lost_is_made_on_the_next_one() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let (next, mut far_of_next) = tokio::io::duplex(64);
+    let mut pipes = vec![next, near];
+    let handle = run(Dial(move || {
+        let pipe = pipes.pop().ok_or_else(|| io::Error::other("no more pipes"));
+        async { pipe }
+    }));
+    let first = handle.begin(|reply| Ask("one", reply)).await.unwrap();
+    let second = handle.begin(|reply| Ask("two", reply)).await.unwrap();
+    let mut line = [0; 4];
+    timeout(LONG, far.read_exact(&mut line)).await.unwrap().unwrap();
+    drop(far);
+    assert_eq!(timeout(LONG, first).await.unwrap(), Ok(Err("one".into())));
+    timeout(LONG, far_of_next.read_exact(&mut line)).await.unwrap().unwrap();
+    far_of_next.write_all(&line).await.unwrap();
+    assert_eq!(timeout(LONG, second).await.unwrap(), Ok(Ok("two".into())));
 }
 
 /// It is only polled, and never waits for a runtime of its caller.

@@ -12,5 +12,7 @@ mod end;
 mod event_queue;
 #[cfg(feature = "tokio")]
 mod handle;
+#[cfg(feature = "serialport")]
+mod serial;
 #[cfg(feature = "tokio")]
 mod tokio;

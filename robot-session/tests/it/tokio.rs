@@ -1,14 +1,17 @@
 //! The loop and the codec for tokio.
 
 use core::ops::ControlFlow;
+use core::pin::Pin;
+use core::task::{Context, Poll};
 use core::time::Duration;
+use std::io;
 
 use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event, Line, Lines, TooLong};
 use bytes::BytesMut;
-use robot_session::tokio::{Codec, Driver};
+use robot_session::tokio::{Closed, Codec, Driver, latest};
 use robot_session::{Ended, Session as _, now};
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, ReadBuf};
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
 fn go_on(_: &mut Asker, _: Event) -> ControlFlow<()> {
@@ -68,7 +71,7 @@ async fn nothing_is_sent_that_was_not_kept() {
     far.read_exact(&mut sent).await.unwrap();
     assert_eq!(&sent, b"one\n");
     far.write_all(b"one\n").await.unwrap();
-    let keep = async |_: &mut Asker| Err(std::io::Error::other("the disk is full"));
+    let keep = async |_: &mut Asker| Err(io::Error::other("the disk is full"));
     let error = loop {
         match driver.turn_keeping(&mut session, keep, go_on).await {
             Ok(turn) => assert!(turn.is_continue()),
@@ -235,6 +238,77 @@ async fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
     assert!(!session.wants_input());
     let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
     assert!(turn.unwrap().unwrap().is_continue());
+}
+
+/// A pipe that counts its flushes, of which the first ones have to wait.
+struct Flushed {
+    pipe: DuplexStream,
+    flushes: usize,
+    waits: usize,
+}
+
+impl AsyncRead for Flushed {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.pipe).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Flushed {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.pipe).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.flushes += 1;
+        if self.flushes > self.waits {
+            return Poll::Ready(Ok(()));
+        }
+        context.waker().wake_by_ref();
+        Poll::Pending
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_is_written_is_flushed_until_it_is_out_and_no_more() {
+    for waits in [0, 1, 3] {
+        let (pipe, _far) = tokio::io::duplex(64);
+        let mut driver = Driver::new(Flushed { pipe, flushes: 0, waits });
+        let mut session = Asker::new(&["one"]);
+        let turn = tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await;
+        assert!(turn.is_err(), "it waits for the answer");
+        assert_eq!(driver.transport_mut().flushes, waits + 1);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_latest_value_is_there_until_its_time_is_over_or_it_is_cleared() {
+    let (source, mut latest) = latest();
+    assert_eq!(latest.get(), None);
+    source.set(1, Some(now() + SHORT));
+    assert_eq!((latest.get(), latest.next().await), (Some(1), Ok(Some(1))));
+    tokio::time::advance(LONG).await;
+    assert_eq!(latest.get(), None);
+    source.set(2, None);
+    assert_eq!((latest.get(), latest.next().await), (Some(2), Ok(Some(2))));
+    source.clear();
+    assert_eq!(latest.get(), None);
+    assert_eq!(latest.next().await, Ok(None));
+    source.clear();
+    assert!(tokio::time::timeout(SHORT, latest.next()).await.is_err(), "nothing has changed");
+    drop(source);
+    assert_eq!(latest.next().await, Err(Closed));
 }
 
 #[test]

@@ -161,6 +161,7 @@ mod tests {
                 assert!(again.distance(&pose) < 1e-6, "{joints:?} {solution:?}");
                 let [x, y, z] = again.rotation_to(&pose);
                 assert!(x.abs() + y.abs() + z.abs() < 1e-5, "{joints:?} {solution:?}");
+                assert!(solution.joints.iter().all(|joint| joint.abs() <= 180.0), "{joints:?} {solution:?}");
                 found |= solution.joints.iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6);
             }
             assert!(found, "{joints:?}");
@@ -198,6 +199,38 @@ mod tests {
     }
 
     #[test]
+    fn j4_stays_at_half_a_turn_and_j5_above_zero_is_f_alone() {
+        let arm = Arm::LR_MATE_200ID;
+        for j5 in [0.0, 180.0] {
+            let joints = [10.0, 20.0, -30.0, 180.0, j5, 25.0];
+            let pose = arm.forward(&joints);
+            let found: Vec<_> = arm.inverse(&pose, &joints, 0.0).collect();
+            assert!(found.iter().all(|one| one.posture.flip || one.joints[4] <= 0.0), "{found:?}");
+            assert!(found.iter().any(|one| (one.joints[3], one.joints[4].abs()) == (180.0, j5)), "{found:?}");
+            for one in found {
+                let [x, y, z] = arm.forward(&one.joints).rotation_to(&pose);
+                assert!(x.abs() + y.abs() + z.abs() < 1e-5, "{one:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn slack_widens_the_reach_at_both_of_its_borders() {
+        // The forearm is 336.82 mm with its elbow: folded onto the upper arm, 6.82 mm are left.
+        let arm = Arm { flange: 0.0, ..Arm::LR_MATE_200ID };
+        let ways = |out: f64, slack: f64| {
+            arm.inverse(&Pose::shift(50.0 + out, 0.0, 0.0), &[0.0; 6], slack)
+                .filter(|solution| solution.posture.front)
+                .count()
+        };
+        assert_eq!([ways(666.0, 0.0), ways(667.5, 0.0), ways(667.5, 1.0), ways(668.5, 1.0)], [4, 0, 4, 0]);
+        assert_eq!([ways(7.0, 0.0), ways(6.0, 0.0), ways(6.0, 1.0), ways(5.0, 1.0)], [4, 0, 4, 0]);
+        // With links of one length, the wrist in the shoulder says nothing of J2.
+        let even = Arm { shoulder: 0.0, elbow: 0.0, forearm: 330.0, ..arm };
+        assert_eq!(even.inverse(&Pose::IDENTITY, &[0.0; 6], 1.0).count(), 0);
+    }
+
+    #[test]
     fn a_joint_is_turned_to_where_it_is_nearest_within_its_limits() {
         let mut limits = Limits::ANY;
         limits.joints[5].max = 300.0;
@@ -206,5 +239,32 @@ mod tests {
         assert_eq!((turned[3], turned[5]), (355.0, -5.0));
         (limits.joints[0].min, limits.joints[0].max) = (1.0, 100.0);
         assert_eq!(limits.turned([0.0; 6], &near, 0.0), None);
+    }
+
+    #[test]
+    fn a_joint_is_turned_as_often_as_it_takes() {
+        let turned = |joint: f64, near: f64, most: f64, slack: f64| {
+            let mut limits = Limits::ANY;
+            (limits.joints[0].min, limits.joints[0].max) = (-most, most);
+            Some(limits.turned([joint, 0.0, 0.0, 0.0, 0.0, 0.0], &[near, 0.0, 0.0, 0.0, 0.0, 0.0], slack)?[0])
+        };
+        assert_eq!(turned(3605.0, 10.0, 100.0, 0.0), Some(5.0));
+        assert_eq!(turned(-3605.0, -10.0, 100.0, 0.0), Some(-5.0));
+        // Where the nearest turn is beyond the limits, up to three turns back.
+        for (joint, near, expected) in
+            [(-170.0, 170.0, -170.0), (10.0, 400.0, 10.0), (10.0, 700.0, 10.0), (10.0, 1000.0, 10.0)]
+        {
+            assert_eq!(turned(joint, near, 175.0, 0.0), Some(expected), "{joint} near {near}");
+            assert_eq!(turned(-joint, -near, 175.0, 0.0), Some(-expected), "{joint} near {near}");
+        }
+        assert_eq!(
+            [turned(10.0, 700.0, 360.0, 0.0), turned(10.0, 1000.0, 730.0, 0.0)],
+            [Some(10.0), Some(730.0)]
+        );
+        assert_eq!(turned(5.0, 0.0, 4.5, 0.0), None);
+        for joint in [5.0, -5.0] {
+            assert_eq!(turned(joint, 0.0, 4.5, 0.7), Some(joint));
+            assert_eq!(turned(joint, 0.0, 4.0, 0.7), None);
+        }
     }
 }

@@ -316,7 +316,11 @@ impl Transport for UdpSocket {
         if !wait.readable(&*self)? {
             return Ok(Received::Nothing);
         }
-        match self.recv(buffer) {
+        #[cfg(unix)]
+        let received = receive_some(self, buffer);
+        #[cfg(not(unix))]
+        let received = self.recv(buffer);
+        match received {
             Ok(length) => Ok(Received::Bytes(length)),
             Err(error) if is_silence(&error) || is_lost_datagram(&error) => Ok(Received::Nothing),
             Err(error) => Err(error),
@@ -334,9 +338,9 @@ impl Transport for UdpSocket {
 
 /// What has arrived; a socket that blocks does not wait where it was called readable and is not, or another reader has the bytes.
 #[cfg(unix)]
-fn receive_some(stream: &mut TcpStream, buffer: &mut [u8]) -> io::Result<usize> {
+fn receive_some(socket: &impl std::os::fd::AsFd, buffer: &mut [u8]) -> io::Result<usize> {
     use rustix::net::{RecvFlags, recv};
-    Ok(recv(stream, buffer, RecvFlags::DONTWAIT)?.0)
+    Ok(recv(socket, buffer, RecvFlags::DONTWAIT)?.0)
 }
 
 #[cfg(not(unix))]

@@ -155,4 +155,6 @@ fn rotation_vectors_name_the_shorter_way() {
     close(turned(179.0), [0.0, 179.0, 0.0], 1e-9);
     close(turned(181.0), [0.0, -179.0, 0.0], 1e-9);
     close(turned(360.0), [0.0; 3], 1e-9);
+    let half = Pose { orientation: [0.0, 0.0, 1.0, 0.0], ..Pose::IDENTITY };
+    close(Pose::IDENTITY.rotation_to(&half), [0.0, 180.0, 0.0], 1e-9);
 }

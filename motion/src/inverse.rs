@@ -92,8 +92,8 @@ impl Limits {
     pub fn turned(&self, mut joints: [f64; 6], near: &[f64; 6], slack: f64) -> Option<[f64; 6]> {
         for ((joint, near), limit) in joints.iter_mut().zip(near).zip(self.joints) {
             let fits = |value: &f64| (limit.min - slack..=limit.max + slack).contains(value);
-            let turns = ((near - *joint) / 360.0).round();
-            let values = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0].map(|more| *joint + (turns + more) * 360.0);
+            let turns = ((near.min(limit.max).max(limit.min) - *joint) / 360.0).round();
+            let values = [0.0, 1.0, -1.0].map(|more| *joint + (turns + more) * 360.0);
             let nearest = values.into_iter().filter(fits);
             *joint = nearest.min_by(|a, b| (a - near).abs().total_cmp(&(b - near).abs()))?;
         }
@@ -250,9 +250,9 @@ mod tests {
         };
         assert_eq!(turned(3605.0, 10.0, 100.0, 0.0), Some(5.0));
         assert_eq!(turned(-3605.0, -10.0, 100.0, 0.0), Some(-5.0));
-        // Where the nearest turn is beyond the limits, up to three turns back.
+        // Where the nearest turn is beyond the limits, as many turns back as it takes.
         for (joint, near, expected) in
-            [(-170.0, 170.0, -170.0), (10.0, 400.0, 10.0), (10.0, 700.0, 10.0), (10.0, 1000.0, 10.0)]
+            [(-170.0, 170.0, -170.0), (10.0, 400.0, 10.0), (10.0, 700.0, 10.0), (10.0, 1e6, 10.0)]
         {
             assert_eq!(turned(joint, near, 175.0, 0.0), Some(expected), "{joint} near {near}");
             assert_eq!(turned(-joint, -near, 175.0, 0.0), Some(-expected), "{joint} near {near}");

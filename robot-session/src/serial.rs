@@ -12,7 +12,7 @@ use crate::{Received, Sent, Transport, Wait};
 /// A serial port, as `serialport::new(path, baud).open()` gives it, as a [`Transport`].
 ///
 /// A [`Waker`](crate::Waker) does not end its wait, which is for something else than a descriptor on some systems: a caller that needs one
-/// limits the turn.
+/// limits the turn. On Unix a write of more bytes than the driver has room for waits for the line: some 4000 bytes at most ports.
 #[allow(missing_debug_implementations, reason = "a port is not")]
 pub struct Serial(pub Box<dyn SerialPort>);
 

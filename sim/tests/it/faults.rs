@@ -63,7 +63,8 @@ fn a_fault_of_a_request_happens_to_that_request() {
 /// A device with something to do in each way while the fault of 2 ms lasts, until 12 ms.
 fn while_away(fault: Fault) -> ([Vec<String>; 2], Vec<Duration>) {
     let line = Line { wake: Some(4 * MS), ..Line::sending(&[(6 * MS, "CD")]) };
-    let mut bench = bench(Line::sending(&[(3 * MS, "AB")]), Gadget { line, work: Some(5 * MS) });
+    let host = Line { wake: Some(7 * MS), ..Line::sending(&[(3 * MS, "AB")]) };
+    let mut bench = bench(host, Gadget { line, work: Some(5 * MS) });
     bench.wire.reconnect = MS;
     bench.faults().follow(Script::new().at(2 * MS, fault));
     let mut stops = Vec::new();
@@ -79,7 +80,7 @@ fn while_away(fault: Fault) -> ([Vec<String>; 2], Vec<Duration>) {
 fn a_frozen_device_neither_reads_nor_sends_and_executes() {
     let ([device, host], _) = while_away(Fault::Freeze(10 * MS));
     assert_eq!(device, ["0ns connected", "5ms executes", "12ms wakes", "12ms AB"]);
-    assert_eq!(host, ["0ns connected", "12ms CD"]);
+    assert_eq!(host, ["0ns connected", "7ms wakes", "12ms CD"]);
 }
 
 #[test]
@@ -87,8 +88,8 @@ fn a_device_without_power_does_nothing_until_it_is_back() {
     let ([device, host], stops) = while_away(Fault::Restart(10 * MS));
     let back = ["12ms executes", "12ms wakes", "12ms connected", "12ms AB"];
     assert_eq!(device, [&["0ns connected", "2ms restarts", "2ms disconnected"][..], &back].concat());
-    assert_eq!(host, ["0ns connected", "2ms disconnected", "12ms connected", "12ms CD"]);
-    assert_eq!(stops, [0, 2, 3, 12, 50].map(|ms| ms * MS), "the clock stops at what is due");
+    assert_eq!(host, ["0ns connected", "2ms disconnected", "7ms wakes", "12ms connected", "12ms CD"]);
+    assert_eq!(stops, [0, 2, 3, 7, 12, 50].map(|ms| ms * MS), "the clock stops at what is due");
 }
 
 #[test]

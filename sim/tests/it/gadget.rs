@@ -36,7 +36,7 @@ impl Session for Line {
     type Event = Infallible;
     type Statistics = ();
     const MAX_INPUT: usize = 8;
-    const MAX_TRANSMIT: usize = 8;
+    const MAX_TRANSMIT: usize = 64;
 
     fn handle_connected(&mut self, now: Duration) {
         self.is_connected = true;

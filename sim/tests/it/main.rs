@@ -4,6 +4,7 @@
 mod bench;
 mod faults;
 mod gadget;
+mod running;
 
 #[cfg(feature = "ball")]
 mod ball;

@@ -239,7 +239,7 @@ impl<S: Session, D: Device> Bench<S, D> {
             }
             while let Some(told) = self.simulator.poll_event() {
                 match told {
-                    Told::Close(_) if self.link == Link::Up => {
+                    Told::Close(_) => {
                         self.simulator.handle_disconnected(self.now);
                         self.to_device = Way::EMPTY;
                         self.to_session.put(self.now, &self.wire, 0, Arrival::End);

@@ -216,7 +216,7 @@ impl Faults {
         let count = state.answers;
         state.take(now, |when| match when {
             When::Answer(at) => at <= count,
-            When::EveryAnswer(every) => every > 0 && count.is_multiple_of(every),
+            When::EveryAnswer(every) => count.is_multiple_of(every),
             When::At(at) => at <= now,
             When::Request(_) | When::EveryRequest(_) => false,
         })
@@ -229,7 +229,7 @@ impl Faults {
         let count = state.requests;
         state.take(now, |when| match when {
             When::Request(at) => at <= count,
-            When::EveryRequest(every) => every > 0 && count.is_multiple_of(every),
+            When::EveryRequest(every) => count.is_multiple_of(every),
             When::Answer(_) | When::EveryAnswer(_) | When::At(_) => false,
         })
     }

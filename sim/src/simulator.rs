@@ -348,8 +348,7 @@ impl<D: Device> Session for Simulator<D> {
         let held = self.outgoing.front().map_or(Duration::ZERO, |(at, _)| *at).max(self.frozen);
         let session = if self.closing.is_some() { None } else { session.map(|at| at.max(held)) };
         let sent = self.outgoing.front().map(|(at, _)| (*at).max(self.frozen));
-        let arrives = self.incoming.front().map(|(at, _)| (*at).max(self.frozen));
-        let arrives = arrives.filter(|at| *at > self.now || self.reads());
+        let arrives = self.incoming.front().map(|(at, _)| *at).filter(|_| self.reads());
         let thaws = (self.frozen > self.now).then_some(self.frozen);
         [session, sent, arrives, thaws, faults, self.device.due()].into_iter().flatten().min()
     }

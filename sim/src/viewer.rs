@@ -117,7 +117,9 @@ impl Device for Screen {
         notes: &mut Notes<WorkstationEvent, PosePacket>,
     ) {
         if let WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) = event {
-            self.drawn.gaps += self.last_count.map_or(0, |last| u64::from(packet.lost_since(last)));
+            // One that comes twice is no gap.
+            let last = self.last_count.filter(|last| *last != packet.count);
+            self.drawn.gaps += last.map_or(0, |last| u64::from(packet.lost_since(last)));
             (self.last_count, self.moved) = (Some(packet.count), now);
             self.at_once += 1;
             self.drawn.most_at_once = self.drawn.most_at_once.max(self.at_once);

@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use cellwire_sim::ball::grip;
-use cellwire_sim::{Fault, Script, Settings as _, TeachBall};
-use isra_ball::{Host, HostConfig, HostEvent};
+use cellwire_sim::{Fault, Script, Settings as _, TeachBall, Told};
+use isra_ball::{BallEvent, Host, HostConfig, HostEvent};
 
 const S: Duration = Duration::from_secs(1);
 
@@ -30,5 +30,7 @@ fn ten_minutes_of_polls_with_a_silence() {
         }
     }
     assert!(fresh > 20_000 && (30..120).contains(&missed), "{fresh} {missed}");
+    let replies = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(BallEvent::Reply(_))));
+    assert!(replies.count() >= fresh, "the ball tells of each reply");
     assert_eq!(stale, [60], "the values were too old once, while it was silent");
 }

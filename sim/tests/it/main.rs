@@ -1,6 +1,11 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod bench;
+mod faults;
+mod gadget;
+mod running;
+
 #[cfg(feature = "ball")]
 mod ball;
 #[cfg(feature = "fanuc")]

@@ -2,8 +2,11 @@
 
 use core::time::Duration;
 
-use cellwire_sim::{Fault, Script, Settings as _, Viewer};
-use val2_viewer::{Host, HostConfig};
+use cellwire_sim::viewer::Drawn;
+use cellwire_sim::{Bench, Fault, Script, Settings as _, Told, Viewer};
+use val2_viewer::{Host, HostConfig, WorkstationConfig, WorkstationEvent};
+
+use crate::gadget::Line;
 
 const S: Duration = Duration::from_secs(1);
 
@@ -24,4 +27,44 @@ fn a_lost_request_and_a_lost_pose_do_not_stop_the_picture() {
     let gaps = bench.executed().windows(2).map(|two| two[1].at - two[0].at);
     assert!(gaps.into_iter().all(|gap| gap < 5 * S), "the picture was frozen");
     assert_eq!(bench.faults().happened().len(), 2);
+}
+
+/// Nobody answers: the operator pauses the picture, and the next one asks again.
+#[test]
+fn a_picture_that_is_older_than_it_may_be_is_paused() {
+    let stale_after = 7 * S / 5;
+    let viewer =
+        Viewer { config: WorkstationConfig { stale_after, ..Default::default() }, ..Default::default() };
+    let mut bench = Bench::new(Line::default(), viewer.simulator().unwrap());
+    bench.wire.latency = Duration::ZERO;
+    bench.run_for(8 * S);
+    // Pictures come every 0.2 s, the first before there is a connection. That of 1.4 s is as old as it may be.
+    assert_eq!(bench.session().log, ["0ns connected", "200ms \u{5}", "3.6s \u{5}", "7.2s \u{5}"]);
+    assert_eq!(bench.device().drawn(), Drawn { asked: 3, pauses: 2, ..Drawn::default() });
+}
+
+#[test]
+fn what_was_drawn_is_counted() {
+    let mut bench = Viewer::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    bench.faults().follow(Script::new().request(3, Fault::Twice).request(5, Fault::Corrupt));
+    while bench.now() < 2 * S {
+        let now = bench.now();
+        bench.session_mut().set_pose(now, [1; 12]);
+        bench.run_for(S / 50);
+    }
+    bench.run_for(2 * S);
+    let told = |is: fn(&WorkstationEvent) -> bool| {
+        let events = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(event) if is(event)));
+        events.count() as u64
+    };
+    let drawn = bench.device().drawn();
+    assert_eq!(drawn.poses, bench.executed().len() as u64);
+    assert_eq!(drawn.damaged, told(|event| matches!(event, WorkstationEvent::Corrupt(_))));
+    assert_eq!(
+        (told(|event| matches!(event, WorkstationEvent::Unasked(_))), drawn.stale),
+        (1, 1),
+        "{drawn:?}"
+    );
+    assert_eq!((drawn.gaps, drawn.most_at_once), (1, 2), "a pose that comes twice is no gap");
+    assert!(drawn.asked >= 10 && drawn.damaged > 0, "{drawn:?}");
 }

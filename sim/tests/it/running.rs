@@ -1,0 +1,60 @@
+//! A device in a thread: when waiting for it ends, and when it ends itself.
+
+use core::time::Duration;
+use std::io::{ErrorKind, Read, Write as _};
+use std::net::TcpStream;
+use std::time::Instant;
+
+use cellwire_sim::{Running, Simulator};
+
+use crate::gadget::{Gadget, Line};
+
+const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
+const NOW: Duration = Duration::ZERO;
+
+#[test]
+fn waiting_ends_with_what_is_waited_for_or_with_its_time() {
+    let gadget = Gadget { work: Some(NOW), ..Gadget::default() };
+    let sim = Running::listen(Simulator::new(gadget), "127.0.0.1:0").unwrap();
+    let begun = Instant::now();
+    assert!(sim.wait_for(1, 20 * S) && begun.elapsed() < 10 * S, "{:?}", begun.elapsed());
+    assert!(!sim.wait_for(2, MS));
+}
+
+#[test]
+fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_read() {
+    let line = Line { is_blocked: true, ..Line::sending(&[(NOW, "AB")]) };
+    let sim = Running::listen(Simulator::new(Gadget { line, work: None }), "127.0.0.1:0").unwrap();
+    let mut program = TcpStream::connect(sim.address()).unwrap();
+    program.set_read_timeout(Some(S)).unwrap();
+    program.read_exact(&mut [0; 2]).unwrap();
+    program.write_all(b"CD").unwrap();
+    drop(sim);
+    let end = program.read(&mut [0]).map_err(|error| error.kind());
+    let is_reset = end == Err(ErrorKind::ConnectionReset);
+    assert!(end == Ok(0) || is_reset && cfg!(not(target_os = "linux")), "{end:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_nothing() {
+    // 43 bytes: a multiple of them is no buffer of a system.
+    let text = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopq";
+    let sends = vec![(NOW, text); 8000];
+    let gadget = Gadget { line: Line::sending(&sends), ..Gadget::default() };
+    let sim = Running::pty(Simulator::new(gadget)).unwrap();
+    let inherited = std::process::Command::new("ls").args(["-l", "/proc/self/fd"]).output().unwrap();
+    assert!(!String::from_utf8_lossy(&inherited.stdout).contains(sim.path()), "no process has it open");
+    std::thread::sleep(10 * MS); // until there is no room
+    let mut program = std::fs::File::open(sim.path()).unwrap();
+    let (mut count, mut buffer) = (0, [0; 4096]);
+    while count < 100_000 {
+        let length = program.read(&mut buffer).unwrap();
+        let expected = text.as_bytes().iter().cycle().skip(count % text.len());
+        assert!(buffer[..length].iter().zip(expected).all(|(found, expected)| found == expected), "{count}");
+        count += length;
+    }
+    std::thread::sleep(5 * MS);
+    drop(sim);
+}

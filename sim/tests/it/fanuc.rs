@@ -196,7 +196,7 @@ fn telemetry_is_implausible_as_long_as_the_fault_is_there() {
     }
     let (block, found) = at(6500);
     assert_eq!(found, block);
-    // It stands still, and all of it: no speed says that the position does.
+    // The task has stopped, and with it all that it shows.
     let ((block, first), (later, last)) = (at(7200), at(7800));
     assert_ne!(block.position, later.position);
     assert_eq!(first, last);

@@ -73,7 +73,8 @@ impl<P: Simulated> Axes<P> {
     /// Stops where the axes are.
     pub(super) fn stop(&mut self, now: Duration) {
         self.advance(now);
-        *self = Self { percent: self.percent, now, ..Self::new(self.pose()) };
+        let here = self.pose();
+        (self.from, self.to, self.duration, self.progress) = (here, here, 0.0, 1.0);
     }
 
     /// Stops where the axes were half-way, if they have come so far by now.
@@ -96,8 +97,8 @@ impl<P: Simulated> Axes<P> {
     pub(super) fn advance(&mut self, now: Duration) {
         let passed = now.saturating_sub(self.now).as_secs_f64() * f64::from(self.percent) / 100.0;
         self.now = self.now.max(now);
-        self.progress =
-            if self.duration > 0.0 { (self.progress + passed / self.duration).min(1.0) } else { 1.0 };
+        // A motion that takes no time is over: 1 is the smaller one of infinity, and of no number.
+        self.progress = (self.progress + passed / self.duration).min(1.0);
     }
 
     /// When so much of the way is behind them, at this override.
@@ -167,5 +168,36 @@ mod tests {
         axes.set_override(S * 100, 100);
         axes.advance(S * 200);
         assert_eq!(axes.pose(), there);
+    }
+
+    #[test]
+    fn the_override_holds_through_a_stop_and_a_way_of_no_length_takes_no_time() {
+        let mut axes = Axes::new(PlatformPose::ORIGIN);
+        axes.set_override(S, 50);
+        axes.stop(S);
+        axes.go(S, PlatformPose::from_rad(3.0, -1.5));
+        // 3 s at 100 %.
+        axes.advance(S * 4);
+        assert_eq!(axes.pose(), PlatformPose::from_rad(1.5, -0.75));
+        assert_eq!((axes.passes(1.0), axes.stand()), (Some(S * 7), false));
+        axes.stop(S * 4);
+        axes.go(S * 4, PlatformPose::from_rad(1.5, -0.75));
+        for now in [S * 4, S * 5] {
+            axes.advance(now);
+            assert!(axes.stand());
+        }
+    }
+
+    #[test]
+    fn axes_stop_half_way_once_they_have_come_so_far() {
+        let mut axes = Axes::new(RobotPose::ORIGIN);
+        let half = RobotPose::from_mm_rad(250.0, 0.0, 0.0, 0.0);
+        for (at, stops) in [(1, false), (2, false), (3, true), (5, true)] {
+            axes = Axes::new(RobotPose::ORIGIN);
+            axes.go(S, RobotPose::from_mm_rad(500.0, 0.0, 0.0, 0.0));
+            axes.advance(S + S / 2 * at);
+            assert_eq!((axes.stop_half_way(), axes.stand()), (stops, stops), "{at} of 6");
+        }
+        assert_eq!(axes.pose(), half, "also when it is seen later");
     }
 }

@@ -228,7 +228,8 @@ impl<P: Simulated> MmaDevice<P> {
     }
 
     fn decide(&mut self, now: Duration, order: Order<P>, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
-        let every = |count: u64, n: u64| n > 0 && count.is_multiple_of(n);
+        // What is counted from 1 is never a multiple of 0.
+        let every = u64::is_multiple_of;
         let MotionFaults { fail_every, stall_every, refuse_every, refuse_code } = self.settings.faults;
         if let Order::Move { .. } = order {
             self.asked += 1;
@@ -412,8 +413,29 @@ mod tests {
         let failed = "OKF+125.000+000.000+000.000+00.0000F+00100+00002\r\n";
         assert_eq!(reply(&mut robot, S * 2, "STA\r\n"), failed);
         assert_eq!(reply(&mut robot, S * 2, "RST\r\n"), "OK\r\n");
+        assert_eq!(robot.device().motions(), 2);
         let home = "OKF+000.000+000.000+000.000+00.0000T+00100+00000\r\n";
         assert_eq!(reply(&mut robot, S * 9, "STA\r\n"), home);
+        assert_eq!(robot.device().motions(), 2, "what a reset begins is no `MOV`");
+    }
+
+    #[test]
+    fn a_stop_and_servo_motors_that_are_switched_off_end_a_motion_where_it_is() {
+        let half = RobotPose::from_mm_rad(125.0, 0.0, 0.0, 0.0);
+        for (command, servo) in [("STP\r\n", 'T'), ("SRVOF\r\n", 'F')] {
+            let mut robot = robot(NONE);
+            let go = "SRVON\r\nMOVA+250.000+000.000+000.000+00.0000\r\n";
+            assert_eq!(reply(&mut robot, S, go), "OK\r\nOK\r\n");
+            // It is on already: nothing changes.
+            assert_eq!(reply(&mut robot, S + S / 2, "SRVON\r\n"), "OK\r\n");
+            assert!(robot.device().moves());
+            assert_eq!(reply(&mut robot, S + S * 3 / 4, command), "OK\r\n");
+            assert!(!robot.device().moves());
+            let there = format!("OKF+125.000+000.000+000.000+00.0000{servo}+00100+00000\r\n");
+            assert_eq!(reply(&mut robot, S * 9, "STA\r\n"), there);
+            let done = robot.poll_executed().unwrap();
+            assert_eq!((done.at, done.work.at), (S + S * 3 / 4, half));
+        }
     }
 
     #[test]

@@ -141,6 +141,31 @@ mod tests {
     }
 
     #[test]
+    fn an_attitude_that_is_no_rotation_is_seen_and_put_right() {
+        let long = Pose { n: [2.0, 0.0, 0.0], a: [0.0, 0.0, 2.0], ..Pose::IDENTITY };
+        assert_eq!(long.orthonormality(), 1.0);
+        let askew = Pose { n: [2.0, 0.0, 0.0], o: [0.5, 4.0, 0.0], ..Pose::IDENTITY };
+        for frame in [CoordinateFrame::World, CoordinateFrame::Tool] {
+            assert_eq!(askew.accumulated(&Pose::IDENTITY, frame), Pose::IDENTITY);
+        }
+    }
+
+    #[test]
+    fn each_layout_has_its_words_in_its_order() {
+        let pose = Pose { n: [1.0, 2.0, 3.0], o: [4.0, 5.0, 6.0], a: [7.0, 8.0, 9.0], p: [10.0, 11.0, 12.0] };
+        for (order, words) in [
+            (Order::Columns, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]),
+            (Order::Rows, [1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, 12]),
+            (Order::PositionThenColumns, [10, 11, 12, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
+            (Order::RotationRowsThenPosition, [1, 4, 7, 2, 5, 8, 3, 6, 9, 10, 11, 12]),
+        ] {
+            let layout = Layout { order, rotation_one: 1.0, per_mm: 1.0 };
+            assert_eq!(layout.words(&pose), Transform(words), "{order:?}");
+            assert_eq!(layout.pose(&Transform(words)), pose, "{order:?}");
+        }
+    }
+
+    #[test]
     fn a_transformation_is_read_by_its_layout() {
         let words = Transform([16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16]);
         let pose = Layout::default().pose(&words);
@@ -184,5 +209,12 @@ mod tests {
         };
         assert_eq!(at(Mode::CUMULATIVE_23, &[80, 80]), (405.0, 405 * 32));
         assert_eq!(at(Mode::NON_CUMULATIVE_22, &[160, 80]), (402.5, 12880));
+        // The next ALTER has its path where the one before has left the arm.
+        let mut arm = Arm::new(ArmConfig::default(), Mode::NON_CUMULATIVE_22);
+        for x in [405.0, 410.0] {
+            arm.begin();
+            arm.take([160, 0, 0, 0, 0, 0]);
+            assert_eq!(arm.pose().p[0], x);
+        }
     }
 }

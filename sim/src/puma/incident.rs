@@ -73,6 +73,15 @@ mod tests {
     ];
 
     #[test]
+    fn no_checksum_stays_right() {
+        for sum in 0..=u8::MAX {
+            let mut frame = [0x10, sum];
+            spoil(&mut frame);
+            assert!(frame[0] == 0x10 && frame[1] != sum, "{sum:#04x}");
+        }
+    }
+
+    #[test]
     fn a_controller_has_each_error_with_what_it_is_given() {
         let other = Framing {
             leading_dle: LeadingDle::One,

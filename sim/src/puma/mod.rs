@@ -73,7 +73,7 @@ impl Settings for Puma {
             settings: self.clone(),
             now: Duration::ZERO,
             connected: false,
-            start_at: Duration::ZERO,
+            start_at: None,
             resume_at: None,
             begun_at: None,
             happened: 0,
@@ -124,7 +124,8 @@ pub struct MarkIii {
     arm: Arm,
     now: Duration,
     connected: bool,
-    start_at: Duration,
+    /// When the operator starts the program; `None` while it runs.
+    start_at: Option<Duration>,
     resume_at: Option<Duration>,
     /// When the first ALTER began.
     begun_at: Option<Duration>,
@@ -187,7 +188,7 @@ impl MarkIii {
 
     /// The program has ended; the operator starts it again after a while.
     fn off(&mut self, event: PumaEvent, notes: &mut Notes<PumaEvent, Moved>) {
-        self.start_at = self.now.saturating_add(self.settings.restart);
+        self.start_at = Some(self.now.saturating_add(self.settings.restart));
         self.resume_at = None;
         notes.event(event);
     }
@@ -254,12 +255,19 @@ impl Device for MarkIii {
         }
         let connected = self.controller().state() != ControllerState::Disconnected;
         if core::mem::replace(&mut self.connected, connected) != connected {
-            self.start_at = self.start_at.max(now.saturating_add(FIRST));
+            self.start_at = self.start_at.max(Some(now.saturating_add(FIRST)));
         }
         let (pose, controller) = (self.arm.transform(), self.port.controller_mut());
-        if controller.state() == ControllerState::Off && now >= self.start_at {
-            // It cannot have been started already: it is off.
-            let _ = controller.start(now);
+        match controller.state() {
+            ControllerState::Disconnected => {}
+            ControllerState::Off => {
+                if self.start_at.take_if(|at| *at <= now).is_some() {
+                    // It cannot have been started already: it is off.
+                    let _ = controller.start(now);
+                }
+            }
+            // When it is off again, the event of that is still to come.
+            _ => self.start_at = None,
         }
         // "Beginnt mit 1" (§3.2.2), and stands while the path does.
         let number = 1 + self.path_cycles / SEGMENT % u64::from(u16::MAX);
@@ -271,7 +279,7 @@ impl Device for MarkIii {
     }
 
     fn due(&self) -> Option<Duration> {
-        let start = (self.controller().state() == ControllerState::Off).then_some(self.start_at);
+        let start = self.start_at.filter(|_| self.controller().state() == ControllerState::Off);
         // What is overdue waits for a message.
         let incident = self.next_incident().map(|(at, _)| at).filter(|at| *at > self.now);
         [self.resume_at, start, incident].into_iter().flatten().min()
@@ -282,7 +290,7 @@ impl Device for MarkIii {
         // The same settings have worked before.
         if let Ok(robot) = self.settings.device() {
             let (arm, begun_at, happened) = (self.arm, self.begun_at, self.happened);
-            *self = Self { arm, begun_at, happened, now, start_at: now, ..robot };
+            *self = Self { arm, begun_at, happened, now, start_at: Some(now), ..robot };
         }
     }
 

@@ -138,3 +138,99 @@ impl Session for Port {
         self.controller.statistics()
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::indexing_slicing)]
+mod tests {
+    use val2_alter::{ControllerConfig, ControllerState, Frame};
+
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+    /// Before anything can be over.
+    const INSTANT: Duration = Duration::from_nanos(1);
+
+    fn frame(data: &[u8]) -> Vec<u8> {
+        let mut bytes = [0; Frame::MAX_LEN];
+        let length =
+            Frame::new(data).unwrap().encode(ControllerConfig::default().framing, &mut bytes).unwrap();
+        bytes[..length].to_vec()
+    }
+
+    /// A port whose controller has sent its first standard message, and when that has left.
+    fn asked() -> (Port, Duration) {
+        let config = ControllerConfig { gap: None, ..ControllerConfig::default() };
+        let mut port = Port::new(Controller::new(config).unwrap(), true);
+        port.handle_connected(Duration::ZERO);
+        port.controller_mut().start(Duration::ZERO).unwrap();
+        send(&mut port, Duration::ZERO);
+        port.handle_input(5 * MS, &frame(&[0]));
+        assert_eq!(port.poll_event(), Some(ControllerEvent::Started));
+        let left = send(&mut port, 28 * MS);
+        (port, left)
+    }
+
+    /// A message is on the line from now on; when it has left, it is carried.
+    fn send(port: &mut Port, now: Duration) -> Duration {
+        let mut out = [0; Frame::MAX_LEN];
+        assert_eq!(port.poll_transmit(now, &mut out), None);
+        let left = port.poll_timeout().unwrap();
+        assert!(left > now + MS, "{left:?}");
+        assert_eq!(port.poll_transmit(left - INSTANT, &mut out), None);
+        let length = port.poll_transmit(left, &mut out).unwrap();
+        assert_eq!(left - now, transmission_time(length, port.controller().config().baud));
+        assert_eq!(port.poll_transmit(left, &mut out), None, "once");
+        left
+    }
+
+    fn next(port: &mut Port) -> Option<ControllerEvent> {
+        core::iter::from_fn(|| port.poll_event()).find(|event| !matches!(event, ControllerEvent::Stray(_)))
+    }
+
+    #[test]
+    fn the_reply_to_the_message_is_misread_and_nothing_before_and_behind_it() {
+        let (mut port, left) = asked();
+        assert!(port.misread(ErrorCode::Checksum) && !port.misread(ErrorCode::Format));
+        port.handle_input(left - INSTANT, &frame(&[0, 0]));
+        assert_eq!(next(&mut port), None, "an answer to the message before");
+        port.handle_input(left, &frame(&[0, 0]));
+        assert!(port.misread(ErrorCode::Format), "the next one is to be misread as well");
+        port.handle_input(left + MS, &frame(&[0, 0]));
+        port.handle_timeout(55 * MS);
+        assert_eq!(next(&mut port), Some(ControllerEvent::BadReply(ErrorCode::Checksum)));
+        let left = send(&mut port, 56 * MS);
+        port.handle_input(left, &frame(&[0, 0]));
+        port.handle_timeout(83 * MS);
+        assert_eq!(next(&mut port), Some(ControllerEvent::BadReply(ErrorCode::Format)));
+    }
+
+    #[test]
+    fn a_reply_that_has_begun_is_read_to_its_end() {
+        let (mut port, left) = asked();
+        let reply = frame(&[0, 0]);
+        port.handle_input(left, &reply[..2]);
+        assert!(port.misread(ErrorCode::Checksum));
+        port.handle_input(left + MS, &reply[2..]);
+        assert!(matches!(next(&mut port), Some(ControllerEvent::Reply { .. })));
+    }
+
+    #[test]
+    fn a_reply_that_does_not_come_is_missed_when_its_time_is_over() {
+        let (mut port, left) = asked();
+        let over = port.poll_timeout().unwrap();
+        assert!(over > left);
+        port.handle_timeout(over - INSTANT);
+        assert_eq!(port.poll_event(), None);
+        port.handle_timeout(over);
+        assert_eq!(port.poll_event(), Some(ControllerEvent::BadReply(ErrorCode::Timeout)));
+    }
+
+    #[test]
+    fn nothing_of_a_connection_is_left_in_the_next_one() {
+        let (mut port, left) = asked();
+        port.handle_disconnected(left);
+        assert_eq!(port.controller().state(), ControllerState::Disconnected);
+        assert!(matches!(port.poll_event(), Some(ControllerEvent::Ended(_))));
+        assert_eq!(port.poll_timeout(), None);
+    }
+}

@@ -49,9 +49,7 @@ impl Pose {
     #[must_use]
     pub fn accumulated(&self, set: &Self, frame: CoordinateFrame) -> Self {
         let mut sum = match frame {
-            CoordinateFrame::World => {
-                Self { p: add(self.p, set.p), ..self.rotation().times(&set.rotation()) }
-            }
+            CoordinateFrame::World => Self { p: add(self.p, set.p), ..self.times(set) },
             CoordinateFrame::Tool => set.times(self),
         };
         sum.orthonormalize();
@@ -63,9 +61,7 @@ impl Pose {
     #[must_use]
     pub fn corrected(&self, correction: &Self, frame: CoordinateFrame) -> Self {
         match frame {
-            CoordinateFrame::World => {
-                Self { p: add(self.p, correction.p), ..correction.rotation().times(&self.rotation()) }
-            }
+            CoordinateFrame::World => Self { p: add(self.p, correction.p), ..correction.times(self) },
             CoordinateFrame::Tool => self.times(correction),
         }
     }
@@ -77,11 +73,6 @@ impl Pose {
         let [x, y, z] = cross(self.n, self.o);
         let handed = [x - self.a[0], y - self.a[1], z - self.a[2]].map(f64::abs);
         lengths.into_iter().chain(handed).fold(0.0, f64::max)
-    }
-
-    /// The same attitude at the origin.
-    fn rotation(&self) -> Self {
-        Self { p: [0.0; 3], ..*self }
     }
 
     fn turn(&self, v: [f64; 3]) -> [f64; 3] {

@@ -2,12 +2,13 @@
 
 use core::time::Duration;
 
-use cellwire_sim::fanuc::Write;
-use cellwire_sim::{Fanuc, Fault, Script, Settings as _, Told};
+use cellwire_sim::fanuc::{Controller, FanucController, Program, Tables, TelemetryFaults, Write};
+use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
 use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Reply, Request, WordOrder,
+    Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Registers as _, Reply, Request,
+    ServerEvent, Signal, TelemetryBlock, WordOrder, Words,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -156,4 +157,104 @@ fn an_answer_comes_twice_and_every_run_is_the_same() {
     assert!(strays == 1 && first.len() > 30, "{first:?}");
     assert_eq!(run(1), first);
     assert_ne!(run(2), first);
+}
+
+fn bench(faults: &str) -> Bench<Client<1>, FanucController> {
+    let robot = Fanuc { faults: faults.parse().unwrap(), ..Fanuc::default() };
+    robot.bench(Client::<1>::new(ClientConfig::tcp()).unwrap()).unwrap()
+}
+
+/// What the background task shows at this time.
+fn telemetry(bench: &mut Bench<Client<1>, FanucController>, at: Duration) -> TelemetryBlock {
+    bench.run_for(at - bench.now());
+    let mut controller = bench.device().controller();
+    controller.tick(at);
+    let registers = controller.tables_mut().holding_registers.first_chunk().unwrap();
+    TelemetryBlock::from_registers(registers, WordOrder::LowFirst)
+}
+
+#[test]
+fn telemetry_is_implausible_as_long_as_the_fault_is_there() {
+    let mut sound = bench("");
+    let mut faulty = bench("nan:1-2,infinite:2-3,quaternion:3-4,denormal:4-5,unreachable:5-6,standstill:7-8");
+    let mut at = |ms: u32| (telemetry(&mut sound, MS * ms), telemetry(&mut faulty, MS * ms));
+    let (block, found) = at(500);
+    assert_eq!(found, block);
+    let (block, found) = at(1500);
+    assert!(found.velocity[0].is_nan() && found.position == block.position);
+    let (block, found) = at(2500);
+    let wpr = [block.wpr[0], block.wpr[1], f32::INFINITY];
+    assert_eq!(found, TelemetryBlock { wpr, ..block });
+    let (block, found) = at(3500);
+    let [_, q2, q3, q4] = block.quaternion;
+    assert_eq!(found, TelemetryBlock { quaternion: [2.0, q2, q3, q4], ..block });
+    for (ms, beyond) in [(4500, false), (5500, true)] {
+        let (block, found) = at(ms);
+        let [x, y, z] = block.position;
+        let position = [if beyond { x + 5000.0 } else { 1e-40 }, y, z];
+        assert_eq!(found, TelemetryBlock { position, ..block });
+    }
+    let (block, found) = at(6500);
+    assert_eq!(found, block);
+    // The task has stopped, and with it all that it shows.
+    let ((block, first), (later, last)) = (at(7200), at(7800));
+    assert_ne!(block.position, later.position);
+    assert_eq!(first, last);
+}
+
+#[test]
+fn a_controller_that_is_away_ends_the_connection_and_says_why() {
+    let mut bench = bench("disconnect:2-3");
+    bench.run_for(1900 * MS);
+    assert_eq!(bench.told(), []);
+    bench.session_mut().request(1, &Request::ReadCoils { address: 0, quantity: 1 }).unwrap();
+    bench.run_for(50 * MS);
+    let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
+    assert!(matches!(told[..], [Told::Device(ServerEvent::Served { function: 1, .. })]), "{told:?}");
+    bench.run_for(S);
+    let away = bench.told().iter().filter(|(_, told)| *told == Told::Close("the fault `disconnect`"));
+    let away: Vec<Duration> = away.map(|(at, _)| *at).collect();
+    assert!(!away.is_empty() && away.iter().all(|at| (2 * S..3 * S).contains(at)), "{away:?}");
+}
+
+#[test]
+fn what_is_out_of_step_ends_the_connection() {
+    let mut bench = bench("");
+    bench.run_for(10 * MS);
+    let now = bench.now();
+    let server = bench.device_mut().session_mut();
+    cellwire_sim::robot_session::Session::handle_input(server, now, &[0xff; 64]);
+    bench.run_for(10 * MS);
+    let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
+    assert!(told.iter().any(|told| matches!(told, Told::Device(ServerEvent::OutOfStep(_)))), "{told:?}");
+    assert!(told.contains(&Told::Close("the client is out of step")), "{told:?}");
+}
+
+/// "Off by one": every third input is on, from the third one on.
+#[test]
+fn signals_and_registers_are_numbered_from_1() {
+    let tables = Tables::numbered();
+    let inputs = (1..=9).map(|n| tables.signal(Signal::Di(n)).unwrap());
+    assert_eq!(inputs.collect::<Vec<_>>(), [0, 0, 1, 0, 0, 1, 0, 0, 1]);
+    assert_eq!(tables.signal(Signal::R(7)), Some(7));
+}
+
+/// A program is told which registers were written.
+#[test]
+fn a_program_sees_the_registers_that_a_client_has_written() {
+    use core::ops::Range;
+    use std::sync::mpsc::{Sender, channel};
+    struct Log(Sender<(Range<usize>, Vec<u16>)>);
+    impl Program for Log {
+        fn run(&mut self, _: Duration, _: u32, _: &TelemetryFaults, _: &mut Tables) {}
+        fn written(&mut self, registers: Range<usize>, tables: &Tables) {
+            let values = tables.holding_registers[registers.clone()].to_vec();
+            self.0.send((registers, values)).unwrap();
+        }
+        fn show(&mut self, _: &mut Tables) {}
+    }
+    let (log, written) = channel();
+    let mut controller = Controller::running(Box::new(Log(log)), WordOrder::LowFirst);
+    controller.write_registers(10, Words::from(&[7, 8, 9])).unwrap();
+    assert_eq!(written.try_recv().unwrap(), (10..13, vec![7, 8, 9]));
 }

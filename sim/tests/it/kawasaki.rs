@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use cellwire_sim::{Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Told};
+use cellwire_sim::{Device as _, Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Told};
 use kawasaki_msg::robot_session::tokio::{Listen, Tcp};
 use kawasaki_msg::tokio::{Error, pc, robot};
 use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Work};
@@ -111,4 +111,50 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
         .collect();
     assert_eq!(over[..2], [(65_535, 300, true), (1, 300, true)]);
     assert!(matches!(over[2], (2, 0..300, false)), "{over:?}");
+}
+
+#[test]
+fn a_job_is_over_when_it_is_due() {
+    let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
+    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    pc.start(7, jobs(3).leak()).unwrap();
+    let mut bench = robot.bench(pc).unwrap();
+    assert_eq!(bench.device().due(), None);
+    assert!(bench.run_until(S, |bench| bench.device().due().is_some()));
+    let begun = bench.now();
+    for number in 1..=3u32 {
+        let before = bench.executed().len();
+        assert!(bench.run_until(4 * S, |bench| bench.executed().len() > before));
+        let end = begun + 3 * S * number;
+        assert_eq!((bench.now(), bench.executed().last().unwrap().at), (end, end));
+    }
+    bench.run_for(S);
+    assert_eq!((bench.device().held(), bench.device().due()), (0, None));
+}
+
+/// Without `repeat` one order is given to each connection; one that was refused for good, or is over, is not followed by another.
+#[test]
+fn a_pc_begins_an_order_when_a_robot_connects_and_when_it_is_to_repeat() {
+    for (repeat, many) in [(false, false), (true, true)] {
+        let pc = KawasakiPc { jobs: jobs(3).into(), repeat, ..KawasakiPc::default() };
+        let robot = KawasakiRobot::<Line> { job_time: S, ..KawasakiRobot::default() };
+        let mut bench = pc.bench(robot.simulator().unwrap()).unwrap();
+        let orders = |bench: &cellwire_sim::Bench<_, cellwire_sim::kawasaki::Pc<Line>>| {
+            let over = bench.executed().iter().filter_map(|done| match done.work {
+                PcEvent::OrderOver { order, executed: 3, complete: true } => Some(order),
+                _ => None,
+            });
+            over.collect::<Vec<u16>>()
+        };
+        bench.run_for(60 * S);
+        assert_eq!(bench.device().due(), None);
+        let over = orders(&bench);
+        assert_eq!((over[0], over.len() > 5), (50, many), "{over:?}");
+        if !repeat {
+            assert_eq!(over, [50]);
+            bench.disconnect();
+            bench.run_for(60 * S);
+            assert_eq!(orders(&bench), [50, 51]);
+        }
+    }
 }

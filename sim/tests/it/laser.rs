@@ -4,11 +4,11 @@
 
 use core::time::Duration;
 
-use cellwire_sim::laser::{CLEAR, HALT, STATUS};
-use cellwire_sim::{Fault, Laser, Script, Settings as _, Told};
+use cellwire_sim::laser::{CLEAR, GO_ON, HALT, LaserEvent, LaserRobot, STATUS};
+use cellwire_sim::{Bench, Device as _, Fault, Laser, LaserHost, Script, Settings as _, Told};
 use laser_eb90::robot_session::tokio::{Reconnect, Tcp};
 use laser_eb90::tokio::{Command, Error, host};
-use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
+use laser_eb90::{Host, HostConfig, HostEvent, Item, Refusal, UnknownReason};
 
 const CUT: u16 = 0x0101;
 const MS: Duration = Duration::from_millis(1);
@@ -121,6 +121,80 @@ fn what_goes_wrong_is_what_was_asked_for() {
     bench.run_for(S);
     assert_eq!((bench.device().held(), bench.executed().len()), (0, 0));
     query(&mut bench, CLEAR);
+}
+
+/// The robot is sent an instruction, and what the host is told of it.
+fn told(bench: &mut Bench<Host, LaserRobot>, word: u16) -> HostEvent {
+    bench.session_mut().submit(word, |_| Ok(())).unwrap();
+    bench.next_event(S).unwrap()
+}
+
+/// It is sent one instruction to cut for each of these, at once.
+fn cuts(bench: &mut Bench<Host, LaserRobot>, xs: core::ops::Range<u8>) -> HostEvent {
+    for x in xs {
+        bench.session_mut().submit(CUT, |parameters| parameters.f32(&[x.into()]).map(drop)).unwrap();
+    }
+    bench.next_event(S).unwrap()
+}
+
+#[test]
+fn a_halted_robot_holds_its_queue_and_goes_on_when_it_is_told_to() {
+    let robot = Laser { execution: 400 * MS, queue: 3, ..Laser::default() };
+    let config = HostConfig { full_timeout: Duration::ZERO, ..FRESH() };
+    let mut bench = robot.bench(Host::new(config).unwrap()).unwrap();
+    bench.run_for(3 * S);
+    assert!(matches!(told(&mut bench, HALT), HostEvent::Done { count: 1, .. }));
+    assert!(matches!(cuts(&mut bench, 0..3), HostEvent::Done { count: 3, .. }));
+    bench.run_for(10 * S);
+    assert_eq!((bench.device().held(), bench.executed().len(), bench.device().due()), (3, 0, None));
+    // The queue is full, and has room again as soon as it was emptied.
+    assert!(matches!(cuts(&mut bench, 3..4), HostEvent::Refused { refusal: Refusal::QueueFull, .. }));
+    bench.session_mut().resume();
+    assert!(matches!(told(&mut bench, CLEAR), HostEvent::Done { count: 1, .. }));
+    assert_eq!(bench.device().held(), 0);
+    assert!(matches!(cuts(&mut bench, 5..8), HostEvent::Done { count: 3, .. }));
+    assert_eq!(bench.device().held(), 3);
+    assert!(matches!(told(&mut bench, GO_ON), HostEvent::Done { count: 1, .. }));
+    let first = bench.device().due().unwrap();
+    for (x, end) in [(5.0, first), (6.0, first + 400 * MS), (7.0, first + 800 * MS)] {
+        let before = bench.executed().len();
+        assert!(bench.run_until(S, |bench| bench.executed().len() > before));
+        let done = bench.executed().last().unwrap();
+        assert_eq!((done.work.floats(&robot.config), done.at, bench.now()), (vec![x], end, end));
+    }
+    assert_eq!((bench.executed().len(), bench.device().due()), (3, None));
+    let noted: Vec<_> = bench
+        .told()
+        .iter()
+        .filter_map(|(_, told)| match told {
+            Told::Device(LaserEvent::Queued(count)) => Some(Ok(*count)),
+            Told::Device(LaserEvent::Refused(refusal)) => Some(Err(*refusal)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(noted, [Ok(3), Err(Refusal::QueueFull), Ok(3)]);
+}
+
+/// A simulated host and a simulated robot: what the full queue refuses is sent again after the pause, and each is cut once.
+#[test]
+fn a_host_sends_again_what_was_refused_after_a_pause() {
+    let instructions = (0..6u8).map(|x| (CUT, vec![f32::from(x)])).collect();
+    let config = HostConfig { full_timeout: Duration::ZERO, batch: 3, ..FRESH() };
+    let host = LaserHost { config, instructions, pause: 300 * MS };
+    let robot = Laser { execution: 2 * S, queue: 4, ..Laser::default() };
+    let mut bench = host.bench(robot.simulator().unwrap()).unwrap();
+    assert!(bench.run_until(60 * S, |bench| bench.session().device().held() == 3));
+    bench.run_for(60 * S);
+    let cut: Vec<f32> = core::iter::from_fn(|| bench.session_mut().poll_executed())
+        .map(|done| done.work.floats(&robot.config)[0])
+        .collect();
+    assert_eq!(cut, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    let refused = bench.executed().iter().filter(|done| matches!(done.work, HostEvent::Refused { .. }));
+    let refused: Vec<Duration> = refused.map(|done| done.at).collect();
+    assert!(refused.len() > 3, "{refused:?}");
+    let pauses = refused.windows(2).map(|two| two[1] - two[0]);
+    assert!(pauses.clone().all(|pause| (300 * MS..600 * MS).contains(&pause)), "{refused:?}");
+    assert_eq!(bench.device().due(), None, "there is nothing left to do");
 }
 
 /// A host at this port cuts once.

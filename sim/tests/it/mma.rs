@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
-use cellwire_sim::mma::{MmaRobot, MotionFaults};
-use cellwire_sim::{Fault, Settings as _};
+use cellwire_sim::mma::{MmaEvent, MmaRobot, MotionFaults};
+use cellwire_sim::{Device as _, Fault, Settings as _, Told};
 use mmacell_proto::robot_session::tokio::{Reconnect, Tcp};
 use mmacell_proto::tokio::{Error, central};
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Command, ErrorCode, Miss, Mode, Progress, RobotPose,
+    Central, CentralConfig, CentralEvent, Command, ErrorCode, Miss, Mode, Progress, Rejection, RobotPose,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -61,4 +61,42 @@ fn eight_hours_take_no_time() {
     }
     let events: Vec<CentralEvent<RobotPose>> = bench.take_events().collect();
     assert!(moves > 10_000 && events.len() as u64 > moves, "{moves}");
+}
+
+/// The robot says nothing of itself when it arrives: time passes to that moment because the device says when it is.
+#[test]
+fn a_motion_ends_when_it_is_due_at_any_speed() {
+    let there = pose(250.0);
+    for speed in [1, 3] {
+        let robot = MmaRobot { speed, home: pose(0.0), ..MmaRobot::default() };
+        let mut bench = robot.bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();
+        bench.run_for(S);
+        bench.session_mut().request(Command::Servo { on: true }).unwrap();
+        bench.run_for(S);
+        bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: there }).unwrap();
+        assert!(bench.run_until(S, |bench| bench.device().moves()));
+        let begun = bench.now();
+        let ends = bench.device().due().unwrap();
+        let took = ends - begun;
+        assert!(took.abs_diff(S * 3 / 2 / speed) < MS / 1000, "{took:?} at {speed}");
+        assert!(bench.run_until(9 * S, |bench| !bench.executed().is_empty()));
+        assert_eq!((bench.now(), bench.executed()[0].at), (ends, ends));
+        assert_eq!((bench.device().moves(), bench.device().due()), (false, None));
+    }
+}
+
+#[test]
+fn what_a_robot_is_told_and_cannot_do_it_tells() {
+    let mut bench = MmaRobot::default().bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();
+    bench.run_for(S);
+    bench.session_mut().request(Command::Servo { on: true }).unwrap();
+    bench.run_for(S);
+    bench.session_mut().request(Command::Servo { on: false }).unwrap();
+    bench.run_for(S);
+    bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: pose(1.0) }).unwrap();
+    bench.run_for(S);
+    let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
+    assert_eq!(told[..2], [true, false].map(|on| Told::Device(MmaEvent::Servo(on))));
+    let rejected = |told| matches!(told, Told::Device(MmaEvent::Rejected(Rejection::NotNow { .. })));
+    assert!(told.len() == 3 && rejected(told[2]), "{told:?}");
 }

@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use cellwire_sim::puma::{Incident, PumaEvent};
-use cellwire_sim::{Fault, Puma, Script, Settings as _, Told};
+use cellwire_sim::puma::{Incident, MarkIii, PumaEvent};
+use cellwire_sim::{Bench, Device as _, Fault, Puma, Script, Settings as _, Told};
 use val2_alter::robot_session::tokio::Tcp;
-use val2_alter::{ErrorCode, Host, HostConfig, HostEvent};
+use val2_alter::{ErrorCode, Host, HostConfig, HostEvent, MotionPhase, SegmentStatus};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -67,4 +67,98 @@ fn a_quarter_of_an_hour_of_cycles() {
     let done = bench.executed();
     assert!((31_800..32_143).contains(&done.len()), "{}", done.len());
     assert!(done.windows(2).all(|two| two[1].at - two[0].at >= 27 * MS));
+}
+
+fn bench(incidents: Vec<(Duration, Incident)>) -> Bench<Host, MarkIii> {
+    Puma { incidents, ..Puma::default() }.bench(Host::new(HostConfig::default()).unwrap()).unwrap()
+}
+
+/// When the robot has told this.
+fn told(bench: &Bench<Host, MarkIii>, what: fn(&PumaEvent) -> bool) -> Vec<Duration> {
+    let told = bench.told().iter();
+    told.filter(|(_, told)| matches!(told, Told::Device(event) if what(event))).map(|(at, _)| *at).collect()
+}
+
+fn started(event: &PumaEvent) -> bool {
+    matches!(event, PumaEvent::Started(_))
+}
+
+fn ended(event: &PumaEvent) -> bool {
+    matches!(event, PumaEvent::Ended(..))
+}
+
+fn incident(event: &PumaEvent) -> bool {
+    matches!(event, PumaEvent::Incident(_))
+}
+
+/// "Beginnt mit 1" (§3.2.2): 36 cycles are a segment of the program, in 16384 parts.
+#[test]
+fn the_messages_say_which_segment_is_followed_and_how_much_of_it_is_done() {
+    let mut bench = bench(Vec::new());
+    bench.run_for(5 * S);
+    let motions = bench.take_events().filter_map(|event| match event {
+        HostEvent::Motion(motion) => Some((motion.segment_status, motion.segment, motion.percent)),
+        _ => None,
+    });
+    let motions: Vec<_> = motions.collect();
+    assert!(motions.len() > 100, "{}", motions.len());
+    for (motion, cycles) in motions.into_iter().zip(0u16..) {
+        let status = if cycles == 0 { SegmentStatus::NoneYet } else { SegmentStatus::Normal };
+        let done = u32::from(cycles % 36) * 16384 / 36;
+        assert_eq!((motion.0, motion.1, u32::from(motion.2)), (status, 1 + cycles / 36, done));
+    }
+}
+
+#[test]
+fn what_is_to_happen_happens_when_it_is_due() {
+    let status = SegmentStatus::NullingUnplanned;
+    let second = Incident::Misread(ErrorCode::Checksum);
+    // In the middle of a cycle, and what comes while ALTER is interrupted waits.
+    let mut bench = bench(vec![
+        (2 * S + 5 * MS, Incident::Status(status)),
+        (3 * S, Incident::Interrupt(S)),
+        (3 * S + 500 * MS, second),
+    ]);
+    bench.run_for(10 * S);
+    let begun = told(&bench, started)[0];
+    let at: Vec<Duration> = told(&bench, incident).into_iter().map(|at| at - begun).collect();
+    let cycle = 28 * MS;
+    assert_eq!(at[0], 2 * S + 5 * MS);
+    assert!((3 * S..3 * S + cycle).contains(&at[1]), "{at:?}");
+    assert!((at[1] + S..at[1] + S + 2 * cycle).contains(&at[2]), "{at:?}");
+    let bad = told(&bench, |event| *event == PumaEvent::BadReply(ErrorCode::Checksum));
+    assert!(bad.len() == 1 && bad[0] >= begun + at[2], "{bad:?}");
+    let motions = bench.take_events().filter_map(|event| match event {
+        HostEvent::Motion(motion) => Some(motion),
+        _ => None,
+    });
+    let motions: Vec<_> = motions.collect();
+    let interrupted = motions.iter().filter(|motion| motion.phase == MotionPhase::Interrupted).count();
+    assert!((34..=38).contains(&interrupted), "a second of them: {interrupted}");
+    assert_eq!(motions.last().unwrap().segment_status, status);
+}
+
+#[test]
+fn the_program_starts_a_while_after_its_port_is_open_and_after_its_end() {
+    let mut bench = bench(vec![(2 * S, Incident::Finish), (2 * S + 500 * MS, Incident::Corrupt)]);
+    assert!(bench.run_until(5 * S, |bench| !told(bench, started).is_empty()));
+    let first = bench.now();
+    assert!((200 * MS..250 * MS).contains(&first), "{first:?}");
+    assert!(bench.run_until(5 * S, |bench| !told(bench, ended).is_empty()));
+    let end = bench.now();
+    assert!((first + 2 * S..first + 2 * S + 100 * MS).contains(&end), "{end:?}");
+    // The next incident is due now, and waits: no time is asked for but that of the start.
+    let overdue = first + 2 * S + 500 * MS;
+    assert!(bench.run_until(S, |bench| bench.now() >= overdue));
+    assert_eq!((bench.now(), bench.device().due()), (overdue, Some(end + S)));
+    assert!(bench.run_until(5 * S, |bench| told(bench, started).len() == 2));
+    assert!((end + S..end + S + 50 * MS).contains(&bench.now()), "{:?}", bench.now());
+    // The port is gone, and ALTER with it.
+    bench.run_for(S);
+    bench.disconnect();
+    bench.run_for(Duration::ZERO);
+    assert_eq!(told(&bench, ended).last(), Some(&bench.now()));
+    let gone = bench.now();
+    assert!(bench.run_until(5 * S, |bench| told(bench, started).len() == 3));
+    assert!((gone + S..gone + S + 50 * MS).contains(&bench.now()), "{:?}", bench.now());
 }

@@ -201,12 +201,13 @@ mod tests {
     #[test]
     fn j4_stays_at_half_a_turn_and_j5_above_zero_is_f_alone() {
         let arm = Arm::LR_MATE_200ID;
-        for j5 in [0.0, 180.0] {
-            let joints = [10.0, 20.0, -30.0, 180.0, j5, 25.0];
+        for (j4, j5) in [(180.0, 0.0), (180.0, 180.0), (40.0, 0.0), (40.0, 180.0)] {
+            let joints = [10.0, 20.0, -30.0, j4, j5, 25.0];
             let pose = arm.forward(&joints);
             let found: Vec<_> = arm.inverse(&pose, &joints, 0.0).collect();
             assert!(found.iter().all(|one| one.posture.flip || one.joints[4] <= 0.0), "{found:?}");
-            assert!(found.iter().any(|one| (one.joints[3], one.joints[4].abs()) == (180.0, j5)), "{found:?}");
+            let stays = |one: &Solution| (one.joints[3] - j4).abs() < 1e-9 && one.joints[4].abs() == j5;
+            assert!(found.iter().any(stays), "{found:?}");
             for one in found {
                 let [x, y, z] = arm.forward(&one.joints).rotation_to(&pose);
                 assert!(x.abs() + y.abs() + z.abs() < 1e-5, "{one:?}");
@@ -261,6 +262,8 @@ mod tests {
             [turned(10.0, 700.0, 360.0, 0.0), turned(10.0, 1000.0, 730.0, 0.0)],
             [Some(10.0), Some(730.0)]
         );
+        // 200 is nearest, and out of its limits.
+        assert_eq!(turned(3800.0, 190.0, 190.0, 0.0), Some(-160.0));
         assert_eq!(turned(5.0, 0.0, 4.5, 0.0), None);
         for joint in [5.0, -5.0] {
             assert_eq!(turned(joint, 0.0, 4.5, 0.7), Some(joint));

@@ -215,7 +215,7 @@ fn an_arc_is_that_of_the_circle_through_its_points() {
         let mut planner = tool_at(place(0.0));
         let arc = to(place(200.0), Way::Arc(place(way / 4.0).position), Pace::Time(2.0));
         let (_, end) = planner.add(0.0, &arc).unwrap();
-        for (time, share) in [(end / 2.0, 0.5), (end, 1.0)] {
+        for (time, share) in [(0.6, 0.25), (end / 2.0, 0.5), (end, 1.0)] {
             is_at(planner.pose(time), place(way * share));
         }
     }

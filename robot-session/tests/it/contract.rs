@@ -332,3 +332,13 @@ fn one_caller_of_six_asks_more_often_than_it_must_and_one_with_a_small_buffer() 
     let count = |is: fn(&How) -> bool| log.iter().filter(|how| is(how)).count();
     assert_eq!((count(|how| how.is_often), count(|how| how.is_small)), (4, 4));
 }
+
+#[test]
+fn a_session_has_its_type_as_its_name_and_no_calls_and_drops_nothing_unless_its_subject_says_so() {
+    let toy = OfTheToy::<0>;
+    assert!(toy.name().ends_with("Sloppy<0>"), "{}", toy.name());
+    assert_eq!(toy.dropped_notices(&toy.session(0, false).statistics()), 0);
+    let log = RefCell::default();
+    let reads = OfReads { tells: true, log: &log };
+    assert_eq!(reads.call(&mut reads.session(0, false), 0, Duration::ZERO, &mut Rng::new(1)), None);
+}

@@ -50,8 +50,7 @@ impl Document {
         let count = self.line_count(number);
         for (place, attribute) in self.parts.attributes(&self.text) {
             let Ok(mut attribute) = attribute else { continue };
-            let is_count = |(counted, _): &&Edit| place.start <= counted.start && counted.end <= place.end;
-            if let Some((_, number)) = count.as_ref().filter(is_count) {
+            if let Some((_, number)) = count.as_ref().filter(|(counted, _)| place.contains(&counted.start)) {
                 attribute.value = AttributeValue::Text(number.clone());
             }
             let mut new = String::new();

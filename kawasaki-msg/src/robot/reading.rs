@@ -96,7 +96,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
     pub(super) fn rejected(&mut self, why: Rejection, received: Received<W>) {
         let (found, found_order) = (received.number(Field::Number), received.number(Field::Order));
         let (machine, role) = (&self.core.machine, received.role);
-        let expected = self.core.config.numbering().next(machine.queued);
+        let expected = self.next();
         let last = self.core.config.numbering().number(machine.queued);
         let active = machine.order.number();
         let fields = self.dialect.entry(role).map_or(&[][..], |entry| entry.fields);

@@ -203,7 +203,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     }
 
     /// The number of the job that is queued next.
-    fn next(&self) -> u16 {
+    pub(super) fn next(&self) -> u16 {
         self.core.config.numbering().next(self.core.machine.queued)
     }
 }

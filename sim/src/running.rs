@@ -18,6 +18,8 @@ use crate::simulator::{Simulator, Told};
 
 /// How often a fault that was asked for, a new connection and the end are looked for.
 const LOOK: Duration = Duration::from_millis(5);
+/// How long an answer to a call is waited for.
+const CALL: Duration = Duration::from_secs(1);
 
 /// A device in a thread, which ends when this is dropped.
 #[derive(Debug)]
@@ -226,10 +228,6 @@ impl<'a, D: Device, T: Transport> Loop<'a, D, T> {
         self.shared.clock.elapsed()
     }
 
-    fn is_connected(&mut self) -> bool {
-        self.driver.transport_mut().transport.is_some()
-    }
-
     fn connect(&mut self, transport: T) {
         self.driver = Driver::new(Wire { transport: Some(transport), clock: self.shared.clock });
         self.simulator.handle_connected(self.now());
@@ -320,13 +318,12 @@ fn dial<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, address: So
     while !shared.ends() {
         match device.turn() {
             Turn::Goes => {}
-            Turn::Connect if !device.is_connected() => match TcpStream::connect_timeout(&address, LOOK * 200)
-            {
+            Turn::Connect => match TcpStream::connect_timeout(&address, CALL) {
                 Ok(stream) if stream.set_nodelay(true).is_ok() => device.connect(stream),
                 // It was asked to connect, and says when it tries again.
                 _ => device.simulator.handle_disconnected(device.now()),
             },
-            Turn::Connect | Turn::Ends => close(device.disconnect()),
+            Turn::Ends => close(device.disconnect()),
         }
     }
     close(device.disconnect());

@@ -54,8 +54,8 @@ fn quaternion([w, p, r]: [f64; 3]) -> [f32; 4] {
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     ];
-    let sign = if q.first().is_some_and(|q1| *q1 < 0.0) { -1.0 } else { 1.0 };
-    q.map(|part| (sign * part) as f32)
+    let [first, ..] = q;
+    q.map(|part| (part * first.signum()) as f32)
 }
 
 #[cfg(test)]

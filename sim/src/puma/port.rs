@@ -205,6 +205,14 @@ mod tests {
     }
 
     #[test]
+    fn one_message_is_corrupt_for_each_time_that_it_is_asked_for() {
+        let (mut port, _) = asked();
+        assert!(port.corrupt() && !port.corrupt());
+        send(&mut port, 56 * MS);
+        assert!(port.corrupt());
+    }
+
+    #[test]
     fn a_reply_that_has_begun_is_read_to_its_end() {
         let (mut port, left) = asked();
         let reply = frame(&[0, 0]);

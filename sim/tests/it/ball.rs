@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use cellwire_sim::ball::grip;
+use cellwire_sim::ball::{Grip, grip};
 use cellwire_sim::{Fault, Script, Settings as _, TeachBall, Told};
 use isra_ball::{BallEvent, Host, HostConfig, HostEvent};
 
@@ -33,4 +33,51 @@ fn ten_minutes_of_polls_with_a_silence() {
     let replies = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(BallEvent::Reply(_))));
     assert!(replies.count() >= fresh, "the ball tells of each reply");
     assert_eq!(stale, [60], "the values were too old once, while it was silent");
+}
+
+/// Force, moment and keys in thousandths of a second, in the first round.
+const HAND: [(u64, [i8; 6], u8); 26] = [
+    (0, [0; 6], 0),
+    (790, [-1; 6], 0),
+    (950, [16, 38, 0, 0, 0, 0], 0),
+    (1000, [27, 24, 0, 0, 0, 0], 0),
+    (1100, [56, -23, 1, 1, 1, 1], 0),
+    (1500, [110, 24, 0, 0, 0, 0], 0),
+    (1750, [111, -23, 1, 1, 1, 1], 0),
+    (1850, [1; 6], 0),
+    (2250, [-1; 6], 1),
+    (2400, [1; 6], 0),
+    (2950, [0, 0, 2, 0, 0, -13], 0),
+    (3050, [0, 0, 15, 0, 0, -77], 0),
+    (3300, [1, 1, 31, 1, 1, -89], 0),
+    (3450, [0, 0, 0, 0, 0, 90], 0),
+    (3850, [1; 6], 0),
+    (4300, [127, -127, 91, -99, 61, 127], 0),
+    (4500, [127, -128, 90, -100, 60, 127], 0),
+    (5050, [0; 6], 0),
+    (5500, [0, -12, 0, 0, 0, 0], 0),
+    (5700, [-1, -69, -1, -1, -1, -1], 0),
+    (5850, [1, -79, 1, 1, 1, 1], 2),
+    (6000, [0, -80, 0, 0, 0, 0], 0),
+    (6300, [1, -79, 1, 1, 1, 1], 0),
+    (6450, [0; 6], 0),
+    (6900, [-1; 6], 0),
+    (6995, [0; 6], 0),
+];
+
+#[test]
+fn the_hand_does_the_same_in_every_round_once_one_way_and_once_the_other() {
+    let check = |ms, [x, y, z, mx, my, mz]: [i8; 6], keys| {
+        let Grip { force, moment, keys: down } = grip(Duration::from_millis(ms));
+        assert_eq!((force, moment, down.0), ([x, y, z], [mx, my, mz], keys), "{ms} ms");
+    };
+    for (ms, axes, keys) in HAND {
+        check(ms, axes, keys);
+        check(ms + 14_000, axes, keys);
+    }
+    // The springs tremble as before.
+    check(7_950, [-16, -38, 0, 0, 0, 0], 0);
+    check(9_250, [-1; 6], 1);
+    check(11_300, [-126, 127, -89, 101, -59, -126], 0);
+    check(12_700, [-1, 67, -1, -1, -1, -1], 0);
 }

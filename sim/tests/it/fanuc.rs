@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use cellwire_sim::fanuc::{Controller, FanucController, Program, Tables, TelemetryFaults, Write};
+use cellwire_sim::fanuc::{Controller, FanucController, Program, Tables, TelemetryFaults, Write, circle};
 use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
@@ -90,6 +90,30 @@ async fn what_happens_to_the_controller_happens_on_all_its_connections() {
     }
     let ends = sim.told().iter().filter(|(_, told)| *told == Told::Close("the power is gone")).count();
     assert_eq!(ends, 2);
+}
+
+/// 200 mm across at 100 mm/s: around in 2π s. It rises and falls in 4π s, and sways in its own time.
+#[test]
+fn the_tool_goes_around_a_circle() {
+    use core::f64::consts::PI;
+    let [half, quarter] = [0.5, 0.25].map(|part: f64| part * PI);
+    let (a, b) = ((0.7 * half).sin(), (0.3 * half).cos());
+    let (c, d) = ((1.4 * PI).sin(), (0.6 * PI).cos());
+    let around = [
+        (0.0, [600.0, 0.0, 300.0], [180.0, 0.0, 65.0]),
+        (half, [500.0, 100.0, 300.0 + 20.0 * quarter.sin()], [180.0 - 10.0 * a, 5.0, 45.0 + 20.0 * b]),
+        (2.0 * PI, [600.0, 0.0, 300.0], [180.0 - 10.0 * c, 0.0, 45.0 + 20.0 * d]),
+        (
+            3.0 * PI,
+            [400.0, 0.0, 280.0],
+            [180.0 - 10.0 * (2.1 * PI).sin(), 0.0, 45.0 + 20.0 * (0.9 * PI).cos()],
+        ),
+    ];
+    for (t, position, wpr) in around {
+        let pose = circle(Duration::from_secs_f64(t));
+        let is_near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+        assert!(is_near(pose.position, position) && is_near(pose.wpr, wpr), "{t}: {pose:?}");
+    }
 }
 
 /// A poll every 80 ms for an hour, while the controller is busy for a second and freezes for another one.

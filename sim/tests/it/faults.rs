@@ -60,11 +60,24 @@ fn a_fault_of_a_request_happens_to_that_request() {
     assert_eq!(cut, ["0ns connected", "0ns AB", "0ns disconnected", "100ms connected", "100ms EF"]);
 }
 
+#[test]
+fn a_device_closes_when_its_last_message_has_left() {
+    let host = |fault| {
+        let line = Line::sending(&[(NOW, "ABCD")]);
+        let mut bench = bench(Line::default(), Gadget { line, work: Some(NOW), closes: true });
+        bench.faults().follow(Script::new().answer(1, fault));
+        bench.run_for(50 * MS);
+        bench.session().log.clone()
+    };
+    assert_eq!(host(Fault::Delay(5 * MS)), ["0ns connected", "5ms ABCD", "5ms disconnected"]);
+    assert_eq!(host(Fault::Twice), ["0ns connected", "0ns ABCD", "0ns ABCD", "0ns disconnected"]);
+}
+
 /// A device with something to do in each way while the fault of 2 ms lasts, until 12 ms.
 fn while_away(fault: Fault) -> ([Vec<String>; 2], Vec<Duration>) {
     let line = Line { wake: Some(4 * MS), ..Line::sending(&[(6 * MS, "CD")]) };
     let host = Line { wake: Some(7 * MS), ..Line::sending(&[(3 * MS, "AB")]) };
-    let mut bench = bench(host, Gadget { line, work: Some(5 * MS) });
+    let mut bench = bench(host, Gadget { line, work: Some(5 * MS), closes: false });
     bench.wire.reconnect = MS;
     bench.faults().follow(Script::new().at(2 * MS, fault));
     let mut stops = Vec::new();

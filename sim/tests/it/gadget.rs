@@ -81,11 +81,12 @@ impl Session for Line {
     fn statistics(&self) {}
 }
 
-/// It executes one thing, at a time.
+/// It executes one thing, at a time, and may want the end of the connection then.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Gadget {
     pub(crate) line: Line,
     pub(crate) work: Option<Duration>,
+    pub(crate) closes: bool,
 }
 
 impl Device for Gadget {
@@ -109,6 +110,9 @@ impl Device for Gadget {
         if self.work.take_if(|at| *at <= now).is_some() {
             self.line.note(now, "executes");
             notes.executed(now, ());
+            if self.closes {
+                notes.close("done");
+            }
         }
     }
 

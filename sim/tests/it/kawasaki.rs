@@ -56,6 +56,8 @@ fn half_an_hour_of_drawing() {
     pc.start(7, jobs.leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     bench.faults().follow(Script::new().every_answer(1000, Fault::Cut));
+    bench.run_for(S);
+    assert!(bench.device().held() > 1, "{}", bench.device().held());
     let over = loop {
         match bench.next_event(3600 * S) {
             Some(PcEvent::Disconnect) => bench.disconnect(),

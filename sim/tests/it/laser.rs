@@ -178,7 +178,7 @@ fn a_halted_robot_holds_its_queue_and_goes_on_when_it_is_told_to() {
 /// A simulated host and a simulated robot: what the full queue refuses is sent again after the pause, and each is cut once.
 #[test]
 fn a_host_sends_again_what_was_refused_after_a_pause() {
-    let instructions = (0..6u8).map(|x| (CUT, vec![f32::from(x)])).collect();
+    let instructions = (0..9u8).map(|x| (CUT, vec![f32::from(x)])).collect();
     let config = HostConfig { full_timeout: Duration::ZERO, batch: 3, ..FRESH() };
     let host = LaserHost { config, instructions, pause: 300 * MS };
     let robot = Laser { execution: 2 * S, queue: 4, ..Laser::default() };
@@ -188,7 +188,7 @@ fn a_host_sends_again_what_was_refused_after_a_pause() {
     let cut: Vec<f32> = core::iter::from_fn(|| bench.session_mut().poll_executed())
         .map(|done| done.work.floats(&robot.config)[0])
         .collect();
-    assert_eq!(cut, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(cut, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
     let refused = bench.executed().iter().filter(|done| matches!(done.work, HostEvent::Refused { .. }));
     let refused: Vec<Duration> = refused.map(|done| done.at).collect();
     assert!(refused.len() > 3, "{refused:?}");

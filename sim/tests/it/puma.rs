@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use cellwire_sim::puma::{Incident, MarkIii, PumaEvent};
+use cellwire_sim::puma::{Incident, MarkIii, Pose, PumaEvent};
 use cellwire_sim::{Bench, Device as _, Fault, Puma, Script, Settings as _, Told};
 use val2_alter::robot_session::tokio::Tcp;
-use val2_alter::{ErrorCode, Host, HostConfig, HostEvent, MotionPhase, SegmentStatus};
+use val2_alter::{CoordinateFrame, ErrorCode, Host, HostConfig, HostEvent, MotionPhase, SegmentStatus};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -161,4 +161,31 @@ fn the_program_starts_a_while_after_its_port_is_open_and_after_its_end() {
     let gone = bench.now();
     assert!(bench.run_until(5 * S, |bench| told(bench, started).len() == 3));
     assert!((gone + S..gone + S + 50 * MS).contains(&bench.now()), "{:?}", bench.now());
+}
+
+/// What is due before ALTER has begun again waits until it has.
+#[test]
+fn each_program_is_finished() {
+    let mut bench = bench(vec![(2 * S, Incident::Finish), (2 * S, Incident::Finish)]);
+    bench.run_for(20 * S);
+    assert_eq!([started, ended, incident].map(|what| told(&bench, what).len()), [3, 2, 2]);
+}
+
+/// In World the place is shifted, and not turned about the origin of the world.
+#[test]
+fn a_correction_is_given_in_the_worlds_frame_or_in_the_tools() {
+    // A quarter of a turn about Z.
+    let turned = Pose { n: [0.0, 1.0, 0.0], o: [-1.0, 0.0, 0.0], ..Pose::IDENTITY };
+    let at = |p, turn| Pose { p, ..turn };
+    let (path, correction) = ([10.0, 20.0, 30.0], [1.0, 2.0, 3.0]);
+    let sum = at([11.0, 22.0, 33.0], turned);
+    let cases = [
+        (Pose::IDENTITY, turned, CoordinateFrame::World, sum),
+        (Pose::IDENTITY, turned, CoordinateFrame::Tool, sum),
+        (turned, Pose::IDENTITY, CoordinateFrame::World, sum),
+        (turned, Pose::IDENTITY, CoordinateFrame::Tool, at([8.0, 21.0, 33.0], turned)),
+    ];
+    for (of_path, of_correction, frame, expected) in cases {
+        assert_eq!(at(path, of_path).corrected(&at(correction, of_correction), frame), expected);
+    }
 }

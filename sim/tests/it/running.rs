@@ -25,7 +25,7 @@ fn waiting_ends_with_what_is_waited_for_or_with_its_time() {
 #[test]
 fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_read() {
     let line = Line { is_blocked: true, ..Line::sending(&[(NOW, "AB")]) };
-    let sim = Running::listen(Simulator::new(Gadget { line, work: None }), "127.0.0.1:0").unwrap();
+    let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
     let mut program = TcpStream::connect(sim.address()).unwrap();
     program.set_read_timeout(Some(S)).unwrap();
     program.read_exact(&mut [0; 2]).unwrap();

@@ -105,12 +105,11 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     #[inline(always)] // into the two places that read
     fn serve(&mut self, request: Range<usize>) {
         let Some(frame) = self.core.decoder.frame(request) else { return };
-        let Some(reply) = self.replies.next() else { return };
+        let Some(reply) = self.replies.push() else { return };
         reply.length = F::Receiver::serve(&frame, &mut self.registers, &mut reply.bytes).unwrap_or(0);
         let exception = reply.exception(frame.transaction.is_some());
         let Frame { transaction, unit, .. } = frame;
         let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
-        self.replies.keep();
         self.core.statistics.served += 1;
         self.core.events.push_notice(served);
     }

@@ -37,16 +37,12 @@ impl Reply {
 impl<const N: usize> Replies<N> {
     pub(super) const EMPTY: Self = Self { frames: [Reply::EMPTY; N], first: 0, next: 0 };
 
-    /// The place of the next frame.
+    /// A place for one more frame.
     #[inline]
-    pub(super) fn next(&mut self) -> Option<&mut Reply> {
-        self.frames.get_mut(self.next)
-    }
-
-    /// There is a frame in the place of the next one now.
-    #[inline]
-    pub(super) const fn keep(&mut self) {
+    pub(super) fn push(&mut self) -> Option<&mut Reply> {
+        let reply = self.frames.get_mut(self.next)?;
         self.next = (self.next + 1) % N;
+        Some(reply)
     }
 
     /// Writes the oldest frame to `out`; gives its length.

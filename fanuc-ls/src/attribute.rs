@@ -30,6 +30,11 @@ impl Attribute {
         Self { name: name.to_string(), value: AttributeValue::Text(text.to_string()) }
     }
 
+    /// Whether it is LINE_COUNT, which a controller may call ZEILEN.
+    pub(crate) fn is_line_count(&self) -> bool {
+        matches!(self.name.as_str(), "LINE_COUNT" | "ZEILEN")
+    }
+
     pub(crate) fn decode(input: &str) -> Read<'_, Self> {
         let (rest, name) = decode_name(input, Reason::Attribute)?;
         let (rest, value) = if let Some(rest) = rest.strip_prefix(':') {

@@ -155,8 +155,8 @@ impl<'a> Check<'a> {
                     if found > COMMENT_LENGTH {
                         self.warn(place.start, Warning::CommentLength { found });
                     }
-                    if let AttributeValue::Text(count) = attribute.value
-                        && matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN")
+                    if attribute.is_line_count()
+                        && let AttributeValue::Text(count) = attribute.value
                     {
                         line_count = Some(place.start).zip(line_number(&count));
                     }

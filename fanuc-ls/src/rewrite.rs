@@ -225,11 +225,8 @@ impl Document {
     pub(crate) fn line_count(&self, count: usize) -> Option<Edit> {
         let section = self.parts.attributes.clone()?;
         let mut attributes = self.parts.attributes(&self.text);
-        let (place, _) = attributes.find(|(_, attribute)| {
-            attribute
-                .as_ref()
-                .is_ok_and(|attribute| matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN"))
-        })?;
+        let (place, _) =
+            attributes.find(|(_, attribute)| attribute.as_ref().is_ok_and(Attribute::is_line_count))?;
         let value = Attribute::value_place(at(&self.text, &(place.start..section.end)))?;
         let start = offset(&self.text, value);
         Some((start..start + value.len(), count.to_string()))

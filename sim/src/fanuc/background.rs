@@ -55,7 +55,7 @@ fn quaternion([w, p, r]: [f64; 3]) -> [f32; 4] {
         cr * cp * sy - sr * sp * cy,
     ];
     let [first, ..] = q;
-    q.map(|part| (part * first.signum()) as f32)
+    q.map(|part| if first.is_sign_negative() { -part } else { part } as f32)
 }
 
 #[cfg(test)]

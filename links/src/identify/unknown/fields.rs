@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::enough;
-use super::messages::usual;
+use super::messages::same;
 
 /// A field that says how long a message is.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -23,11 +23,22 @@ pub struct Length {
 pub struct Number {
     /// Its first byte.
     pub at: usize,
-    /// Its type: `u8`, `u16`, `i16`, `i32` or `f32`; `digits` of a text, whose place is the number among those of the message.
+    /// Its type: `u8`, `u16`, `i16` or `f32`; `digits` of a text, whose place is the number among those of the message.
     #[serde(rename = "type")]
     pub kind: &'static str,
     /// The order of its bytes.
     pub order: &'static str,
+}
+
+impl Number {
+    /// How many bytes it is, if it is not digits.
+    fn width(&self) -> usize {
+        match self.kind {
+            "u8" => 1,
+            "f32" => 4,
+            _ => 2,
+        }
+    }
 }
 
 /// The places at which fields are searched for.
@@ -37,10 +48,7 @@ const FEWEST: usize = 8;
 
 /// A field that grows with the length of its message.
 pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
-    let usual = messages
-        .iter()
-        .map(|it| it.len())
-        .max_by_key(|len| messages.iter().filter(|it| it.len() == *len).count())?;
+    let usual = most_frequent(messages.iter().map(|it| it.len()))?;
     let others = messages.iter().filter(|it| it.len() != usual).count();
     // One length alone says nothing, nor do a few corrupt messages.
     if others < 3 || others * 10 < messages.len() {
@@ -49,8 +57,7 @@ pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
     let field = |at: usize, width: usize, order: &'static str, read: &dyn Fn(&[u8]) -> Option<i64>| {
         let beside: Vec<i64> =
             messages.iter().filter_map(|it| Some(i64::try_from(it.len()).ok()? - read(it)?)).collect();
-        let most =
-            beside.iter().copied().max_by_key(|it| beside.iter().filter(|other| *other == it).count())?;
+        let most = most_frequent(beside.iter().copied())?;
         let right = beside.iter().filter(|it| **it == most).count();
         let of_others = messages.iter().filter(|it| it.len() != usual);
         let of_others = of_others.filter(|it| {
@@ -93,13 +100,13 @@ pub(super) fn counters(messages: &[&[u8]], end: usize, begin: usize) -> Vec<Numb
     for at in begin..PLACES.min(shortest.saturating_sub(end)) {
         for (width, order, kind) in [(2, "little", "u16"), (2, "big", "u16"), (1, "big", "u8")] {
             let room = at + width <= shortest.saturating_sub(end);
-            let is_new = found.iter().all(|it| at >= it.at + if it.kind == "u8" { 1 } else { 2 });
+            let is_new = found.iter().all(|it| at >= it.at + it.width());
             if room && is_new && counts(&|it| whole(it, at, width, order == "little"), 1 << (8 * width)) {
-                // The high byte of a wide one has to be a part of it: here it is constant, and may be anything.
+                // The high byte of a wide one has to be a part of it: one that is constant and not 0 may be anything.
                 let high = if order == "little" { at + 1 } else { at };
-                let values: Vec<&u8> = messages.iter().filter_map(|it| it.get(high)).collect();
-                let moves = values.iter().any(|it| **it != 0 && width == 2) || width == 1;
-                if moves || values.iter().all(|it| **it == 0) {
+                let high = messages.iter().filter_map(|it| it.get(high));
+                let (least, most) = (high.clone().min(), high.max());
+                if width == 1 || least != most || most == Some(&0) {
                     found.push(Number { at, kind, order });
                 }
             }
@@ -115,51 +122,36 @@ pub(super) fn counters(messages: &[&[u8]], end: usize, begin: usize) -> Vec<Numb
 
 /// Numbers at fixed places that change slowly, of messages of the usual length.
 pub(super) fn numbers(messages: &[&[u8]], begin: usize, end: usize, counters: &[Number]) -> Vec<Number> {
-    let Some(length) = messages
-        .iter()
-        .map(|it| it.len())
-        .max_by_key(|len| messages.iter().filter(|it| it.len() == *len).count())
-    else {
-        return Vec::new();
-    };
+    let length = most_frequent(messages.iter().map(|it| it.len())).unwrap_or_default();
     let alike: Vec<&[u8]> = messages.iter().copied().filter(|it| it.len() == length).collect();
     if alike.len() < FEWEST || alike.iter().all(|it| text(it)) {
         return Vec::new();
     }
-    let mut found = Vec::new();
-    let mut at = begin;
-    while at + 2 <= length.saturating_sub(end) {
-        if counters
-            .iter()
-            .any(|it| it.kind != "digits" && (it.at == at || it.kind != "u8" && it.at + 1 == at))
-        {
-            at += 1;
-            continue;
-        }
-        let wide = at + 4 <= length.saturating_sub(end);
-        let real = ["little", "big"].into_iter().find(|order| wide && are_reals(&alike, at, order));
-        if let Some(order) = real {
-            found.push(Number { at, kind: "f32", order });
-            at += 4;
-        } else if let Some(order) = are_slow(&alike, at) {
-            found.push(Number { at, kind: "i16", order });
-            at += 2;
-        } else {
-            at += 1;
-        }
+    let last = length.saturating_sub(end);
+    let mut found: Vec<Number> = Vec::new();
+    for at in begin..last {
+        let free = |width: usize| {
+            let mut known = counters.iter().filter(|it| it.kind != "digits").chain(&found);
+            at + width <= last && known.all(|it| at + width <= it.at || it.at + it.width() <= at)
+        };
+        let real = ["little", "big"].into_iter().find(|order| free(4) && are_reals(&alike, at, order));
+        let slow = || are_slow(&alike, at).filter(|_| free(2));
+        let number = real.map(|order| ("f32", order)).or_else(|| slow().map(|order| ("i16", order)));
+        found.extend(number.map(|(kind, order)| Number { at, kind, order }));
     }
     found
 }
 
-/// The bytes behind the begin that are the same in nearly all messages.
-pub(super) fn constant(messages: &[&[u8]], begin: usize) -> Vec<(usize, u8)> {
+/// The bytes between the marks that are the same in nearly all messages.
+pub(super) fn constant(messages: &[&[u8]], begin: usize, end: usize) -> Vec<(usize, u8)> {
     let shortest = messages.iter().map(|it| it.len()).min().unwrap_or_default();
-    let same = |at: usize| {
-        let usual = usual(messages.iter().filter_map(|it| it.get(at)))?;
-        let count = messages.iter().filter(|it| it.get(at) == Some(&usual)).count();
-        enough(count, messages.len()).then_some((at, usual))
-    };
-    (begin..shortest.min(PLACES)).filter_map(same).collect()
+    let byte = |at: usize| Some((at, same(messages.iter().map(|it| it.get(at)))?));
+    (begin..shortest.saturating_sub(end).min(PLACES)).filter_map(byte).collect()
+}
+
+/// The value that is there most often.
+fn most_frequent<T: PartialEq>(values: impl Iterator<Item = T> + Clone) -> Option<T> {
+    values.clone().max_by_key(|it| values.clone().filter(|other| other == it).count())
 }
 
 fn are_reals(messages: &[&[u8]], at: usize, order: &str) -> bool {
@@ -188,11 +180,10 @@ fn are_slow(messages: &[&[u8]], at: usize) -> Option<&'static str> {
         steps.get(steps.len() / 2).copied().filter(|_| moves)
     };
     let (little, big) = (steps(true)?, steps(false)?);
-    match () {
-        () if little < 1024 && little * 8 < big => Some("little"),
-        () if big < 1024 && big * 8 < little => Some("big"),
-        () => None,
-    }
+    [("little", little, big), ("big", big, little)]
+        .into_iter()
+        .find(|(_, step, other)| *step < 1024 && step * 8 < *other)
+        .map(|(order, ..)| order)
 }
 
 fn whole(message: &[u8], at: usize, width: usize, little: bool) -> Option<i64> {

@@ -15,29 +15,20 @@ pub(super) fn marks(messages: &[&[u8]]) -> (Vec<u8>, Vec<u8>) {
 
 /// The bytes that nearly all messages have at the same places, one after the other.
 fn constant(messages: &[&[u8]], byte: impl Fn(&[u8], usize) -> Option<&u8>) -> Vec<u8> {
-    let mut found = Vec::new();
-    loop {
-        let Some(usual) = usual(messages.iter().filter_map(|message| byte(message, found.len()))) else {
-            return found;
-        };
-        let same = messages.iter().filter(|message| byte(message, found.len()) == Some(&usual)).count();
-        if !enough(same, messages.len()) {
-            return found;
-        }
-        found.push(usual);
-    }
+    (0..).map_while(|at| same(messages.iter().map(|message| byte(message, at)))).collect()
 }
 
-/// The byte that is there most often.
-pub(super) fn usual<'a>(bytes: impl Iterator<Item = &'a u8>) -> Option<u8> {
+/// What nearly all of these bytes are, one of each message.
+pub(super) fn same<'a>(bytes: impl ExactSizeIterator<Item = Option<&'a u8>>) -> Option<u8> {
+    let all = bytes.len();
     let mut counts = [0_usize; 256];
-    bytes.for_each(|byte| {
+    for byte in bytes.flatten() {
         if let Some(count) = counts.get_mut(usize::from(*byte)) {
             *count += 1;
         }
-    });
+    }
     let (count, byte) = counts.into_iter().zip(0..=u8::MAX).max_by_key(|(count, _)| *count)?;
-    (count > 0).then_some(byte)
+    enough(count, all).then_some(byte)
 }
 
 /// A byte that comes in pairs only between the marks: that of a mark, which is doubled where it is no mark.

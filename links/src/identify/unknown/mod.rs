@@ -83,7 +83,7 @@ fn of_messages(messages: &[Vec<u8>]) -> Option<Seen> {
         counters.retain(|it| it.at != length.at);
     }
     let numbers = fields::numbers(&messages, begin.len(), taken, &counters);
-    let constant = fields::constant(&messages, begin.len());
+    let constant = fields::constant(&messages, begin.len(), end.len());
     let shortest = messages.iter().map(|it| it.len()).min()?;
     let longest = messages.iter().map(|it| it.len()).max()?;
     let lengths = [shortest, longest];

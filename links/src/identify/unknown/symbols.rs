@@ -109,12 +109,15 @@ mod tests {
 
     #[test]
     fn a_text_is_words_numbers_and_characters() {
-        let parts = [b"OPEN+ 00080-1.50,x*B5\r\n".to_vec()];
+        let parts = [b"OPEN+ 00080-1.50,x*B5\r\n".to_vec(), b"12.5 7:ABy".to_vec()];
         let symbols = Symbols::of(&parts);
-        let part = &symbols.parts[0];
-        let texts: Vec<&[u8]> = (0..part.symbols.len()).map(|at| part.bytes(at, at + 1)).collect();
-        assert_eq!(texts, [&b"OPEN"[..], b"+ 00080", b"-1.50", b",", b"x", b"*", b"B5", b"\r", b"\n"]);
+        let [part, next] = symbols.parts.as_slice() else { panic!() };
+        let texts = |part: &Part| -> Vec<String> {
+            (0..part.symbols.len()).map(|at| String::from_utf8_lossy(part.bytes(at, at + 1)).into()).collect()
+        };
+        assert_eq!(texts(part), ["OPEN", "+ 00080", "-1.50", ",", "x", "*", "B5", "\r", "\n"]);
+        assert_eq!(texts(next), ["12.5", " ", "7", ":", "ABy"]);
         assert_eq!(part.symbols[1], part.symbols[2]);
-        assert_eq!(part.at([4, 5, 17].iter()), [1, 4]);
+        assert_eq!((part.at([4, 5, 17].iter()), next.at([4, 23, 25, 27].iter())), (vec![1, 4], vec![0, 1]));
     }
 }

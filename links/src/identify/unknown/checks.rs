@@ -64,8 +64,8 @@ pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Optio
     let mut with_constant = None;
     for from_end in ends {
         for (width, order) in [
-            (2, "hex"),
             (4, "hex"),
+            (2, "hex"),
             (4, "little"),
             (4, "big"),
             (3, "big"),

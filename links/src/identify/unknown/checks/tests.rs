@@ -38,7 +38,7 @@ fn checked(check: &Check, of: &dyn Fn(&[u8]) -> u32) -> Vec<Vec<u8>> {
 
 #[test]
 fn sums_and_xors_are_found_wherever_they_are() {
-    let rows: [Row; 13] = [
+    let rows: [Row; 15] = [
         ("sum", 1, "little", 0, 0, 0, 0),
         ("sum", 1, "little", 3, 8, 3, 0),
         ("sum", 1, "little", 0, 1, 0, 0x5A),
@@ -46,9 +46,11 @@ fn sums_and_xors_are_found_wherever_they_are() {
         ("sum", 2, "big", 0, 0, 2, 0x1234),
         ("sum", 4, "big", 0, 3, 1, 0),
         ("sum", 2, "hex", 2, 1, 1, 0),
+        ("sum", 4, "hex", 0, 0, 0, 0),
         ("negated sum", 1, "little", 0, 0, 0, 0),
         ("negated sum", 1, "little", 1, 2, 0, 1),
         ("negated sum", 2, "big", 0, 1, 0, 0xFFFF),
+        ("negated sum", 4, "hex", 1, 0, 0, 0),
         ("xor", 1, "little", 2, 1, 0, 0),
         ("xor", 1, "little", 0, 0, 0, 0xFF),
         ("xor", 2, "hex", 2, 1, 1, 0),

@@ -27,9 +27,8 @@ const PLACES: [usize; 2] = [16, 8];
 const PLACES_OF_TEXT: [usize; 2] = [48, 8];
 /// The places that may say which kind of message it is.
 const KINDS: usize = 6;
-/// How many divisions are looked at, and of those with this many numbers of messages which kinds of messages there are.
+/// How many divisions are looked at.
 const LOOKED_AT: usize = 64;
-const COUNTS: usize = 6;
 /// The numbers of messages of divisions that are shifted against each other differ by this many.
 const SHIFTED: usize = 2;
 /// Divisions that are nearly as good may be shifted against each other: what is found in their messages decides.
@@ -101,11 +100,7 @@ pub(super) fn divide(stream: &Stream) -> Vec<Division> {
     for (bits, bounds) in &mut found {
         let count = bounds.count();
         let known = more.iter().find(|(of, _)| of.abs_diff(count) <= SHIFTED).map(|(_, more)| *more);
-        let more_bits = match known {
-            Some(bits) => bits,
-            None if more.len() < COUNTS => (score(&symbols, bounds, &kinds) - *bits).max(0.0),
-            None => 0.0,
-        };
+        let more_bits = known.unwrap_or_else(|| score(&symbols, bounds, &kinds) - *bits);
         more.push((count, more_bits));
         *bits += more_bits;
     }

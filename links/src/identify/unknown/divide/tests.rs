@@ -209,3 +209,18 @@ fn bytes_that_never_come_again_show_nothing() {
     let arrivals = (0..6).map(|at| (8 * at, Duration::ZERO)).collect();
     assert!(look(&[Stream { arrivals, ..of_bytes(&(0x80..0xB0).collect::<Vec<u8>>()) }]).is_empty());
 }
+
+/// A mark, and behind it one of two words that say how much follows.
+fn of_kinds(mark: &[u8], count: u32) -> Vec<u8> {
+    let message = |at: u32| {
+        let kind = random(at, 1)[0] % 2;
+        [mark, &random(1000 + u32::from(kind), 2), &random(at + 500, 1 + usize::from(kind))].concat()
+    };
+    (0..count).flat_map(message).collect()
+}
+
+#[test]
+fn messages_of_two_kinds_begin_with_the_mark_of_both() {
+    let other = json!({"numbers": [{"at": 2, "type": "i16", "order": "big"}]});
+    assert_eq!(report(&of_kinds(&[0x90], 40)), seen(39, [4, 5], ["90", ""], &other));
+}

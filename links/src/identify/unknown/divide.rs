@@ -3,7 +3,7 @@
 //!
 //! Ways to divide: at a mark that begins messages or ends them; where bytes came after a pause, or in another packet.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 use super::messages::marks as marks_of;
@@ -270,10 +270,11 @@ fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
     (best.fold(0.0, f64::max) - lengths) * real(all) / real(messages.len().max(1))
 }
 
-/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind.
-fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> HashMap<(bool, usize), f64> {
+/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind; in order, so that
+/// their sum is the same each time.
+fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> BTreeMap<(bool, usize), f64> {
     let [first, last] = if symbols.is_text { PLACES_OF_TEXT } else { PLACES };
-    let mut values: HashMap<(bool, usize), Vec<OfKind>> = HashMap::new();
+    let mut values: BTreeMap<(bool, usize), Vec<OfKind>> = BTreeMap::new();
     for message in messages {
         let of = kind.and_then(|at| message.get(at)).copied();
         let last = last.min(message.len() / 2);

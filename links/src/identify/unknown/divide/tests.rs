@@ -81,6 +81,7 @@ fn the_bits_that_a_division_saves() {
     };
     let same: [&[u8]; 2] = [&[1, 2], &[1, 3]];
     let of_kinds: Vec<&[u8]> = [&[1, 3][..], &[2, 4]].repeat(4);
+    let of_one: [&[u8]; 2] = [&[1, 3], &[2, 3]];
     let rows = [
         // 1, 1 at the first place; 2, 3 at the last one save nothing.
         (bits(&same, true, None), (4.0_f64 / 3.0).log2()),
@@ -93,6 +94,8 @@ fn the_bits_that_a_division_saves() {
         (bits(&of_kinds, true, None), 2.0 * (70.0_f64 / 9.0).log2()),
         // 3, 3 … where the first byte is 1, 4, 4 … where it is 2, but for what it costs that it depends.
         (bits(&of_kinds, true, Some(0)), (70.0_f64 / 9.0).log2() + 2.0 * 14_f64.log2() - 3.0),
+        // The place of the kind does not depend on itself.
+        (bits(&of_one.repeat(4), true, Some(0)), (70.0_f64 / 9.0).log2() + (256.0_f64 / 9.0).log2()),
         // There is no such place.
         (bits(&of_kinds, true, Some(2)), 2.0 * (70.0_f64 / 9.0).log2()),
     ];

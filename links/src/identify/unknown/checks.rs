@@ -5,6 +5,9 @@ use serde::Serialize;
 use super::crc::ALL;
 use super::enough;
 
+#[cfg(test)]
+mod tests;
+
 /// Bytes that check others.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
@@ -61,8 +64,8 @@ pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Optio
     let mut with_constant = None;
     for from_end in ends {
         for (width, order) in [
-            (2, "hex"),
             (4, "hex"),
+            (2, "hex"),
             (4, "little"),
             (4, "big"),
             (3, "big"),
@@ -117,23 +120,23 @@ pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Optio
 fn value(message: &[u8], from_end: usize, width: usize, order: &str) -> Option<u32> {
     let end = message.len().checked_sub(from_end)?;
     let bytes = message.get(end.checked_sub(width)?..end)?;
+    let join = |value, byte: &u8| value * 256 + u32::from(*byte);
     match order {
         "hex" => {
             u32::from_str_radix(core::str::from_utf8(bytes).ok().filter(|text| !text.starts_with('+'))?, 16)
                 .ok()
         }
-        "big" => Some(bytes.iter().fold(0, |value, byte| value << 8 | u32::from(*byte))),
-        _ => Some(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))),
+        "big" => Some(bytes.iter().fold(0, join)),
+        _ => Some(bytes.iter().rev().fold(0, join)),
     }
 }
 
-/// A check is there in nearly every message, and has several values.
+/// A check has several values.
 fn is_check(values: &[Option<u32>]) -> bool {
     let mut known: Vec<u32> = values.iter().flatten().copied().collect();
-    let there = enough(known.len(), values.len());
     known.sort_unstable();
     known.dedup();
-    there && known.len() >= 3
+    known.len() >= 3
 }
 
 /// What is checked.
@@ -163,8 +166,8 @@ fn agrees(
     let of = |body: &Vec<u8>| -> Option<u32> {
         let sum = || body.iter().fold(0_u32, |sum, byte| sum.wrapping_add(u32::from(*byte)));
         Some(match kind {
-            Kind::Sum => sum() & mask,
-            Kind::Negated => sum().wrapping_neg() & mask,
+            Kind::Sum => sum(),
+            Kind::Negated => sum().wrapping_neg(),
             Kind::Xor if bits == 8 => u32::from(body.iter().fold(0, |xor, byte| xor ^ byte)),
             Kind::Crc(crc) if usize::from(crc.bits) == bits => crc.of_bytes(body),
             Kind::Xor | Kind::Crc(_) => return None,
@@ -195,13 +198,7 @@ fn agrees(
         Kind::Sum => "sum".into(),
         Kind::Negated => "negated sum".into(),
         Kind::Xor => "xor".into(),
-        Kind::Crc(crc) => crc
-            .name
-            .replace('_', "-")
-            .replacen("CRC-16-", "CRC-16/", 1)
-            .replacen("CRC-8-", "CRC-8/", 1)
-            .replacen("CRC-32-", "CRC-32/", 1)
-            .replacen("CRC-24-", "CRC-24/", 1),
+        Kind::Crc(crc) => crc.name.replacen('_', "-", 1).replacen('_', "/", 1).replace('_', "-"),
     };
     Some((name, constant))
 }

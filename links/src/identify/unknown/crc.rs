@@ -35,7 +35,7 @@ impl Crc {
     /// The CRC of bytes.
     pub(super) fn of_bytes(&self, bytes: &[u8]) -> u32 {
         let top = 1 << (self.bits - 1);
-        let mask = top | (top - 1);
+        let mask = u32::MAX >> (32 - self.bits);
         let mut value = self.init;
         for byte in bytes {
             let byte = if self.refin { byte.reverse_bits() } else { *byte };

@@ -3,13 +3,16 @@
 //!
 //! Ways to divide: at a mark that begins messages or ends them; where bytes came after a pause, or in another packet.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 use super::messages::marks as marks_of;
 use super::real;
 use super::symbols::{Part, Symbols};
 use crate::identify::Stream;
+
+#[cfg(test)]
+mod tests;
 
 /// The longest mark that is searched for; what is constant beside it is found then.
 const MARK: usize = 4;
@@ -24,9 +27,8 @@ const PLACES: [usize; 2] = [16, 8];
 const PLACES_OF_TEXT: [usize; 2] = [48, 8];
 /// The places that may say which kind of message it is.
 const KINDS: usize = 6;
-/// How many divisions are looked at, and of those with this many numbers of messages which kinds of messages there are.
+/// How many divisions are looked at.
 const LOOKED_AT: usize = 64;
-const COUNTS: usize = 6;
 /// The numbers of messages of divisions that are shifted against each other differ by this many.
 const SHIFTED: usize = 2;
 /// Divisions that are nearly as good may be shifted against each other: what is found in their messages decides.
@@ -40,6 +42,9 @@ const TOGETHER: f64 = 0.7;
 const PRIOR: f64 = 2.0;
 /// That a place depends on the kind has to be worth this many bits.
 const DEPENDS: f64 = 3.0;
+
+/// The symbol that says which kind of message it is, and one of the message.
+type OfKind = (Option<u32>, u32);
 
 /// A stream, divided; what is cut off at an end is left out.
 pub(super) struct Division {
@@ -95,11 +100,7 @@ pub(super) fn divide(stream: &Stream) -> Vec<Division> {
     for (bits, bounds) in &mut found {
         let count = bounds.count();
         let known = more.iter().find(|(of, _)| of.abs_diff(count) <= SHIFTED).map(|(_, more)| *more);
-        let more_bits = match known {
-            Some(bits) => bits,
-            None if more.len() < COUNTS => (score(&symbols, bounds, &kinds) - *bits).max(0.0),
-            None => 0.0,
-        };
+        let more_bits = known.unwrap_or_else(|| score(&symbols, bounds, &kinds) - *bits);
         more.push((count, more_bits));
         *bits += more_bits;
     }
@@ -178,12 +179,11 @@ fn cut(symbols: &Symbols, mark: &[u32]) -> Vec<Bounds> {
         return vec![Bounds { cuts: before, whole: false }];
     }
     let behind = |(part, places): (&Part, &Vec<usize>)| {
-        let mut cuts: Vec<usize> =
-            places.iter().map(|at| at + mark.len()).filter(|at| *at <= part.symbols.len()).collect();
+        let mut cuts: Vec<usize> = places.iter().map(|at| at + mark.len()).collect();
         // What the capture begins with is a message if it begins as the others do, and cut off otherwise.
         let firsts: Vec<&u32> = cuts.iter().filter_map(|at| part.symbols.get(*at)).collect();
         let first = part.symbols.first();
-        if firsts.iter().filter(|it| Some(**it) == first).count() * FEWEST * 2 >= firsts.len() {
+        if firsts.iter().filter(|it| Some(**it) == first).count() * 10 >= firsts.len() {
             cuts.insert(0, 0);
         }
         cuts
@@ -249,7 +249,8 @@ fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
     let longest = messages.iter().map(|it| it.len()).max().unwrap_or_default().max(2);
     let lengths = messages.iter().map(|it| u32::try_from(it.len()).unwrap_or(u32::MAX));
     let even = 1.0 / real(longest);
-    let lengths = -saved(lengths.map(|length| (0, length)), &|_| even) + real(messages.len()) * -even.log2();
+    let lengths =
+        -saved(lengths.map(|length| (None, length)), &|_| even) + real(messages.len()) * -even.log2();
     let plain = places(symbols, &messages, None);
     let best = kinds.iter().map(|kind| {
         let with = places(symbols, &messages, *kind);
@@ -269,12 +270,13 @@ fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
     (best.fold(0.0, f64::max) - lengths) * real(all) / real(messages.len().max(1))
 }
 
-/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind.
-fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> HashMap<(bool, usize), f64> {
+/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind; in order, so that
+/// their sum is the same each time.
+fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> BTreeMap<(bool, usize), f64> {
     let [first, last] = if symbols.is_text { PLACES_OF_TEXT } else { PLACES };
-    let mut values: HashMap<(bool, usize), Vec<(u32, u32)>> = HashMap::new();
+    let mut values: BTreeMap<(bool, usize), Vec<OfKind>> = BTreeMap::new();
     for message in messages {
-        let of = kind.and_then(|at| message.get(at)).map_or(0, |symbol| symbol + 1);
+        let of = kind.and_then(|at| message.get(at)).copied();
         let last = last.min(message.len() / 2);
         let first = first.min(message.len() - last);
         for (at, symbol) in message.iter().take(first).enumerate() {
@@ -284,13 +286,13 @@ fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> HashMa
             values.entry((true, at)).or_default().push((of, *symbol));
         }
     }
-    let saved = |values: Vec<(u32, u32)>| saved(values.into_iter(), &|symbol| symbols.share(symbol));
+    let saved = |values: Vec<OfKind>| saved(values.into_iter(), &|symbol| symbols.share(symbol));
     values.into_iter().map(|(place, values)| (place, saved(values))).collect()
 }
 
 /// The bits that are saved when each value is written with what was seen before it, of the same kind.
-fn saved(values: impl Iterator<Item = (u32, u32)>, share: &dyn Fn(u32) -> f64) -> f64 {
-    let (mut counts, mut totals) = (HashMap::<(u32, u32), f64>::new(), HashMap::<u32, f64>::new());
+fn saved(values: impl Iterator<Item = OfKind>, share: &dyn Fn(u32) -> f64) -> f64 {
+    let (mut counts, mut totals) = (HashMap::<OfKind, f64>::new(), HashMap::<Option<u32>, f64>::new());
     let mut bits = 0.0;
     for (kind, value) in values {
         let (count, total) = (counts.entry((kind, value)).or_default(), totals.entry(kind).or_default());

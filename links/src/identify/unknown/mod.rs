@@ -58,16 +58,15 @@ pub fn look(streams: &[Stream]) -> Vec<Seen> {
 
 /// Of the divisions that are nearly as good, the one in whose messages most is found.
 fn seen(stream: &Stream) -> Option<Seen> {
-    let found = divide::divide(stream).into_iter().filter_map(|division| {
+    let found = divide::divide(stream).into_iter().rev().filter_map(|division| {
         let seen = of_messages(&division.messages)?;
         let check = seen.check.as_ref().is_some_and(|it| it.constant == 0);
         // A check that is there is not there by chance.
         let rank = (division.rank.together, check, seen.length.is_some(), division.rank);
         Some((rank, seen))
     });
-    // Of equals the first.
-    let best = found.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
-    Some(best.1)
+    // Of equals the first, which comes last here.
+    found.max_by_key(|(rank, _)| *rank).map(|(_, seen)| seen)
 }
 
 fn of_messages(messages: &[Vec<u8>]) -> Option<Seen> {
@@ -96,7 +95,7 @@ fn real(count: usize) -> f64 {
 
 /// Whether this many of all are enough.
 fn enough(found: usize, all: usize) -> bool {
-    found > 0 && found * 100 >= all * SHARE
+    found * 100 >= all * SHARE
 }
 
 fn hex<S: serde::Serializer>(bytes: &[u8], out: S) -> Result<S::Ok, S::Error> {

@@ -17,6 +17,15 @@ fn noise(at: u32) -> u8 {
     u8::try_from(at.wrapping_mul(2_654_435_761).rotate_left(9) >> 24).unwrap()
 }
 
+/// As many bytes of a message as are given, of which none follows from the others.
+pub(super) fn random(message: u32, count: usize) -> Vec<u8> {
+    let mix = |at: u32| {
+        let mixed = at.wrapping_mul(2_654_435_761);
+        (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519).to_be_bytes()[0]
+    };
+    (message * 64..).take(count).map(mix).collect()
+}
+
 #[test]
 fn marks_lengths_counters_and_a_crc_are_seen() {
     let message = |at: u8| {

@@ -137,7 +137,7 @@ fn search(payloads: &[Vec<u8>], sizes: Sizes, found: &mut Vec<(usize, Sizes)>) {
     let mut unknown: Vec<(usize, u8)> =
         votes.into_iter().zip(0..=u8::MAX).filter(|(votes, _)| *votes > 0).collect();
     unknown.sort_by_key(|(votes, _)| core::cmp::Reverse(*votes));
-    for (_, tag) in unknown.into_iter().take(if sizes.len() < 4 { 2 } else { 0 }) {
+    for (_, tag) in unknown.into_iter().take(2) {
         for (size, most) in SIZES {
             if sizes.iter().filter(|(_, other)| *other == size).count() < most {
                 let more = [sizes.as_slice(), &[(tag, size)]].concat();

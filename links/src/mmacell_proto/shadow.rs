@@ -234,7 +234,6 @@ impl Cell {
         self.is_at_rest = false;
         self.axes = match (name, self.axes) {
             ("MOV" | "RST", _) => Axes::Moving(Some(report.now)),
-            ("SRV", Axes::Unknown) if is_on => Axes::Unknown,
             ("SRV", Axes::Off) if is_on => Axes::Still,
             ("SRV", Axes::Still | Axes::Moving(_)) if !is_on => Axes::Off,
             (_, axes) => axes,

@@ -77,7 +77,7 @@ pub fn spaced(dense: &str) -> String {
         text.push(c);
         match c {
             _ if escaped => escaped = false,
-            '\\' if in_string => escaped = true,
+            '\\' => escaped = true,
             '"' => in_string = !in_string,
             ',' | ':' if !in_string => text.push(' '),
             _ => {}

@@ -228,12 +228,12 @@ impl Alter {
             report.budget(HOST, "AL-53", "no reply to a standard message");
         }
         match (kind, read) {
-            _ if before.is_damaged || kind == "start" => {}
+            _ if before.is_damaged => {}
             // The reply that came was read after all.
-            ("motion", None) if !before.is_start && error == 0 && before.answer.is_none() => {
+            ("motion", None) if error == 0 && before.answer.is_none() => {
                 report.rule(ROBOT, "AL-76", "error code 0, and no reply came in time");
             }
-            ("motion", None) if !before.is_start && error == NO_REPLY => {
+            ("motion", None) if error == NO_REPLY => {
                 report.rule(ROBOT, "AL-76", "ALTER continues without a reply");
             }
             ("motion" | "end", Some(_)) if error == NO_REPLY => {

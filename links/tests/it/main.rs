@@ -3,4 +3,6 @@
 
 mod configs;
 mod explain;
+mod plants;
+mod rows;
 mod shadow;

@@ -387,7 +387,7 @@ fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>
     }
     let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
     let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
-    let robot = robot.configure(RobotConfig { dialect, ..RobotConfig::TCP })?;
+    let robot = robot.configure(RobotConfig::TCP)?;
     let (max_number, datagrams) =
         if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
     Ok((PcConfig { max_number, datagrams, ..pc }, robot))

@@ -1,0 +1,112 @@
+//! What a plant of Kawasaki's messages is: its table, its jobs, and both ends' configurations in it.
+
+use cellwire_links::Link;
+use cellwire_links::kawasaki_msg::layout::{Field, Holds, Layout};
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings::{self, Refused};
+use cellwire_links::shadow::Setup;
+use kawasaki_msg::{Acks, Charset, FieldFault, Limits, PcConfig, RobotConfig, Role, Takeover};
+use serde_json::{Map, Value, json};
+
+fn plant(given: Value) -> Result<Plant, Refused> {
+    settings::read("kawasaki-msg", Plant::default(), given.as_object().unwrap())
+}
+
+#[test]
+fn both_ends_have_what_the_plant_has_agreed_on() {
+    for (acks, cumulative_acks) in [(json!(5), true), (json!("individual"), false)] {
+        let start = json!({"name": "TA", "fields": ["number", "order", "=x"]});
+        let messages = json!({"order_start": start});
+        let plant =
+            plant(json!({"udp": true, "max_number": 200, "acks": acks, "messages": messages})).unwrap();
+        let dialect = plant.dialect().unwrap();
+        let start = dialect.entry(Role::OrderStart).unwrap();
+        assert_eq!(
+            (start.name, format!("{:?}", start.fields)),
+            ("TA", r#"[Number, Order, Constant("x")]"#.into())
+        );
+        let (limits, datagrams, max_number) = (Limits::UDP, true, 200);
+        let pc = PcConfig { dialect, limits, datagrams, max_number, cumulative_acks, ..PcConfig::TCP };
+        assert_eq!(plant.pc(PcConfig::TCP).unwrap(), pc);
+        let acks = if cumulative_acks {
+            Acks::Cumulative { every: 5.try_into().unwrap() }
+        } else {
+            Acks::Individual
+        };
+        let robot = RobotConfig { dialect, limits, datagrams, max_number, acks, ..RobotConfig::TCP };
+        assert_eq!(plant.robot(RobotConfig::TCP).unwrap(), robot);
+    }
+}
+
+/// What only a PC that interrupts orders needs is needed by nobody else.
+#[test]
+fn a_plant_may_lack_what_a_pc_alone_needs() {
+    let given = json!({"messages": {"order_interrupt": {"sent": false}}});
+    let without = plant(given.clone()).unwrap();
+    let refused = without.pc(PcConfig::TCP).unwrap_err().to_string();
+    assert!(
+        refused.starts_with("messages.order_interrupt: ")
+            && refused.ends_with("; with takeover=end or never it does not"),
+        "{refused}"
+    );
+    assert!(without.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }).is_ok());
+    assert!(without.robot(RobotConfig::TCP).is_ok());
+    let link = Link::by_name("kawasaki-msg").unwrap();
+    let settings = given.as_object().unwrap();
+    assert!((link.codec)("pc", settings).is_ok());
+    let setup = Setup { settings, configs: &Map::new(), baud: None, is_serial: false };
+    assert!((link.shadow)(&setup).is_ok());
+}
+
+#[test]
+fn the_fields_of_a_message_are_shown_and_read_by_their_names() {
+    let listed = settings::list(Plant::default());
+    let fields = listed.iter().find(|it| it.name == "messages.order_start.fields").unwrap();
+    assert_eq!(fields.default, json!(["order", "number"]));
+    let refused = plant(json!({"messages": {"order_start": {"fields": ["order", "nummer"]}}})).unwrap_err();
+    assert!(refused.text.contains("`nummer` is not a field"), "{refused}");
+}
+
+fn read(table: &Value) -> Result<Layout, Refused> {
+    Layout::read(core::slice::from_ref(table), Charset::Ascii)
+}
+
+#[test]
+fn a_job_s_fields_are_given_as_they_were_read() {
+    let tables = [
+        json!({"name": "parts", "kind": "whole", "range": [-5, 7], "default": "3"}),
+        json!({"name": "speed", "kind": "decimal", "places": 2, "range": ["-1.50", "20.00"], "default": "0.25"}),
+        json!({"name": "tool", "kind": "text", "length": [1, 1], "default": "a"}),
+        json!({"name": "exactly15letter", "kind": "text", "length": [0, 32]}),
+    ];
+    assert_eq!(Layout::read(&tables, Charset::Ascii).unwrap().given(), tables);
+    let within = plant(json!({"bounds": {"min": {"x": -5}, "max": {"x": 7}}})).unwrap().layout().unwrap();
+    let x = Holds::Number { places: 0, min: -5, max: 7 };
+    assert_eq!(within.fields()[1], Field { name: "x1".into(), holds: x, default: None });
+    for (table, why) in [
+        (json!({"name": "", "kind": "text"}), "a name has 1 to 15 letters, digits and _"),
+        (json!({"name": "a b", "kind": "text"}), "a name has 1 to 15 letters, digits and _"),
+        (json!({"name": "a", "kind": "text", "places": 1}), "`places` is of a field of the kind decimal"),
+        (json!({"name": "a", "kind": "whole", "length": [1, 2]}), "`length` is of a field of the kind text"),
+        (json!({"name": "a", "kind": "text", "length": [2, 1]}), "give [LEAST, MOST] characters, of 0 to 32"),
+        (
+            json!({"name": "a", "kind": "text", "length": [0, 33]}),
+            "give [LEAST, MOST] characters, of 0 to 32",
+        ),
+    ] {
+        let refused = read(&table).unwrap_err().text;
+        assert!(refused.ends_with(why), "{table}: {refused}");
+    }
+}
+
+#[test]
+fn a_mark_in_a_job_s_text_is_refused_whatever_the_field_holds() {
+    for kind in ["text", "whole"] {
+        let layout = read(&json!({"name": "tool", "kind": kind})).unwrap();
+        let fault = |text: &str| layout.job(&[text], Charset::Ascii).unwrap_err().fault;
+        for found in *b"<>$#" {
+            assert_eq!(fault(&char::from(found).to_string()), FieldFault::Reserved { found });
+        }
+        assert_eq!(fault("\u{20AC}"), FieldFault::Character { found: '\u{20AC}' });
+    }
+}

@@ -17,13 +17,15 @@ fn noise(at: u32) -> u8 {
     u8::try_from(at.wrapping_mul(2_654_435_761).rotate_left(9) >> 24).unwrap()
 }
 
+/// Numbers that do not grow evenly.
+fn random(at: u32) -> u8 {
+    let product = at.wrapping_mul(2_654_435_761);
+    (product ^ product >> 15).wrapping_mul(2_246_822_519).to_be_bytes()[0]
+}
+
 /// As many bytes of a message as are given, of which none follows from the others.
-pub(super) fn random(message: u32, count: usize) -> Vec<u8> {
-    let mix = |at: u32| {
-        let mixed = at.wrapping_mul(2_654_435_761);
-        (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519).to_be_bytes()[0]
-    };
-    (message * 64..).take(count).map(mix).collect()
+pub(super) fn bytes(message: u32, count: usize) -> Vec<u8> {
+    (message * 64..).take(count).map(random).collect()
 }
 
 #[test]
@@ -109,12 +111,6 @@ fn told(messages: &[Vec<u8>]) -> String {
         .map(|(name, text)| format!("{name} {text}"))
         .collect();
     parts.join("; ")
-}
-
-/// Numbers that do not grow evenly.
-fn random(at: u32) -> u8 {
-    let product = at.wrapping_add(1).wrapping_mul(2_654_435_761);
-    u8::try_from((product ^ product >> 15).wrapping_mul(2_246_822_519) >> 24).unwrap()
 }
 
 fn of<T>(values: impl IntoIterator<Item = T>, message: impl Fn(u32, T) -> Vec<u8>) -> Vec<Vec<u8>> {

@@ -1,7 +1,7 @@
 //! What is called the check of messages that were built with one.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
-use super::super::tests::random;
+use super::super::tests::bytes;
 use super::*;
 
 type Row = (&'static str, usize, &'static str, usize, usize, usize, u32);
@@ -21,7 +21,7 @@ fn sum(bytes: &[u8]) -> u32 {
 /// Twenty messages of different lengths with a check where `check` says; beside it are bytes that nothing checks.
 fn checked(check: &Check, of: &dyn Fn(&[u8]) -> u32) -> Vec<Vec<u8>> {
     let message = |at: u32| {
-        let body = random(at, 4 + usize::try_from(at % 5).unwrap());
+        let body = bytes(at, 4 + usize::try_from(at % 5).unwrap());
         let value = of(&body);
         let value = match (check.order, check.width) {
             ("hex", 2) => format!("{:02X}", value & 0xFF).into_bytes(),
@@ -30,7 +30,7 @@ fn checked(check: &Check, of: &dyn Fn(&[u8]) -> u32) -> Vec<Vec<u8>> {
             (_, width) => value.to_le_bytes()[..width].to_vec(),
         };
         let [head, between, tail] = [(20, check.first), (40, check.before), (60, check.from_end)]
-            .map(|(from, count)| random(at + from, count));
+            .map(|(from, count)| bytes(at + from, count));
         [head, body, between, value, tail].concat()
     };
     (0..20).map(message).collect()
@@ -85,7 +85,7 @@ fn every_crc_is_found_by_its_name_in_the_catalogue() {
 #[test]
 fn a_zero_before_a_check_is_no_part_of_it() {
     let crc = ALL.iter().find(|it| it.name == "CRC_8_SMBUS").unwrap();
-    let before = |at: u32| random(at, 4 + usize::try_from(at % 5).unwrap());
+    let before = |at: u32| bytes(at, 4 + usize::try_from(at % 5).unwrap());
     let messages = |of: &dyn Fn(&[u8]) -> u8| -> Vec<Vec<u8>> {
         (0..20).map(|at| [before(at), vec![0, of(&before(at))]].concat()).collect()
     };
@@ -99,7 +99,7 @@ fn a_zero_before_a_check_is_no_part_of_it() {
 fn a_byte_that_is_doubled_counts_once_or_twice() {
     for once in [true, false] {
         let message = |at: u32| {
-            let body = [vec![0x10; 2], random(at, 3)].concat();
+            let body = [vec![0x10; 2], bytes(at, 3)].concat();
             let sum = sum(&body[usize::from(once)..]).to_le_bytes()[0];
             [body, vec![sum]].concat()
         };
@@ -119,12 +119,12 @@ fn a_few_messages_or_values_show_no_check() {
     assert_eq!(found(&repeated(4), 0, None), Some(sum.clone()));
     // The last byte is that before it, which has as many values.
     let values = |count: u32| -> Vec<Vec<u8>> {
-        (0..20).map(|at| [random(at, 1), random(at % count, 1).repeat(2)].concat()).collect()
+        (0..20).map(|at| [bytes(at, 1), bytes(at % count, 1).repeat(2)].concat()).collect()
     };
     assert_eq!(found(&values(2), 0, None), None);
     assert_eq!(found(&values(3), 0, None), Some(Check { first: 1, ..sum }));
     // Nothing checks these.
-    let none: Vec<Vec<u8>> = (0..20).map(|at| random(at, 4 + usize::try_from(at % 5).unwrap())).collect();
+    let none: Vec<Vec<u8>> = (0..20).map(|at| bytes(at, 4 + usize::try_from(at % 5).unwrap())).collect();
     assert_eq!(found(&none, 0, None), None);
 }
 
@@ -145,15 +145,15 @@ fn a_check_may_be_wrong_in_some_messages() {
 fn what_checks_nothing_in_most_messages_is_no_check() {
     // A flag behind three bytes, and in a few messages behind twelve.
     let flag = |at: u32| {
-        [random(at, if at < 34 { 3 } else { 12 }), vec![u8::try_from(at.saturating_sub(33)).unwrap()]]
+        [bytes(at, if at < 34 { 3 } else { 12 }), vec![u8::try_from(at.saturating_sub(33)).unwrap()]]
     };
     let flags: Vec<Vec<u8>> = (0..40).map(|at| flag(at).concat()).collect();
     assert_eq!(found(&flags, 0, None), None);
     // A sum of what follows two bytes: nothing in every second message.
     let message = |at: u32| {
-        let body = random(at + 20, if at.is_multiple_of(2) { 0 } else { 5 });
+        let body = bytes(at + 20, if at.is_multiple_of(2) { 0 } else { 5 });
         let sum = sum(&body).to_le_bytes()[0];
-        [random(at, 2), body, vec![sum]].concat()
+        [bytes(at, 2), body, vec![sum]].concat()
     };
     let messages: Vec<Vec<u8>> = (0..20).map(message).collect();
     assert_eq!(found(&messages, 0, None), Some(check(("sum", 1, "little", 0, 2, 0, 0))));

@@ -139,8 +139,12 @@ pub fn read_as<C: Configure>(
     let Table { visited, refused, .. } = Table::visit_all(form, &mut config, Some(given));
     let names: Vec<&str> = visited.iter().map(|setting| setting.name.as_str()).collect();
     if let Some(unknown) = unknown(given, "", &names) {
-        let has = if names.is_empty() { "no settings".to_owned() } else { names.join(", ") };
-        let text = format!("{what} has no setting `{unknown}`: it has {has}");
+        let text = if names.contains(&unknown.as_str()) {
+            format!("{unknown} in one name: give what is before a dot as a table")
+        } else {
+            let has = if names.is_empty() { "no settings".to_owned() } else { names.join(", ") };
+            format!("{what} has no setting `{unknown}`: it has {has}")
+        };
         return Err(Refused { name: unknown, text });
     }
     refused.map_or(Ok(config), Err)
@@ -279,10 +283,13 @@ fn find<'a>(given: &'a Map<String, Value>, name: &str) -> Option<&'a Value> {
     }
 }
 
-/// The first name that is none of `names`, nor in the table of one.
+/// The first name that is none of `names`, nor in the table of one, or has a dot where a table has to be.
 fn unknown(given: &Map<String, Value>, prefix: &str, names: &[&str]) -> Option<String> {
     given.iter().find_map(|(key, value)| {
         let name = format!("{prefix}{key}");
+        if key.contains('.') {
+            return Some(name);
+        }
         if names.contains(&name.as_str()) {
             return None;
         }

@@ -137,6 +137,9 @@ fn what_is_wrong_names_the_values() {
     assert_eq!(error("arm=1"), format!("puma has no setting `arm`: it has {names}"));
     let error = read("viewer", (), &given(&["speed=1"])).unwrap_err().to_string();
     assert_eq!(error, "viewer has no setting `speed`: it has no settings");
+    let dotted = Map::from_iter([("arm.clamp".into(), json!(true))]);
+    let error = read("puma", CONFIG, &dotted).unwrap_err().to_string();
+    assert_eq!(error, "arm.clamp in one name: give what is before a dot as a table");
 }
 
 #[test]

@@ -264,6 +264,18 @@ mod tests {
         assert!(!rules_out(&mut b, &of_b, &mut a, &of_a));
     }
 
+    /// A packet of another layout is read, and never written: its mark may be corrupt, but not that of two.
+    #[test]
+    fn one_message_that_is_only_read_proves_nothing() {
+        let packet = [0x07, 0xF9, 0x52, 0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0xE4];
+        for (count, is_out) in [(1, false), (2, true)] {
+            let [mut a, mut b] = [(); 2].map(|()| of("isra-ball", &json!({})));
+            let stream = Stream { parts: vec![packet.repeat(count)], ..sent(&a, "ball", &[]) };
+            let of_a = a.read(&[stream], true).unwrap();
+            assert_eq!(rules_out(&mut a, &of_a, &mut b, &Reading::default()), is_out, "{count}");
+        }
+    }
+
     #[test]
     fn leaves_are_numbers_and_texts() {
         let value = serde_json::json!({"a": [1, {"b/c": "x"}], "d": null, "e": true});

@@ -20,6 +20,13 @@ pub(super) enum Level {
     Written,
 }
 
+impl Level {
+    /// Each byte counts twice in what is written so, and once in what is only read.
+    fn weight(self, len: usize) -> u64 {
+        len as u64 * self as u64
+    }
+}
+
 /// Settings, and the codecs that they make.
 pub(super) struct Combination {
     pub(super) link: &'static Link,
@@ -43,8 +50,8 @@ pub(super) struct Piece {
 /// A message among some bytes.
 #[derive(Debug, Default)]
 pub(super) struct Within {
-    /// Twice the bytes of all messages that are written so, and those of the others.
-    pub(super) weight: usize,
+    /// That of all messages.
+    pub(super) weight: u64,
     pub(super) level: Level,
     pub(super) len: usize,
     pub(super) message: Value,
@@ -69,7 +76,7 @@ impl Piece {
     }
 
     fn weight(&self) -> u64 {
-        self.bytes.len() as u64 * if self.level == Level::Written { 2 } else { 1 }
+        self.level.weight(self.bytes.len())
     }
 
     /// Whether it is the better explanation of bytes that both have: it is written so, or it is not a part of the other.
@@ -187,19 +194,19 @@ impl Combination {
             }
         }
         codec.clear();
-        let (mut best, mut weight) = (Within::default(), 0);
+        let mut best = Within::default();
         for (from, to, json) in found {
             let place = |at: u64| usize::try_from(at).unwrap_or(usize::MAX);
             let bytes = bytes.get(place(from)..place(to)).unwrap_or_default();
             let message: Value = serde_json::from_slice(&json).unwrap_or_default();
             let written = self.encode(side, message.clone()).as_deref() == Some(bytes);
             let (level, len) = (if written { Level::Written } else { Level::Read }, bytes.len());
-            weight += if written { 2 * len } else { len };
+            best.weight += level.weight(len);
             if (level, len) > (best.level, best.len) {
-                best = Within { weight, level, len, message };
+                (best.level, best.len, best.message) = (level, len, message);
             }
         }
-        Within { weight, ..best }
+        best
     }
 
     /// A message without the bytes that another one has already, if it is one without them.
@@ -230,7 +237,6 @@ impl Combination {
             // Of equals the first.
             sides.sort_by_key(|pieces| core::cmp::Reverse(weight(pieces)));
             let mut pieces: Vec<Piece> = Vec::new();
-            let possible = sides.len();
             for more in sides {
                 // One line may have both ends' messages.
                 let more = more.into_iter().filter_map(|piece| self.trimmed(&pieces, piece));
@@ -239,7 +245,7 @@ impl Combination {
                 pieces.sort_by_key(|piece| piece.begin);
             }
             // The other end may send no messages.
-            if !pieces.is_empty() || possible > 0 && self.link.sides.len() > 1 {
+            if !pieces.is_empty() || self.link.sides.len() > 1 {
                 reading.bytes += stream.size() as u64;
             }
             reading.corrupt += corrupt(stream, &pieces);
@@ -318,4 +324,127 @@ fn corrupt(stream: &Stream, pieces: &[Piece]) -> usize {
         .filter(|gap| *gap > 0)
         .map(|gap| (gap / usual).max(1))
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn piece(stream: usize, begin: u64, bytes: &[u8]) -> Piece {
+        let (side, level, json) = ("central", Level::Written, String::new());
+        Piece { stream, begin, bytes: bytes.to_vec(), side, level, json, sense: 0.0 }
+    }
+
+    fn of(pieces: &[(usize, u64, u64)]) -> Vec<Piece> {
+        let piece = |&(stream, begin, end): &(usize, u64, u64)| {
+            piece(stream, begin, &vec![0; usize::try_from(end - begin).unwrap()])
+        };
+        pieces.iter().map(piece).collect()
+    }
+
+    fn stream(parts: &[usize]) -> Stream {
+        let parts = parts.iter().map(|size| vec![0; *size]).collect();
+        Stream { sender: Sender::Unknown, parts, arrivals: Vec::new() }
+    }
+
+    fn mma() -> Combination {
+        Combination::new(Link::by_name("mmacell-proto").unwrap(), Map::new()).unwrap()
+    }
+
+    #[test]
+    fn the_messages_of_a_reading() {
+        let mut pieces = of(&[(0, 0, 5), (0, 5, 10), (0, 10, 15), (0, 16, 19), (1, 5, 10)]);
+        pieces[1].level = Level::Read;
+        let reading = Reading { pieces, ..Reading::default() };
+        assert_eq!((reading.weight(), reading.explained()), (10 + 5 + 10 + 6 + 10, 23));
+        for (place, overlapping) in
+            [((0, 5, 10), vec![5]), ((0, 4, 16), vec![0, 5, 10]), ((0, 15, 16), vec![]), ((1, 0, 6), vec![5])]
+        {
+            let found = reading.overlapping(&of(&[place])[0]).iter().map(|it| it.begin);
+            assert_eq!(found.collect::<Vec<_>>(), overlapping, "{place:?}");
+        }
+        let same = |place| reading.same(&of(&[place])[0]).is_some();
+        assert_eq!([(0, 5, 10), (0, 5, 9), (1, 0, 5)].map(same), [true, false, false]);
+    }
+
+    #[test]
+    fn what_explains_more() {
+        let [one, other] = [Level::Read, Level::Written];
+        for (place, level, beside, of_beside, more) in [
+            ((0, 0, 5), one, (0, 0, 5), one, false),
+            ((0, 0, 5), one, (0, 0, 3), one, true),
+            ((0, 0, 5), one, (0, 2, 5), one, true),
+            ((0, 1, 4), one, (0, 0, 5), one, false),
+            ((0, 0, 5), one, (0, 0, 3), other, false),
+            ((0, 1, 2), other, (0, 0, 5), one, true),
+        ] {
+            let [mut a, mut b] = [place, beside].map(|place| of(&[place]).remove(0));
+            (a.level, b.level) = (level, of_beside);
+            assert_eq!(a.explains_more_than(&b), more, "{place:?} {beside:?}");
+        }
+    }
+
+    /// Where bytes of the capture are missing, nothing is corrupt.
+    #[test]
+    fn what_is_between_messages_is_corrupt() {
+        let near: &[_] = &[(0, 0, 4), (0, 20, 24)];
+        for (parts, pieces, messages) in [
+            (&[60][..], near, 4),
+            (&[2, 58], near, 4),
+            (&[30, 30], near, 4),
+            (&[4, 56], near, 0),
+            (&[12, 48], near, 0),
+            (&[20, 40], near, 0),
+            (&[60], &[(0, 0, 4), (0, 5, 9), (0, 9, 13)], 1),
+            (&[60], &[(0, 30, 34)], 0),
+            (&[60], &[], 0),
+        ] {
+            assert_eq!(corrupt(&stream(parts), &of(pieces)), messages, "{parts:?} {pieces:?}");
+        }
+        let mut lines = b"STA\r\n???\r\nSTA\r\n".to_vec();
+        lines[5..8].copy_from_slice(b"\xFF\0?");
+        let one = Stream { parts: vec![lines], ..stream(&[]) };
+        assert_eq!(mma().read(&[one.clone(), one], true).unwrap().corrupt, 2);
+    }
+
+    #[test]
+    fn the_best_of_several_messages() {
+        for (bytes, weight, level, message) in [
+            (&b"STA\r\nSTA\r\n"[..], 20, Level::Written, r#"{"command":"STA"}"#),
+            (b"SRVON\r\nSTA\r\n", 24, Level::Written, r#"{"command":"SRV","on":true}"#),
+            (b"SRVON\r\nSRVOF\r\n", 28, Level::Written, r#"{"command":"SRV","on":true}"#),
+            (b"???\r\nSTA\r\n", 10, Level::Written, r#"{"command":"STA"}"#),
+            (b"???\r\n", 0, Level::None, "null"),
+        ] {
+            let found = mma().within("central", bytes);
+            assert_eq!(
+                (found.weight, found.level, found.message.to_string()),
+                (weight, level, message.into())
+            );
+        }
+    }
+
+    /// Of two messages that share bytes the second is what it is without them, if it is one.
+    #[test]
+    fn a_message_without_the_bytes_of_another() {
+        let line = |begin, bytes: &[u8]| piece(0, begin, bytes);
+        let two = line(10, b"STA\r\nSTA\r\n");
+        for (taken, begin) in [
+            (vec![], Some(10)),
+            (vec![(0, 0, 10)], Some(10)),
+            (vec![(0, 20, 25)], Some(10)),
+            (vec![(0, 0, 5), (0, 5, 15)], Some(15)),
+            (vec![(0, 5, 15), (0, 20, 25)], Some(15)),
+            (vec![(0, 5, 15), (0, 19, 25)], None),
+            (vec![(0, 5, 14)], None),
+            (vec![(0, 5, 20)], None),
+            (vec![(0, 5, 25)], None),
+            (vec![(0, 10, 15)], None),
+            (vec![(0, 11, 15)], None),
+        ] {
+            let trimmed = mma().trimmed(&of(&taken), two.clone());
+            assert_eq!(trimmed.map(|it| it.begin), begin, "{taken:?}");
+        }
+    }
 }

@@ -19,6 +19,12 @@ const TRIALS: [u32; 2] = [64, 8192];
 /// How many messages are looked at.
 const MESSAGES: usize = 200;
 
+/// Whether the evidence for `a` rules `b` out, less that against it.
+pub(super) fn rules_out(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> bool {
+    let bits = evidence(a, of_a, b, of_b);
+    bits >= ENOUGH && bits - evidence(b, of_b, a, of_a) >= ENOUGH
+}
+
 /// The evidence for `a` against `b`, in bits, from what `a` explains better.
 pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> f64 {
     let better = |piece: &&Piece| match of_b.same(piece) {
@@ -49,20 +55,18 @@ pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination,
 /// Messages as the second combination writes them, each with the one behind it: where one ends depends on that.
 fn base(of_a: &Reading, b: &mut Combination) -> Vec<(&'static str, Vec<u8>)> {
     let step = of_a.pieces.len() / MESSAGES + 1;
-    let of = |number: usize| of_a.pieces.get(number * step);
-    let count = of_a.pieces.len().div_ceil(step);
+    let looked_at = || of_a.pieces.iter().enumerate().step_by(step);
     let mut written = |piece: &Piece| b.encode(piece.side, piece.value());
     let mut pairs = Vec::new();
-    for piece in (0..count).filter_map(of) {
-        let behind =
-            of_a.pieces.iter().find(|other| other.stream == piece.stream && other.begin >= piece.end());
+    for (at, piece) in looked_at() {
+        let behind = of_a.pieces.get(at + 1).filter(|next| next.stream == piece.stream);
         if let Some(first) = written(piece) {
             let second = behind.and_then(&mut written).unwrap_or_default();
             pairs.push((piece.side, [first, second].concat()));
         }
     }
     if pairs.is_empty() {
-        pairs = (0..count).filter_map(of).map(|piece| (piece.side, piece.bytes.clone())).collect();
+        pairs = looked_at().map(|(_, piece)| (piece.side, piece.bytes.clone())).collect();
     }
     pairs
 }
@@ -75,8 +79,7 @@ fn chance(a: &mut Combination, b: &mut Combination, base: &[(&'static str, Vec<u
         let mut bytes = bytes.clone();
         corrupt(&mut bytes, &mut random);
         // Beside a corrupt byte there may be a whole message.
-        let weight = a.within(side, &bytes).weight;
-        if weight > 0 && weight > b.within(side, &bytes).weight {
+        if a.within(side, &bytes).weight > b.within(side, &bytes).weight {
             better += 1;
         }
     }
@@ -154,7 +157,12 @@ impl Random {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+    use serde_json::json;
+
+    use super::super::{Sender, Stream};
     use super::*;
+    use crate::Link;
 
     #[test]
     fn the_bits_of_a_tail() {
@@ -163,6 +171,109 @@ mod tests {
         // Five places for one.
         assert!((tail(1, 5, 1.0 / 1024.0) - (10.0 - 5_f64.log2())).abs() < 1e-9);
         assert!(tail(1, 5, 0.5).abs() < 1e-9);
+    }
+
+    fn of(link: &str, given: &Value) -> Combination {
+        Combination::new(Link::by_name(link).unwrap(), given.as_object().unwrap().clone()).unwrap()
+    }
+
+    fn sent(by: &Combination, side: &str, messages: &[Value]) -> Stream {
+        let codec = (by.link.codec)(side, &by.settings).unwrap();
+        let bytes = messages.iter().flat_map(|it| codec.encode(it.clone()).unwrap()).collect();
+        Stream { sender: Sender::Named(side.into()), parts: vec![bytes], arrivals: Vec::new() }
+    }
+
+    #[test]
+    fn the_messages_that_are_corrupted_are_written_by_the_other_settings() {
+        let (mut strict, mut lone) =
+            (of("mmacell-proto", &json!({})), of("mmacell-proto", &json!({"lone_lf": true})));
+        let (sta, on) = (json!({"command": "STA"}), json!({"command": "SRV", "on": true}));
+        let streams = [vec![sta.clone(), on], vec![sta.clone()]].map(|it| sent(&strict, "central", &it));
+        let pairs = base(&strict.read(&streams, true).unwrap(), &mut lone);
+        assert_eq!(pairs, ["STA\nSRVON\n", "SRVON\n", "STA\n"].map(|it| ("central", it.into())));
+        for (count, looked_at) in [(199, 199), (200, 100), (601, 151)] {
+            let many = [sent(&strict, "central", &vec![sta.clone(); count])];
+            assert_eq!(base(&strict.read(&many, true).unwrap(), &mut lone).len(), looked_at, "of {count}");
+        }
+        // Those that they cannot write are as they were read.
+        let [mut latin1, mut ascii] =
+            ["latin1", "ascii"].map(|it| of("kawasaki-msg", &json!({ "charset": it })));
+        let streams = [sent(&latin1, "pc", &[json!({"name": "ä", "fields": ["1"]})])];
+        let pairs = base(&latin1.read(&streams, true).unwrap(), &mut ascii);
+        assert_eq!(pairs[0].1, b"<\xE4$1#1#>");
+    }
+
+    #[test]
+    fn one_byte_is_another_or_two_are() {
+        let (mut random, mut changed) = (Random(1), [0; 3]);
+        for _ in 0..1000 {
+            let mut bytes = [7; 100];
+            corrupt(&mut bytes, &mut random);
+            changed[bytes.iter().filter(|byte| **byte != 7).count()] += 1;
+        }
+        assert!(changed[0] == 0 && (150..250).contains(&changed[2]), "{changed:?}");
+        let numbers: Vec<usize> = (0..100).map(|_| random.below(4)).collect();
+        assert!((0..4).all(|number| numbers.contains(&number)), "{numbers:?}");
+        assert_eq!(random.below(0), 0);
+    }
+
+    /// Of so many corrupt messages of the other settings, how many are messages of these, and what that proves.
+    #[test]
+    fn what_is_read_proves_more_the_less_it_is_read_by_chance() {
+        let motion = |segment: u8| {
+            json!({"kind": "motion", "phase": "running", "error": 0, "segment_status": 2, "segment": segment,
+                "percent": 50, "transform": null})
+        };
+        let jobs = |texts: &str| -> Vec<Value> {
+            texts.chars().map(|it| json!({"name": "Job", "fields": [it.to_string(), "1"]})).collect()
+        };
+        let (plain, dle) = (json!({"leading_dle": 2}), json!({"leading_dle": 1}));
+        let (latin1, ascii) = (json!({"charset": "latin1"}), json!({"charset": "ascii"}));
+        for (messages, given, corrupt, better, bits, is_out) in [
+            // With 5 bits where nothing is corrupt and chance is small.
+            (vec![motion(1)], [&plain, &dle], 0, 0, "12.0", true),
+            (vec![motion(1); 2], [&plain, &dle], 2, 0, "11.5", true),
+            (vec![motion(1)], [&dle, &plain], 0, 5, "3.7", false),
+            (jobs("aaäö"), [&latin1, &ascii], 1, 22, "2.4", false),
+            // With 12 for each value that comes again.
+            (jobs("aaää"), [&latin1, &ascii], 1, 22, "13.5", true),
+            (jobs("aaäää"), [&latin1, &ascii], 0, 22, "28.6", true),
+            (jobs("aa"), [&ascii, &latin1], 0, 0, "0.0", false),
+        ] {
+            let (link, side) = match messages[0].get("kind") {
+                Some(_) => ("val2-alter", "robot"),
+                None => ("kawasaki-msg", "pc"),
+            };
+            let [mut a, mut b] = given.map(|given| of(link, given));
+            let streams = [sent(&a, side, &messages)];
+            let mut of_a = a.read(&streams, true).unwrap();
+            of_a.corrupt = corrupt;
+            let of_b = b.read(&streams, true).unwrap();
+            let base = base(&of_a, &mut b);
+            let chance = chance(&mut a, &mut b, &base, 64) * 65.0 - 0.5;
+            assert!((chance - f64::from(better)).abs() < 1e-9, "{chance} {messages:?}");
+            let found = evidence(&mut a, &of_a, &mut b, &of_b);
+            let found = (format!("{found:.1}"), rules_out(&mut a, &of_a, &mut b, &of_b));
+            assert_eq!(found, (bits.to_owned(), is_out), "{messages:?}");
+        }
+        // What the other explains counts against it.
+        let [mut a, mut b] = [&dle, &plain].map(|given| of("val2-alter", given));
+        let [more, less] = [(&a, 20), (&b, 3)].map(|(by, count)| sent(by, "robot", &vec![motion(1); count]));
+        let [of_a, of_b] = [&mut a, &mut b].map(|it| it.read(&[more.clone(), less.clone()], true).unwrap());
+        assert!(rules_out(&mut a, &of_a, &mut b, &of_b));
+        assert!(!rules_out(&mut b, &of_b, &mut a, &of_a));
+    }
+
+    /// A packet of another layout is read, and never written: its mark may be corrupt, but not that of two.
+    #[test]
+    fn one_message_that_is_only_read_proves_nothing() {
+        let packet = [0x07, 0xF9, 0x52, 0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0xE4];
+        for (count, is_out) in [(1, false), (2, true)] {
+            let [mut a, mut b] = [(); 2].map(|()| of("isra-ball", &json!({})));
+            let stream = Stream { parts: vec![packet.repeat(count)], ..sent(&a, "ball", &[]) };
+            let of_a = a.read(&[stream], true).unwrap();
+            assert_eq!(rules_out(&mut a, &of_a, &mut b, &Reading::default()), is_out, "{count}");
+        }
     }
 
     #[test]

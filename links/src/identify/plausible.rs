@@ -37,3 +37,24 @@ fn letter(c: char) -> f64 {
         _ => NO_TEXT,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_sense_of_numbers_and_texts() {
+        for (message, sense) in [
+            (json!([0.0, 0.001, -99_999.0]), 3.0 * NUMBER),
+            (json!([1e5, 0.000_9, -1e-30]), -3.0 * NUMBER),
+            (json!([1e30, -1e-31, 1e38]), 3.0 * NO_NUMBER),
+            // A whole number may be anything.
+            (json!([0, 1, 1_000_000, null, true]), 0.0),
+            (json!({"a": "Az z", "b": ["\n\r\t!~09", "ä"]}), 4.0 * LETTER),
+            (json!("\u{1}\u{7F}\u{A0}"), 3.0 * NO_TEXT),
+        ] {
+            assert!((plausible(&message) - sense).abs() < 1e-9, "{message}: {}", plausible(&message));
+        }
+    }
+}

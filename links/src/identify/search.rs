@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde_json::{Map, Value};
 
 use super::combination::{Combination, Level, Reading};
-use super::evidence::{ENOUGH, Random, evidence};
+use super::evidence::{ENOUGH, Random, evidence, rules_out};
 use super::plausible::plausible;
 use super::{Decided, Finding, Open, Stream};
 use crate::link::{Guess, Link};
@@ -39,7 +39,7 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     kept.sort_by_key(|(weight, it)| (core::cmp::Reverse(*weight), changes(it)));
     let most = kept.first().map_or(0, |(weight, _)| *weight);
     kept.retain(|(weight, _)| weight * 2 >= most);
-    kept.truncate(if most > 0 { KEPT } else { 1 });
+    kept.truncate(if most == 0 { 1 } else { KEPT });
     let mut read = Vec::new();
     for (_, mut combination) in kept {
         let reading = combination.read(&sample, true)?;
@@ -50,7 +50,7 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     sensible(&mut likely);
     // The likeliest that the bytes allow: of equals the nearest to the defaults.
     likely.sort_by_key(|it| (core::cmp::Reverse(it.makes_sense), changes(&it.combination)));
-    if streams.iter().any(|stream| stream.parts.concat().len() > SAMPLE) {
+    if sample.iter().map(Stream::size).ne(streams.iter().map(Stream::size)) {
         confirm(&mut likely, streams)?;
     }
     let first = likely.first().map(|it| it.combination.settings.clone()).unwrap_or_default();
@@ -85,10 +85,10 @@ struct Likely {
 fn sample(streams: &[Stream]) -> Vec<Stream> {
     let begin = |stream: &Stream| {
         let mut left = SAMPLE;
-        let parts = stream.parts.iter().map_while(|part| {
-            let taken = part.get(..left.min(part.len())).filter(|taken| !taken.is_empty())?;
+        let parts = stream.parts.iter().map(|part| {
+            let taken: Vec<u8> = part.iter().copied().take(left).collect();
             left -= taken.len();
-            Some(taken.to_vec())
+            taken
         });
         Stream { sender: stream.sender.clone(), parts: parts.collect(), arrivals: Vec::new() }
     };
@@ -158,35 +158,20 @@ fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
     read.sort_by_key(key);
     let mut best = 0;
     for at in 1..read.len() {
-        if balance(&mut read, at, best) >= ENOUGH {
+        if let Ok([other, so_far]) = read.get_disjoint_mut([at, best])
+            && rules_out(&mut other.0, &other.1, &mut so_far.0, &so_far.1)
+        {
             best = at;
         }
     }
-    let mut likely = Vec::new();
-    for at in 0..read.len() {
-        if at == best || balance(&mut read, best, at) < ENOUGH {
-            likely.push(at);
-        }
+    if read.is_empty() {
+        return Vec::new();
     }
-    let all = read.into_iter().enumerate().filter(|(at, _)| likely.contains(at));
-    let mut likely: Vec<Likely> = Vec::new();
-    for (at, (combination, reading)) in all {
-        let place = if at == best { 0 } else { likely.len() };
-        likely.insert(place, Likely { combination, reading, makes_sense: true });
-    }
-    likely
-}
-
-/// The evidence for one combination against another, less that against it.
-fn balance(read: &mut [(Combination, Reading)], one: usize, other: usize) -> f64 {
-    let (low, high) = (one.min(other), one.max(other));
-    let Some((before, after)) = read.split_at_mut_checked(high) else { return 0.0 };
-    let (Some(low), Some(high)) = (before.get_mut(low), after.first_mut()) else { return 0.0 };
-    let (one, other) = if one < other { (low, high) } else { (high, low) };
-    match evidence(&mut one.0, &one.1, &mut other.0, &other.1) {
-        bits if bits < ENOUGH => 0.0,
-        bits => bits - evidence(&mut other.0, &other.1, &mut one.0, &one.1),
-    }
+    let mut best = read.remove(best);
+    read.retain_mut(|other| !rules_out(&mut best.0, &best.1, &mut other.0, &other.1));
+    read.insert(0, best);
+    let likely = |(combination, reading)| Likely { combination, reading, makes_sense: true };
+    read.into_iter().map(likely).collect()
 }
 
 /// Marks those whose numbers and texts make no sense beside another's.
@@ -205,28 +190,28 @@ fn sensible(likely: &mut [Likely]) {
 /// Rules out what other bytes than those of the sample do, one setting at a time.
 fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
     let Some(first) = likely.first() else { return Ok(()) };
-    let (link, settings) = (first.combination.link, first.combination.settings.clone());
+    let (link, mut settings) = (first.combination.link, first.combination.settings.clone());
     let mut first = Combination::new(link, settings.clone())?;
-    let reading = first.read(streams, true)?;
+    let mut reading = first.read(streams, true)?;
     let mut others: Vec<(String, Value)> = Vec::new();
-    for it in likely.iter() {
-        let differing =
-            it.combination.settings.iter().filter(|(name, value)| settings.get(*name) != Some(value));
-        for (name, value) in differing {
-            if others.len() < WHOLE && !others.iter().any(|(known, other)| known == name && other == value) {
-                others.push((name.clone(), value.clone()));
-            }
+    let all = likely.iter().flat_map(|it| &it.combination.settings);
+    for (name, value) in all.filter(|(name, value)| settings.get(*name) != Some(*value)) {
+        let other = (name.clone(), value.clone());
+        if !others.contains(&other) {
+            others.push(other);
         }
     }
+    others.truncate(WHOLE);
     for (name, value) in others {
         let mut given = settings.clone();
         given.insert(name.clone(), value.clone());
         let mut other = Combination::new(link, given)?;
         let of_other = other.read(streams, true)?;
-        let bits = evidence(&mut first, &reading, &mut other, &of_other);
-        let against = evidence(&mut other, &of_other, &mut first, &reading);
-        if bits - against >= ENOUGH {
+        if rules_out(&mut first, &reading, &mut other, &of_other) {
             likely.retain(|it| it.combination.settings.get(&name) != Some(&value));
+        } else if rules_out(&mut other, &of_other, &mut first, &reading) {
+            likely.retain(|it| it.combination.settings.get(&name) != settings.get(&name));
+            (settings, first, reading) = (other.settings.clone(), other, of_other);
         }
     }
     Ok(())
@@ -236,10 +221,10 @@ fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
 fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
     let Some(best) = best else { return Ok(0.0) };
     let found = best.reading.pieces.len();
-    let bytes: usize = sample.iter().flat_map(|stream| &stream.parts).map(Vec::len).sum();
-    if found == 0 || bytes == 0 {
+    if found == 0 {
         return Ok(0.0);
     }
+    let bytes: usize = sample.iter().map(Stream::size).sum();
     let times = (SHUFFLED / bytes).clamp(2, MOST_SHUFFLES);
     let (mut random, mut by_chance) = (Random(2), 0);
     for _ in 0..times {
@@ -319,7 +304,7 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
                 Some(settings) => deciding(first, &mut Combination::new(first.link, settings)?),
                 None => None,
             };
-            let message = message.or_else(|| reads_more(first.link, setting, [&value, other]));
+            let message = message.or_else(|| reads_more(first.link, setting));
             Decided::Not { others, message }
         }
     };
@@ -345,15 +330,9 @@ fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) ->
     Ok(Some(Decided::Not { others: Vec::new(), message: deciding(first, &mut other) }))
 }
 
-/// The bytes that only the decoder with one of two values reads.
-fn reads_more(link: &Link, setting: &str, values: [&Value; 2]) -> Option<String> {
-    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let values = values.map(text);
-    let found = link
-        .open
-        .reads_more
-        .iter()
-        .find(|(name, value, _)| *name == setting && values.iter().any(|it| it == value));
+/// The bytes that are read with one value alone, where every value writes the same.
+fn reads_more(link: &Link, setting: &str) -> Option<String> {
+    let found = link.open.reads_more.iter().find(|(name, ..)| *name == setting);
     found.map(|(.., about)| (*about).to_owned())
 }
 
@@ -369,4 +348,39 @@ fn deciding(first: &mut Combination, other: &mut Combination) -> Option<String> 
         decides(it.side, &message, first, other) || decides(it.side, &message, other, first)
     });
     found.map(|it| it.about.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use serde_json::json;
+
+    use super::super::Sender;
+    use super::*;
+
+    #[test]
+    fn all_bytes_rule_out_what_those_of_the_sample_do_not() {
+        let link = Link::by_name("val2-alter").unwrap();
+        // The checksum of every third is 10h.
+        let motion = |segment: u8, percent: u8| {
+            json!({"kind": "motion", "phase": "running", "error": 0, "segment_status": 2, "segment": segment,
+                "percent": percent, "transform": null})
+        };
+        let messages = vec![[motion(1, 50), motion(110, 32), motion(1, 50)]; 5].concat();
+        let given = |is: bool| Map::from_iter([("stuffed_checksum".to_owned(), json!(is))]);
+        for stuffed in [false, true] {
+            let codec = (link.codec)("robot", &given(stuffed)).unwrap();
+            let bytes = messages.iter().flat_map(|it| codec.encode(it.clone()).unwrap()).collect();
+            let stream = Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals: Vec::new() };
+            let likely = |is: bool| Likely {
+                combination: Combination::new(link, given(is)).unwrap(),
+                reading: Reading::default(),
+                makes_sense: true,
+            };
+            let mut likely = vec![likely(false), likely(true)];
+            confirm(&mut likely, &[stream]).unwrap();
+            let left: Vec<_> = likely.iter().map(|it| it.combination.settings.clone()).collect();
+            assert_eq!(left, [given(stuffed)]);
+        }
+    }
 }

@@ -7,6 +7,8 @@ use super::*;
 use crate::LINKS;
 use crate::link::Carrier;
 
+mod findings;
+
 /// What a side of a link sends with these settings.
 fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
     let link = Link::by_name(link).unwrap();

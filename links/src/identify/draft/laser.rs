@@ -16,7 +16,7 @@ const SHARE: usize = 2;
 /// A command word, and what was seen of it.
 #[derive(Default)]
 struct Word {
-    word: i64,
+    word: u16,
     times: usize,
     /// In a frame with others.
     together: usize,
@@ -29,8 +29,8 @@ struct Word {
 /// The words of a conversation.
 pub(super) fn draft(said: &[Said]) -> Result<String> {
     let mut words: Vec<Word> = Vec::new();
-    let mut codes: Vec<(i64, usize)> = Vec::new();
-    let mut asked: Option<(Vec<i64>, Duration)> = None;
+    let mut codes: Vec<(u16, usize)> = Vec::new();
+    let mut asked: Option<(Vec<u16>, Duration)> = None;
     for Said { side, message, time } in said {
         let found = words_of(message);
         if *side == "host" {
@@ -52,7 +52,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
             let known = known(&mut words, *word);
             known.answers.push(time.saturating_sub(*at));
             let items = message.get("items").and_then(Value::as_array).map_or(0, Vec::len);
-            known.values += usize::from(items > 1 || found.len() > 1);
+            known.values += usize::from(items > 1);
         }
         asked = None;
     }
@@ -75,7 +75,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     for (code, times) in codes.iter().skip(names.len()) {
         writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
     }
-    let mut free = (57_345..)
+    let mut free = (57_345..=u16::MAX)
         .filter(|code| !codes.iter().any(|(it, _)| it == code) && !words.iter().any(|it| it.word == *code));
     for (number, name) in names.iter().enumerate() {
         match codes.get(number) {
@@ -107,7 +107,7 @@ fn class(word: &Word) -> (&'static str, String, &'static str) {
     }
 }
 
-fn known(words: &mut Vec<Word>, word: i64) -> &mut Word {
+fn known(words: &mut Vec<Word>, word: u16) -> &mut Word {
     let at = words.iter().position(|known| known.word == word).unwrap_or_else(|| {
         words.push(Word { word, ..Word::default() });
         words.len() - 1
@@ -116,9 +116,10 @@ fn known(words: &mut Vec<Word>, word: i64) -> &mut Word {
     &mut words[at]
 }
 
-/// The command words of a frame: each instruction begins with a short of its own.
-fn words_of(message: &Value) -> Vec<i64> {
+/// The command words of a frame: each instruction begins with a short of its own. A word has no sign, a short has one.
+fn words_of(message: &Value) -> Vec<u16> {
     let items = message.get("items").and_then(Value::as_array).into_iter().flatten();
     let shorts = items.filter_map(|item| item.get("i16")?.as_array());
-    shorts.filter(|values| values.len() == 1).filter_map(|values| values.first()?.as_i64()).collect()
+    let words = shorts.filter(|values| values.len() == 1).filter_map(|values| values.first()?.as_i64());
+    words.filter_map(|word| Some(i16::try_from(word).ok()?.cast_unsigned())).collect()
 }

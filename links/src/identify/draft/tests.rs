@@ -8,32 +8,19 @@ use crate::identify::identify;
 
 #[test]
 fn the_class_of_a_word_is_guessed_from_its_answers() {
-    let link = Link::by_name("laser-eb90").unwrap();
-    let [mut host, mut controller] = ["host", "controller"].map(|side| Stream {
-        sender: Sender::Named(side.into()),
-        parts: vec![Vec::new()],
-        arrivals: Vec::new(),
-    });
-    let mut time = Duration::ZERO;
-    let mut say = |stream: &mut Stream, side, items: Value, after| {
-        time += Duration::from_millis(after);
-        stream.arrivals.push((stream.size(), time));
-        let codec = (link.codec)(side, &Map::new()).unwrap();
-        stream.parts[0].extend(codec.encode(json!({ "items": items })).unwrap());
-    };
+    let mut talk = Talk::new();
     for _ in 0..5 {
-        say(&mut host, "host", json!([{"i16": [4097]}, {"f32": [1.5]}, {"i16": [4098]}]), 100);
-        say(&mut controller, "controller", json!([{"i16": [4097]}]), 20);
-        say(&mut host, "host", json!([{"i16": [7]}, {"u8": [1]}]), 100);
-        say(&mut controller, "controller", json!([{"i16": [7]}]), 900);
-        say(&mut host, "host", json!([{"i16": [300]}]), 100);
-        say(&mut controller, "controller", json!([{"i16": [300]}, {"f32": [20.5]}]), 25);
-        say(&mut host, "host", json!([{"i16": [4098]}]), 100);
-        say(&mut controller, "controller", json!([{"i16": [999]}]), 20);
+        talk.say("host", &json!([{"i16": [4097]}, {"f32": [1.5]}, {"i16": [4098]}]), 100);
+        talk.say("controller", &json!([{"i16": [4097]}]), 20);
+        talk.say("host", &json!([{"i16": [7]}, {"u8": [1]}]), 100);
+        talk.say("controller", &json!([{"i16": [7]}]), 900);
+        talk.say("host", &json!([{"i16": [300]}]), 100);
+        talk.say("controller", &json!([{"i16": [300]}, {"f32": [20.5]}]), 25);
+        talk.say("host", &json!([{"i16": [4098]}]), 100);
+        talk.say("controller", &json!([{"i16": [999]}]), 20);
     }
-    let streams = [host, controller];
-    let finding = identify(link, &streams).unwrap();
-    let text = draft(&finding, &streams).unwrap();
+    let finding = identify(Link::by_name("laser-eb90").unwrap(), &talk.streams).unwrap();
+    let text = draft(&finding, &talk.streams).unwrap();
     let read: Value = toml::from_str::<toml::Table>(&text).map(|it| json!(it)).unwrap();
     let classes: Vec<(i64, &str)> = read["words"]["commands"]
         .as_array()
@@ -44,6 +31,81 @@ fn the_class_of_a_word_is_guessed_from_its_answers() {
     let expected = [(7, "immediate"), (300, "query"), (4097, "interpreted"), (4098, "interpreted")];
     assert_eq!(classes, expected, "{text}");
     assert!(text.contains("= 999 # ? answered 5 times"), "{text}");
+}
+
+/// A host and a controller, each message so many milliseconds after the one before.
+struct Talk {
+    time: Duration,
+    streams: [Stream; 2],
+}
+
+impl Talk {
+    fn new() -> Self {
+        let stream = |side: &str| Stream {
+            sender: Sender::Named(side.into()),
+            parts: vec![Vec::new()],
+            arrivals: Vec::new(),
+        };
+        Self { time: Duration::ZERO, streams: ["host", "controller"].map(stream) }
+    }
+
+    fn say(&mut self, side: &str, items: &Value, after: u64) {
+        self.time += Duration::from_millis(after);
+        let stream = &mut self.streams[usize::from(side == "controller")];
+        stream.arrivals.push((stream.size(), self.time));
+        let codec = (Link::by_name("laser-eb90").unwrap().codec)(side, &Map::new()).unwrap();
+        stream.parts[0].extend(codec.encode(json!({ "items": items })).unwrap());
+    }
+}
+
+#[test]
+fn what_is_said_of_each_word_and_code() {
+    let mut talk = Talk::new();
+    // A word, and after how long each answer to it came, with values or without.
+    for (word, answers) in [
+        (10, &[(150, false); 3][..]),
+        (11, &[(20, false), (200, false), (20, false), (200, false)]),
+        (12, &[(20, false), (200, false), (300, false), (30, false), (400, false)]),
+        (13, &[(20, true), (20, true), (25, false), (25, false)]),
+        (14, &[(20, true), (20, true), (20, true), (20, false), (20, false)]),
+    ] {
+        for (after, has_values) in answers {
+            talk.say("host", &json!([{"i16": [word]}]), 1000);
+            let values =
+                if *has_values { json!([{"i16": [word]}, {"f32": [0.5]}]) } else { json!([{"i16": [word]}]) };
+            talk.say("controller", &values, *after);
+        }
+    }
+    for code in [-8191, -8191, 999] {
+        talk.say("host", &json!([{"i16": [15]}, {"i16": [16]}]), 1000);
+        talk.say("controller", &json!([{"i16": [code]}]), 20);
+    }
+    talk.say("host", &json!([{"i16": [16]}]), 1000);
+    talk.say("host", &json!([{"i16": [-8190]}]), 1000);
+    let finding = identify(Link::by_name("laser-eb90").unwrap(), &talk.streams).unwrap();
+    let expected = r#"# A draft from a capture: correct what has a ?.
+
+[words]
+commands = [
+  { first = 10, last = 10, class = "interpreted" }, # ? 3 times, answered after 150 ms
+  { first = 11, last = 11, class = "interpreted" }, # ? 4 times, answered after 200 ms
+  { first = 12, last = 12, class = "immediate" }, # 5 times, answered after 200 ms
+  { first = 13, last = 13, class = "interpreted" }, # ? 4 times, answered after 25 ms
+  { first = 14, last = 14, class = "query" }, # 5 times, answered after 20 ms, with values
+  { first = 15, last = 15, class = "interpreted" }, # 3 times, 3 of them in a frame with others
+  { first = 16, last = 16, class = "interpreted" }, # 4 times, 3 of them in a frame with others
+  { first = 57346, last = 57346, class = "interpreted" }, # ? 1 times, never answered individually
+]
+
+[words.errors]
+queue_full = 57345 # ? answered 2 times; its meaning is unknown
+bad_checksum = 999 # ? answered 1 times; its meaning is unknown
+bad_frame = 57347 # ? not in the capture
+unknown_command = 57348 # ? not in the capture
+bad_batch = 57349 # ? not in the capture
+bad_parameters = 57350 # ? not in the capture
+"#;
+    assert_eq!(draft(&finding, &talk.streams).unwrap(), expected);
 }
 
 #[test]

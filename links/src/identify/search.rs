@@ -383,4 +383,33 @@ mod tests {
             assert_eq!(left, [given(stuffed)]);
         }
     }
+
+    #[test]
+    fn what_makes_no_sense_does_not_say_that_any_value_would_do() {
+        let link = Link::by_name("laser-eb90").unwrap();
+        let given = |tag: u8, checksum: &str| {
+            let tags = json!({"f32": 240, "i16": 241, "u8": tag, "char": 243});
+            Map::from_iter([("tags".to_owned(), tags), ("checksum".to_owned(), json!(checksum))])
+        };
+        let frames = |tag: u8| {
+            let codec = (link.codec)("host", &given(tag, "u8")).unwrap();
+            (0..6u8).flat_map(move |at| codec.encode(json!({"items": [{"u8": [49, at]}]})).unwrap())
+        };
+        let bytes = frames(242).chain(frames(7)).collect();
+        let stream = Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals: Vec::new() };
+        let combination = |tag: u8, checksum: &str| Combination::new(link, given(tag, checksum)).unwrap();
+        let likely = |tag: u8, checksum: &str, makes_sense: bool| {
+            let combination = combination(tag, checksum);
+            Likely { combination, reading: Reading::default(), makes_sense }
+        };
+        for (makes_sense, expected) in [(false, vec![json!(7)]), (true, Vec::new())] {
+            // With a checksum of 16 bits no frame is read, whatever the tags are.
+            let mut likely =
+                [likely(242, "u8", true), likely(7, "u8", true), likely(7, "u16_le", makes_sense)];
+            let open = options(&mut combination(242, "u8"), &mut likely, core::slice::from_ref(&stream));
+            let open = open.unwrap().into_iter().find(|it| it.name == "tags.u8").unwrap();
+            let Decided::Not { others, .. } = open.decided else { panic!("{open:?}") };
+            assert_eq!(others, expected);
+        }
+    }
 }

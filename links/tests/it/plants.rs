@@ -83,6 +83,9 @@ fn a_job_s_fields_are_given_as_they_were_read() {
     let within = plant(json!({"bounds": {"min": {"x": -5}, "max": {"x": 7}}})).unwrap().layout().unwrap();
     let x = Holds::Number { places: 0, min: -5, max: 7 };
     assert_eq!(within.fields()[1], Field { name: "x1".into(), holds: x, default: None });
+    let any = read(&json!({"name": "parts", "kind": "whole"})).unwrap();
+    let widest = Holds::Number { places: 0, min: -9_999_999, max: 9_999_999 };
+    assert_eq!(any.fields()[0].holds, widest);
     for (table, why) in [
         (json!({"name": "", "kind": "text"}), "a name has 1 to 15 letters, digits and _"),
         (json!({"name": "a b", "kind": "text"}), "a name has 1 to 15 letters, digits and _"),
@@ -109,4 +112,14 @@ fn a_mark_in_a_job_s_text_is_refused_whatever_the_field_holds() {
         }
         assert_eq!(fault("\u{20AC}"), FieldFault::Character { found: '\u{20AC}' });
     }
+}
+
+#[test]
+fn a_role_is_encoded_with_its_fields_and_no_others() {
+    let settings = json!({"roles": true});
+    let codec = (Link::by_name("kawasaki-msg").unwrap().codec)("pc", settings.as_object().unwrap()).unwrap();
+    let encode = |values: Value| codec.encode(json!({"role": "order_end", "values": values}));
+    assert_eq!(encode(json!({"order": 1})).unwrap(), b"<TilausLoppuu$1#1#>");
+    let refused = encode(json!({"order": 1, "phase": 2})).unwrap_err().to_string();
+    assert!(refused.starts_with("a value is not a field of the message `TilausLoppuu`"), "{refused}");
 }

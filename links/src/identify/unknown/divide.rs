@@ -169,7 +169,10 @@ fn cut(symbols: &Symbols, mark: &[u32]) -> Vec<Bounds> {
         while let Some(next) =
             part.symbols.get(at..).and_then(|rest| rest.windows(mark.len()).position(|it| it == mark))
         {
-            places.push(at + next);
+            // A mark behind another one begins no message.
+            if next > 0 || at == 0 {
+                places.push(at + next);
+            }
             at += next + mark.len();
         }
         places

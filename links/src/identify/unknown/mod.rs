@@ -95,7 +95,7 @@ fn real(count: usize) -> f64 {
 
 /// Whether this many of all are enough.
 fn enough(found: usize, all: usize) -> bool {
-    found * 100 >= all * SHARE
+    found > 0 && found * 100 >= all * SHARE
 }
 
 fn hex<S: serde::Serializer>(bytes: &[u8], out: S) -> Result<S::Ok, S::Error> {

@@ -321,3 +321,11 @@ fn a_byte_of_the_marks_is_doubled_inside() {
         assert_eq!(found, expected.then_some(0x10), "{count} {pairs} {singles}");
     }
 }
+
+#[test]
+fn arrivals_of_nothing_divide_nothing() {
+    let arrivals = (0..12).map(|at| (3, Duration::from_millis(at))).collect();
+    let stream = Stream { sender: Sender::Unknown, parts: vec![b"\x01\x02\x03".to_vec()], arrivals };
+    assert!(look(&[stream]).is_empty());
+    assert!(look(&[]).is_empty());
+}

@@ -137,7 +137,12 @@ def main() -> None:
 
         with ThreadPoolExecutor(args.jobs) as pool:
             list(pool.map(attempt, [mutant for mutant in mutants if names[mutant.id] not in results]))
-        if alone and not args.reached:
+        if args.reached:
+            left_out = {mutant.id for mutant in alone}
+            mutants = [mutant for mutant in mutants if mutant.id not in left_out]
+            for mutant in alone:
+                print(f"not reached: {mutant.name}", flush=True)
+        elif alone:
             for id, noticed in by_itself(alone).items():
                 if noticed:
                     results[names[id]] = noticed

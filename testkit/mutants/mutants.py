@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--sample", type=int, help="only so many of each crate, drawn at random")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--reached", action="store_true", help="leave out what only the compiler evaluates")
+    parser.add_argument("--reached", action="store_true", help="leave out, and name, what no test reaches: most of it only the compiler evaluates")
     args = parser.parse_args()
     listed = subprocess.run([ROOT / ".ci/crates"], check=True, capture_output=True, text=True).stdout.splitlines()
     crates = [line.split()[0] for line in listed]

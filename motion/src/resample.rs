@@ -131,21 +131,17 @@ impl Resampling {
         let (Some(first), Some(last)) = (path.knots.first(), path.knots.last()) else {
             return Err(ResampleError::Step);
         };
-        let mut push = |time: f64| {
-            times.push(time);
-            if times.len() > MAX_POINTS { Err(ResampleError::Points) } else { Ok(()) }
-        };
-        push(first.time)?;
+        push(&mut times, first.time)?;
         match self.sampling {
             Sampling::Time(seconds) => {
                 let mut count = 1.0;
                 while first.time + count * seconds < last.time {
-                    push(first.time + count * seconds)?;
+                    push(&mut times, first.time + count * seconds)?;
                     count += 1.0;
                 }
             }
-            Sampling::Distance(mm) => path.every(mm, |knot| knot.mm, &mut push)?,
-            Sampling::Angle(degrees) => path.every(degrees, |knot| knot.degrees, &mut push)?,
+            Sampling::Distance(mm) => path.every(mm, |knot| knot.mm, &mut times)?,
+            Sampling::Angle(degrees) => path.every(degrees, |knot| knot.degrees, &mut times)?,
             Sampling::Dynamic { min, max, by } => {
                 let shares = accelerations(trajectory, kinematics, min, by);
                 let mut time = first.time;
@@ -154,7 +150,7 @@ impl Resampling {
                     if time >= last.time {
                         break;
                     }
-                    push(time)?;
+                    push(&mut times, time)?;
                 }
             }
         }
@@ -170,7 +166,7 @@ impl Resampling {
         if short && times.len() > 1 {
             times.pop();
         }
-        times.push(last.time);
+        push(&mut times, last.time)?;
         Ok(times)
     }
 
@@ -183,8 +179,13 @@ impl Resampling {
     }
 }
 
-/// More positions than any controller keeps in one program.
+/// The most points of a program.
 const MAX_POINTS: usize = 32_766;
+
+fn push(times: &mut Vec<f64>, time: f64) -> Result<(), ResampleError> {
+    times.push(time);
+    if times.len() > MAX_POINTS { Err(ResampleError::Points) } else { Ok(()) }
+}
 
 /// What became of a trajectory in a program.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
@@ -318,19 +319,14 @@ impl Path {
     }
 
     /// The times at which `of` has grown by another `step`, before the end.
-    fn every(
-        &self,
-        step: f64,
-        of: fn(&Knot) -> f64,
-        push: &mut impl FnMut(f64) -> Result<(), ResampleError>,
-    ) -> Result<(), ResampleError> {
+    fn every(&self, step: f64, of: fn(&Knot) -> f64, times: &mut Vec<f64>) -> Result<(), ResampleError> {
         let end = self.knots.last().map_or(0.0, of);
         let mut count = 1.0;
         for pair in self.knots.windows(2) {
             let [a, b] = pair else { continue };
             while count * step <= of(b) && count * step < end {
                 let share = (count * step - of(a)) / (of(b) - of(a));
-                push(a.time + (b.time - a.time) * share)?;
+                push(times, a.time + (b.time - a.time) * share)?;
                 count += 1.0;
             }
         }

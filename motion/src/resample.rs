@@ -305,11 +305,11 @@ impl Path {
         Self { knots: trajectory.samples().iter().map(knot).collect() }
     }
 
-    /// How far the tool has gone and turned at a time, in mm and degrees.
+    /// How far the tool has gone and turned at a time of the trajectory, in mm and degrees.
     fn travelled(&self, time: f64) -> (f64, f64) {
         let next = self.knots.partition_point(|knot| knot.time <= time);
         match (self.knots.get(next.saturating_sub(1)), self.knots.get(next)) {
-            (Some(a), Some(b)) if next > 0 => {
+            (Some(a), Some(b)) => {
                 let share = (time - a.time) / (b.time - a.time);
                 (a.mm + (b.mm - a.mm) * share, a.degrees + (b.degrees - a.degrees) * share)
             }
@@ -318,13 +318,12 @@ impl Path {
         }
     }
 
-    /// The times at which `of` has grown by another `step`, before the end.
+    /// The times at which `of` has grown by another `step`.
     fn every(&self, step: f64, of: fn(&Knot) -> f64, times: &mut Vec<f64>) -> Result<(), ResampleError> {
-        let end = self.knots.last().map_or(0.0, of);
         let mut count = 1.0;
         for pair in self.knots.windows(2) {
             let [a, b] = pair else { continue };
-            while count * step <= of(b) && count * step < end {
+            while count * step <= of(b) {
                 let share = (count * step - of(a)) / (of(b) - of(a));
                 push(times, a.time + (b.time - a.time) * share)?;
                 count += 1.0;
@@ -343,13 +342,14 @@ impl Path {
             }
             let allowed = from + max - (max - min) * share;
             // An acceleration that begins later ends the step where it begins, not before.
-            end = end.min(allowed.max(knot.time).max(from + min));
+            end = end.min(allowed.max(knot.time));
         }
         end
     }
 }
 
-/// Below this, in mm/s² or °/s², nothing counts as an acceleration: it is what rounding makes of an even motion.
+/// The greatest acceleration counts as this at least, in mm/s² or °/s²: of what rounding makes of an even motion, the
+/// shares are small.
 const LEAST_ACCELERATION: f64 = 1.0;
 
 /// The acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to

@@ -131,21 +131,17 @@ impl Resampling {
         let (Some(first), Some(last)) = (path.knots.first(), path.knots.last()) else {
             return Err(ResampleError::Step);
         };
-        let mut push = |time: f64| {
-            times.push(time);
-            if times.len() > MAX_POINTS { Err(ResampleError::Points) } else { Ok(()) }
-        };
-        push(first.time)?;
+        push(&mut times, first.time)?;
         match self.sampling {
             Sampling::Time(seconds) => {
                 let mut count = 1.0;
                 while first.time + count * seconds < last.time {
-                    push(first.time + count * seconds)?;
+                    push(&mut times, first.time + count * seconds)?;
                     count += 1.0;
                 }
             }
-            Sampling::Distance(mm) => path.every(mm, |knot| knot.mm, &mut push)?,
-            Sampling::Angle(degrees) => path.every(degrees, |knot| knot.degrees, &mut push)?,
+            Sampling::Distance(mm) => path.every(mm, |knot| knot.mm, &mut times)?,
+            Sampling::Angle(degrees) => path.every(degrees, |knot| knot.degrees, &mut times)?,
             Sampling::Dynamic { min, max, by } => {
                 let shares = accelerations(trajectory, kinematics, min, by);
                 let mut time = first.time;
@@ -154,7 +150,7 @@ impl Resampling {
                     if time >= last.time {
                         break;
                     }
-                    push(time)?;
+                    push(&mut times, time)?;
                 }
             }
         }
@@ -170,7 +166,7 @@ impl Resampling {
         if short && times.len() > 1 {
             times.pop();
         }
-        times.push(last.time);
+        push(&mut times, last.time)?;
         Ok(times)
     }
 
@@ -183,8 +179,13 @@ impl Resampling {
     }
 }
 
-/// More positions than any controller keeps in one program.
+/// The most points of a program.
 const MAX_POINTS: usize = 32_766;
+
+fn push(times: &mut Vec<f64>, time: f64) -> Result<(), ResampleError> {
+    times.push(time);
+    if times.len() > MAX_POINTS { Err(ResampleError::Points) } else { Ok(()) }
+}
 
 /// What became of a trajectory in a program.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
@@ -304,11 +305,11 @@ impl Path {
         Self { knots: trajectory.samples().iter().map(knot).collect() }
     }
 
-    /// How far the tool has gone and turned at a time, in mm and degrees.
+    /// How far the tool has gone and turned at a time of the trajectory, in mm and degrees.
     fn travelled(&self, time: f64) -> (f64, f64) {
         let next = self.knots.partition_point(|knot| knot.time <= time);
         match (self.knots.get(next.saturating_sub(1)), self.knots.get(next)) {
-            (Some(a), Some(b)) if next > 0 => {
+            (Some(a), Some(b)) => {
                 let share = (time - a.time) / (b.time - a.time);
                 (a.mm + (b.mm - a.mm) * share, a.degrees + (b.degrees - a.degrees) * share)
             }
@@ -317,20 +318,14 @@ impl Path {
         }
     }
 
-    /// The times at which `of` has grown by another `step`, before the end.
-    fn every(
-        &self,
-        step: f64,
-        of: fn(&Knot) -> f64,
-        push: &mut impl FnMut(f64) -> Result<(), ResampleError>,
-    ) -> Result<(), ResampleError> {
-        let end = self.knots.last().map_or(0.0, of);
+    /// The times at which `of` has grown by another `step`.
+    fn every(&self, step: f64, of: fn(&Knot) -> f64, times: &mut Vec<f64>) -> Result<(), ResampleError> {
         let mut count = 1.0;
         for pair in self.knots.windows(2) {
             let [a, b] = pair else { continue };
-            while count * step <= of(b) && count * step < end {
+            while count * step <= of(b) {
                 let share = (count * step - of(a)) / (of(b) - of(a));
-                push(a.time + (b.time - a.time) * share)?;
+                push(times, a.time + (b.time - a.time) * share)?;
                 count += 1.0;
             }
         }
@@ -347,13 +342,14 @@ impl Path {
             }
             let allowed = from + max - (max - min) * share;
             // An acceleration that begins later ends the step where it begins, not before.
-            end = end.min(allowed.max(knot.time).max(from + min));
+            end = end.min(allowed.max(knot.time));
         }
         end
     }
 }
 
-/// Below this, in mm/s² or °/s², nothing counts as an acceleration: it is what rounding makes of an even motion.
+/// The greatest acceleration counts as this at least, in mm/s² or °/s²: of what rounding makes of an even motion, the
+/// shares are small.
 const LEAST_ACCELERATION: f64 = 1.0;
 
 /// The acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to

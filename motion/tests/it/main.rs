@@ -5,4 +5,5 @@ mod dpm;
 mod evaluate;
 mod kinematics;
 mod orientation;
+mod resample;
 mod telemetry;

@@ -4,5 +4,7 @@
 mod dpm;
 mod evaluate;
 mod kinematics;
+mod limits;
 mod orientation;
 mod telemetry;
+mod trajectory;

@@ -47,15 +47,15 @@ impl Trajectory {
     /// The first line that is not seven numbers, or whose time is not later than the one before.
     pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
         let mut samples = Vec::new();
-        let mut lines = Vec::new();
+        let mut has_names = false;
         let mut last = None;
         for (line, row) in (1..).zip(text.strip_prefix('\u{feff}').unwrap_or(text).lines()) {
             let content = row.trim();
             if content.is_empty() || content.starts_with('#') {
                 continue;
             }
-            if samples.is_empty() && lines.is_empty() && content.starts_with(char::is_alphabetic) {
-                lines.push(line);
+            if samples.is_empty() && !has_names && content.starts_with(char::is_alphabetic) {
+                has_names = true;
                 continue;
             }
             let sample =
@@ -151,7 +151,7 @@ fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {
     let mut found = 0;
     let mut column = 1;
     for field in row.split([',', ';', '\t']) {
-        let number = exponent(field.trim());
+        let number = number(field.trim());
         if let Some(value) = values.get_mut(found) {
             let blanks = field.chars().take_while(|c| c.is_whitespace()).count();
             *value = number.ok_or((column + blanks, TrajectoryReason::Number))?;
@@ -164,7 +164,6 @@ fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {
 }
 
 /// A number as spreadsheets and MATLAB write it: `1.5`, `.5`, `1.5e-3`.
-fn exponent(text: &str) -> Option<f64> {
-    let plain = text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
-    text.parse::<f64>().ok().filter(|value| plain && value.is_finite())
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|value: &f64| value.is_finite())
 }

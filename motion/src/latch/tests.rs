@@ -129,6 +129,8 @@ fn explore(config: &LatchConfig) -> usize {
                 if oracle.allowed && oracle.runs && !oracle.stopped && !oracle.ends {
                     assert!(latch.is_armed(now), "{input:?} leads to {latch:?}: {oracle:?}");
                 }
+                // An end may have come in its own time.
+                assert!(latch.is_on() == oracle.on || oracle.ends && !latch.is_on(), "{latch:?}: {oracle:?}");
                 latch.each_time(|time| *time = EPOCH + time.saturating_sub(now));
                 open.push_back((latch, oracle));
             }

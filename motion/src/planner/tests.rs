@@ -247,3 +247,57 @@ fn an_arc_has_three_places_that_are_not_on_one_line() {
         assert_eq!(arc([near, 0.0, 0.0], far), expected, "its point is {near} mm from its begin");
     }
 }
+
+/// Every way that the arm can be folded there, with whole turns of J4, J5 and J6 more and fewer.
+#[test]
+fn a_place_that_says_how_the_arm_is_folded_has_those_joints() {
+    let joints = [10.0, 20.0, -30.0, 40.0, -50.0, 25.0];
+    let arm = Arm::LR_MATE_200ID;
+    let pose = arm.forward(&joints);
+    let folded: Vec<_> = arm.inverse(&pose, &HOME, 0.0).collect();
+    assert_eq!(folded.len(), 8);
+    for solution in folded {
+        for turns in [[0, 0, 0], [1, -1, 0], [-1, 0, 1], [0, 1, -1]] {
+            let goal = Goal::Pose(pose, Some((solution.posture, turns)));
+            let motion = Move { goal, ..to(pose, Way::Joint, Pace::Time(1.0)) };
+            let mut planner = Planner::new(arm, Limits::ANY, HOME);
+            let (_, end) = planner.add(0.0, &motion).unwrap();
+            let [j1, j2, j3, wrist @ ..] = solution.joints;
+            let [j4, j5, j6] = [0, 1, 2].map(|at| wrist[at] + 360.0 * f64::from(turns[at]));
+            let expected = [j1, j2, j3, j4, j5, j6];
+            assert_eq!((planner.target(), planner.at(end)), (expected, expected), "{turns:?}");
+        }
+        // On a line the arm stays folded as it is.
+        let mut planner = Planner::new(arm, Limits::ANY, joints);
+        let goal = Goal::Pose(pose, Some((solution.posture, [1, 1, 1])));
+        planner.add(0.0, &Move { goal, ..to(pose, Way::Linear, Pace::Time(1.0)) }).unwrap();
+        assert!(planner.target().iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6), "{solution:?}");
+    }
+}
+
+/// 716 mm in front of J1: behind its back the arm ends before.
+#[test]
+fn a_place_that_the_arm_does_not_reach_folded_so_is_refused() {
+    let pose = Pose::shift(796.0, 0.0, 0.0).then(Arm::LR_MATE_200ID.flange_turn());
+    let add = |front| {
+        let goal = Goal::Pose(pose, Some((Posture { flip: false, up: true, front }, [0; 3])));
+        Planner::new(Arm::LR_MATE_200ID, Limits::ANY, HOME)
+            .add(0.0, &Move { goal, ..to(pose, Way::Joint, Pace::Time(1.0)) })
+            .map(|_| ())
+    };
+    assert_eq!(add(true), Ok(()));
+    assert_eq!(add(false), Err(MoveError::Unreachable { x: 796.0, y: 0.0, z: 0.0 }));
+}
+
+#[test]
+fn a_tool_that_takes_the_place_of_another_is_where_the_flange_holds_it() {
+    for mut planner in [planner(), planner().anywhere()] {
+        let flange = planner.pose(0.0);
+        for tool in [Pose::from_xyzwpr([10.0, -20.0, 150.0, 15.0, 30.0, -70.0]), Pose::shift(0.0, 0.0, 80.0)]
+        {
+            planner.set_tool(tool);
+            is_at(planner.pose(0.0), flange.then(tool));
+            assert_eq!(planner.target(), HOME);
+        }
+    }
+}

@@ -148,6 +148,14 @@ fn w_p_r_turn_about_fixed_axes_x_first() {
 }
 
 #[test]
+fn a_pose_shows_the_six_numbers_that_it_was_made_of() {
+    for shown in [[465.0, -1.0, 365.0, 10.0, 20.0, 30.0], [0.0, 2.0, -3.0, -170.0, -80.0, 175.0]] {
+        let found = Pose::from_xyzwpr(shown).to_xyzwpr();
+        assert!(found.iter().zip(shown).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}, expected {shown:?}");
+    }
+}
+
+#[test]
 fn rotation_vectors_name_the_shorter_way() {
     let turned = |degrees| Pose::IDENTITY.rotation_to(&Pose::turn(1, degrees));
     close(turned(0.0), [0.0; 3], 0.0);

@@ -4,6 +4,8 @@
 mod dpm;
 mod evaluate;
 mod kinematics;
+mod limits;
 mod orientation;
 mod resample;
 mod telemetry;
+mod trajectory;

@@ -225,6 +225,22 @@ fn each_broken_rule_of_a_session_is_found() {
     assert!(fault(&OfTheToy::<TAKES_A_SMALL_BUFFER>).is_some());
 }
 
+/// Whether strings of calls that bytes choose, as those of a fuzzer do, find a fault.
+fn is_found_by_bytes<const FAULT: u8>() -> bool {
+    (0..60).any(|seed| {
+        let mut rng = Rng::new(seed);
+        let bytes: Vec<u8> = (0..100).flat_map(|_| rng.next_u64().to_be_bytes()).collect();
+        catch_unwind(|| contract::scripted(&OfTheToy::<FAULT>, &bytes)).is_err()
+    })
+}
+
+#[test]
+fn each_broken_rule_of_a_session_is_found_by_bytes() {
+    assert!(!is_found_by_bytes::<0>());
+    assert!(is_found_by_bytes::<IS_DEAF_WHEN_IT_WAITS>());
+    assert!(is_found_by_bytes::<TAKES_A_SMALL_BUFFER>());
+}
+
 #[test]
 fn what_led_to_a_difference_is_shown_and_not_all_before_that() {
     let text = fault(&OfTheToy::<TAKES_A_SMALL_BUFFER>).unwrap();

@@ -4,14 +4,12 @@ use core::net::{Ipv4Addr, SocketAddr};
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read as _, Write};
-use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::net::{TcpListener, TcpStream};
 use std::thread;
 
 use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event};
-use robot_session::{
-    Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, is_lost_datagram, now,
-};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
 #[cfg(target_os = "linux")]
 use socket2::SockRef;
 
@@ -200,64 +198,6 @@ fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
     drop(peer);
     assert!(stream.receive(&mut rest, Wait::limited(LONG)).is_err());
     assert!(stream.send(b"x").is_err());
-}
-
-#[test]
-fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
-    let here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
-    here.connect(place).unwrap();
-    let (mut driver, mut session, mut seen) = (Driver::new(here), Asker::new(&["one"]), Vec::new());
-    session.timeout = Duration::from_millis(50);
-    let mut turn = |session: &mut Asker| {
-        let note = |_: &mut Asker, event| {
-            seen.push(event);
-            ControlFlow::<()>::Continue(())
-        };
-        assert!(driver.turn(session, Some(Duration::from_secs(5)), note).unwrap().is_continue());
-        seen.len()
-    };
-    while turn(&mut session) < 1 {}
-    let peer = UdpSocket::bind(place).unwrap();
-    session.requests.push_back("two".into());
-    session.timeout = Duration::from_secs(20);
-    let answer = thread::spawn(move || {
-        let mut line = [0; 9];
-        let (length, from) = peer.recv_from(&mut line).unwrap();
-        peer.send_to(&line[..length], from).unwrap();
-    });
-    while turn(&mut session) < 2 {}
-    answer.join().unwrap();
-    assert_eq!(seen, [Event::NoAnswer("one".into()), Event::Answer("two".into())]);
-}
-
-/// Windows calls it an error, other systems cut it.
-#[test]
-fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
-    let mut here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let peer = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    here.connect(peer.local_addr().unwrap()).unwrap();
-    peer.connect(here.local_addr().unwrap()).unwrap();
-    peer.send(&[1; 100]).unwrap();
-    peer.send(&[2; 9]).unwrap();
-    let mut buffer = [0; 10];
-    let wait = Wait::limited(Duration::from_secs(20));
-    while here.receive(&mut buffer, wait).unwrap() != Received::Bytes(9) {}
-    assert_eq!(buffer[..9], [2; 9]);
-    let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
-    assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);
-    assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
-}
-
-/// Here because it is none for datagrams.
-#[cfg(unix)]
-#[test]
-fn an_error_of_a_socket_itself_is_no_lost_datagram() {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let _peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-    let mut socket = UdpSocket::from(std::os::fd::OwnedFd::from(listener));
-    let error = socket.receive(&mut [0; 8], Wait::limited(LONG)).unwrap_err();
-    assert_eq!(error.kind(), ErrorKind::NotConnected);
 }
 
 /// What a connection did not take is not the beginning of the next one.
@@ -472,6 +412,23 @@ impl Transport for Line {
         self.1.extend(bytes);
         Ok(Sent::Buffered)
     }
+
+    fn wait_for_room(&mut self, _: Wait<'_>) -> io::Result<()> {
+        self.0 += Duration::from_secs(1);
+        Err(ErrorKind::Unsupported.into())
+    }
+}
+
+#[test]
+fn a_borrowed_transport_is_the_transport() {
+    let mut line = Line(Duration::ZERO, Vec::new());
+    let mut borrowed = &mut line;
+    assert_eq!(Transport::send(&mut borrowed, b"a").unwrap(), Sent::Buffered);
+    let error = Transport::wait_for_room(&mut borrowed, Wait::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Unsupported);
+    let mut byte = [0];
+    assert_eq!(Transport::receive(&mut borrowed, &mut byte, Wait::default()).unwrap(), Received::Bytes(1));
+    assert_eq!((byte, Transport::now(&borrowed)), ([b'a'], Duration::from_secs(2)));
 }
 
 #[test]

@@ -341,6 +341,22 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
 }
 
 #[test]
+fn a_port_counts_as_stalled_after_the_time_that_it_is_given() {
+    let (line, now) = (RefCell::new(Line::default()), Cell::new(Duration::ZERO));
+    let driver = || blocking::Driver::<_, _, 2, 8>::new(Port(&line), || now.get());
+    for (mut driver, stall) in [(driver().stall(SHORT), SHORT), (driver(), robot_session::STALL)] {
+        let mut session = Asker::new(&["one"]);
+        session.timeout = LONG;
+        now.set(Duration::ZERO);
+        assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Continue(Some(stall)));
+        now.set(stall - Duration::from_nanos(1));
+        assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Continue(Some(stall)));
+        now.set(stall);
+        assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Break(Ended::Stalled));
+    }
+}
+
+#[test]
 fn without_a_wish_for_input_bytes_stay_in_the_line() {
     let requests: Vec<u8> = (0..=250).cycle().take(1000).collect();
     let (line, now) = (RefCell::new(Line::default()), Cell::new(Duration::ZERO));

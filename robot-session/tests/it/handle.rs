@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use crate::common::echo::Echo;
 use crate::common::{Asker, Event};
-use robot_session::Session as _;
+use robot_session::Session;
 use robot_session::tokio::{
     Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, serve, spawn,
 };
@@ -154,6 +154,49 @@ async fn a_listener_serves_so_many_peers_at_a_time() {
         peers.pop_front();
     }
     serving.abort();
+}
+
+/// The second one stands for a peer that was lost before it was accepted: whatever else the system says is no end.
+#[cfg(unix)]
+#[tokio::test(start_paused = true)]
+async fn a_listener_goes_on_until_it_is_none_any_more() {
+    use socket2::{Domain, Socket, Type};
+    let serving = |kind| {
+        let socket = Socket::new(Domain::IPV4, kind, None).unwrap();
+        socket.bind(&any().into()).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        if kind == Type::DGRAM {
+            socket.send_to(b"x", &socket.local_addr().unwrap()).unwrap();
+        }
+        let listener = TcpListener::from_std(std::os::fd::OwnedFd::from(socket).into()).unwrap();
+        timeout(LONG, serve(listener, 1, |_| Echo::new(Duration::ZERO), |_, _, _| {}))
+    };
+    let error = serving(Type::STREAM).await.unwrap().unwrap_err();
+    assert_eq!(error.kind(), io::ErrorKind::InvalidInput, "it does not listen");
+    assert!(serving(Type::DGRAM).await.is_err(), "it is tried again and again");
+}
+
+/// The system of a peer that accepts nobody answers no more than the first.
+#[cfg(target_os = "linux")]
+#[tokio::test(start_paused = true)]
+async fn an_attempt_takes_no_longer_than_it_may() {
+    use socket2::{Domain, Socket, Type};
+    let socket = || Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+    let listener = socket();
+    listener.bind(&any().into()).unwrap();
+    listener.listen(0).unwrap();
+    let address = listener.local_addr().unwrap();
+    let first = [socket(), socket(), socket()];
+    for peer in &first {
+        peer.set_nonblocking(true).unwrap();
+        let _ = peer.connect(&address);
+    }
+    let dial = Tcp::new(address.as_socket().unwrap().to_string());
+    for (mut dial, most) in [(dial.clone(), 5000 * MS), (dial.timeout(300 * MS), 300 * MS)] {
+        let begun = tokio::time::Instant::now();
+        let error = dial.connect().await.unwrap_err();
+        assert_eq!((error.kind(), begun.elapsed()), (io::ErrorKind::TimedOut, most));
+    }
 }
 
 #[tokio::test]
@@ -360,6 +403,77 @@ async fn a_call_that_waits_when_a_connection_is_lost_is_made_on_the_next_one() {
     timeout(LONG, far_of_next.read_exact(&mut line)).await.unwrap().unwrap();
     far_of_next.write_all(&line).await.unwrap();
     assert_eq!(timeout(LONG, second).await.unwrap(), Ok(Ok("two".into())));
+}
+
+/// Reports the number that its caller has set, when it is looked at.
+struct Looks(Arc<AtomicUsize>, usize);
+
+impl Session for Looks {
+    type Event = usize;
+    type Statistics = ();
+    const MAX_INPUT: usize = 1;
+    const MAX_TRANSMIT: usize = 1;
+    fn handle_connected(&mut self, _: Duration) {}
+    fn handle_disconnected(&mut self, _: Duration) {}
+    fn handle_input(&mut self, _: Duration, _: &[u8]) {}
+    fn handle_timeout(&mut self, _: Duration) {}
+    fn poll_event(&mut self) -> Option<usize> {
+        let set = self.0.load(Ordering::SeqCst);
+        (core::mem::replace(&mut self.1, set) != set).then_some(set)
+    }
+    fn poll_transmit(&mut self, _: Duration, _: &mut [u8]) -> Option<usize> {
+        None
+    }
+    fn poll_timeout(&self) -> Option<Duration> {
+        None
+    }
+    fn statistics(&self) {}
+}
+
+struct Looking;
+
+impl Service for Looking {
+    type Session = Looks;
+    type Call = ();
+    type Event = usize;
+    fn call(&mut self, _: &mut Looks, _: Duration, (): ()) {}
+    fn event(&mut self, _: &mut Looks, event: usize, reports: &mut Reports<'_, usize>) {
+        reports.event(event);
+    }
+    fn refuse(&mut self, (): (), _: &Arc<io::Error>) {}
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_wake_makes_the_session_look_at_what_is_neither_bytes_nor_time() {
+    let set = Arc::new(AtomicUsize::new(0));
+    let (near, _far) = tokio::io::duplex(4);
+    let mut pipes = vec![near];
+    let dial = Dial(move || {
+        let pipe = pipes.pop().ok_or_else(|| io::Error::other("no more pipes"));
+        async { pipe }
+    });
+    let (handle, task) = spawn(Looks(Arc::clone(&set), 0), Looking, dial);
+    tokio::spawn(task.run());
+    handle.connected().await.unwrap();
+    let mut events = handle.events();
+    for value in [1, 2] {
+        set.store(value, Ordering::SeqCst);
+        assert!(timeout(LONG, events.recv()).await.is_err(), "nothing makes it look");
+        handle.waker().wake();
+        assert_eq!(timeout(LONG, events.recv()).await.unwrap(), Ok(value));
+    }
+}
+
+#[tokio::test]
+async fn a_handle_and_its_task_show_what_they_are_about() {
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), Tcp::new("127.0.0.1:1"));
+    assert_eq!(format!("{handle:?}"), "Handle { link: Connecting, .. }");
+    assert_eq!(
+        format!("{:?}", task.reconnect(FAST)),
+        "Task { reconnect: Reconnect { first: 5ms, longest: 20ms }, .. }"
+    );
+    let closed = handle.begin(|reply| Ask("one", reply)).await.unwrap_err();
+    assert_eq!(closed.to_string(), "the task of the session has ended");
 }
 
 /// It is only polled, and never waits for a runtime of its caller.

@@ -4,6 +4,8 @@
 mod common;
 #[cfg(feature = "contract")]
 mod contract;
+#[cfg(feature = "std")]
+mod datagrams;
 #[cfg(feature = "serialport")]
 mod drivers;
 #[cfg(all(feature = "embedded-io", feature = "embedded-io-async", feature = "std"))]

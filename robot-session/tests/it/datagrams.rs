@@ -1,0 +1,111 @@
+//! UDP sockets under the loop for std and under that for tokio.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
+
+use core::net::Ipv4Addr;
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::io::{self, ErrorKind};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::thread;
+
+use crate::common::{Asker, Event};
+use robot_session::{Driver, Received, Transport as _, Wait, is_lost_datagram};
+
+const LONG: Duration = Duration::from_secs(20);
+
+#[test]
+fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
+    let here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+    here.connect(place).unwrap();
+    let (mut driver, mut session, mut seen) = (Driver::new(here), Asker::new(&["one"]), Vec::new());
+    session.timeout = Duration::from_millis(50);
+    let mut turn = |session: &mut Asker| {
+        let note = |_: &mut Asker, event| {
+            seen.push(event);
+            ControlFlow::<()>::Continue(())
+        };
+        assert!(driver.turn(session, Some(Duration::from_secs(5)), note).unwrap().is_continue());
+        seen.len()
+    };
+    while turn(&mut session) < 1 {}
+    let peer = UdpSocket::bind(place).unwrap();
+    session.requests.push_back("two".into());
+    session.timeout = Duration::from_secs(20);
+    let answer = thread::spawn(move || {
+        let mut line = [0; 9];
+        let (length, from) = peer.recv_from(&mut line).unwrap();
+        peer.send_to(&line[..length], from).unwrap();
+    });
+    while turn(&mut session) < 2 {}
+    answer.join().unwrap();
+    assert_eq!(seen, [Event::NoAnswer("one".into()), Event::Answer("two".into())]);
+}
+
+/// Windows calls it an error, other systems cut it.
+#[test]
+fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
+    let mut here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let peer = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    here.connect(peer.local_addr().unwrap()).unwrap();
+    peer.connect(here.local_addr().unwrap()).unwrap();
+    peer.send(&[1; 100]).unwrap();
+    peer.send(&[2; 9]).unwrap();
+    let mut buffer = [0; 10];
+    let wait = Wait::limited(Duration::from_secs(20));
+    while here.receive(&mut buffer, wait).unwrap() != Received::Bytes(9) {}
+    assert_eq!(buffer[..9], [2; 9]);
+    let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
+    assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);
+    assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
+}
+
+/// A socket whose every read is an error, because it is none for datagrams.
+#[cfg(unix)]
+fn no_datagrams() -> (UdpSocket, TcpStream) {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    (UdpSocket::from(std::os::fd::OwnedFd::from(listener)), peer)
+}
+
+#[cfg(unix)]
+#[test]
+fn an_error_of_a_socket_itself_is_no_lost_datagram() {
+    let (mut socket, _peer) = no_datagrams();
+    let error = socket.receive(&mut [0; 8], Wait::limited(LONG)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotConnected);
+}
+
+#[cfg(feature = "tokio")]
+mod with_tokio {
+    use robot_session::tokio::{Connector as _, Datagrams, Udp};
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::time::timeout;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_lost_datagram_and_an_empty_one_are_skipped_by_a_read() {
+        let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+        let mut here = Udp::new((Ipv4Addr::LOCALHOST, 0).into(), place.to_string()).connect().await.unwrap();
+        let address = here.0.local_addr().unwrap();
+        assert_eq!(here.write(b"lost").await.unwrap(), 4, "nobody is there");
+        let peer = UdpSocket::bind(place).unwrap();
+        peer.send_to(&[], address).unwrap();
+        peer.send_to(b"found", address).unwrap();
+        let mut buffer = [0; 16];
+        assert_eq!(timeout(LONG, here.read(&mut buffer)).await.unwrap().unwrap(), 5);
+        assert_eq!(&buffer[..5], b"found");
+    }
+
+    #[cfg(unix)]
+    #[tokio::test]
+    async fn an_error_of_a_socket_itself_ends_a_read() {
+        let (socket, _peer) = no_datagrams();
+        socket.set_nonblocking(true).unwrap();
+        let mut here = Datagrams(tokio::net::UdpSocket::from_std(socket).unwrap());
+        let error = timeout(LONG, here.read(&mut [0; 8])).await.unwrap().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NotConnected);
+    }
+}

@@ -8,6 +8,7 @@
     reason = "tests of a program"
 )]
 
+mod background_task;
 mod capture;
 mod captures;
 mod commands;
@@ -55,7 +56,6 @@ mod puma;
 mod real_time;
 #[cfg(unix)]
 mod replay;
-mod resample;
 #[cfg(target_os = "linux")]
 mod rig;
 mod settings;

@@ -2,7 +2,7 @@
 //! figures are computed by hand; times and ways are such that binary fractions hold them exactly.
 
 use cellwire_motion::{
-    Acceleration, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
+    Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
     Trajectory,
 };
 use fanuc_ls::{EncodeError, Instruction, Motion, MotionKind, Program, Rules, Speed};
@@ -348,4 +348,38 @@ fn a_program_that_cannot_be_written_is_refused() {
     let trajectory = path(&[(10.0, 0.0, 0.0), (11.0, 7.0, 10.0)]);
     let made = Resampling::new(Sampling::Time(0.5)).program("1", "", &trajectory, &Plain, &Rules::default());
     assert_eq!(made.unwrap_err(), ResampleError::Encode(EncodeError::Name));
+}
+
+/// "Fig. 4": from P[1] to P[2] at 10 mm/s, then to P[3] at 31 mm/s. The name gives tdMax 0.5 s, tdMin 0.05 s.
+#[test]
+fn the_sources_listing_takes_steps_between_its_shortest_and_its_longest() {
+    let path = format!("{}/../reference/ls/figure-4.ls", env!("CARGO_MANIFEST_DIR"));
+    let program = Program::decode(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let pose = |n| Arm::LR_MATE_200ID.forward(&program.position(n).unwrap().joints().unwrap());
+    let first = pose(1).distance(&pose(2)) / 10.0;
+    let second = pose(2).distance(&pose(3)) / 31.0;
+    assert!((0.05..0.5).contains(&first) && (0.05..0.5).contains(&second), "{first} s, {second} s");
+    assert!((second / first - 2.0).abs() < 0.25, "{first} s, {second} s");
+}
+
+/// From 0 to 100 mm/s at 125 mm/s², 1 s at that speed, and down again: the figures of the source's summary.
+fn trapezoid(t: f64) -> f64 {
+    match t {
+        t if t < 0.8 => 62.5 * t * t,
+        t if t < 1.8 => 40.0 + 100.0 * (t - 0.8),
+        t if t < 2.6 => 180.0 - 62.5 * (2.6 - t) * (2.6 - t),
+        _ => 180.0,
+    }
+}
+
+/// A table of rounded numbers moves the tool by steps of 10 µm: between 8 ms apart, that looks like 160 mm/s².
+#[test]
+fn the_last_decimal_of_a_table_is_no_acceleration() {
+    let sampling = Resampling::new(Sampling::Dynamic { min: 0.05, max: 0.5, by: Acceleration::Either });
+    let moves = |at: fn(f64) -> f64| {
+        let samples = (0..=325).map(|k| f64::from(k) * 0.008).map(|time| (time, at(time), 0.0));
+        make(&sampling, &path(&samples.collect::<Vec<_>>())).1.moves
+    };
+    let (exact, rounded) = (moves(trapezoid), moves(|t| (trapezoid(t) * 100.0).round() / 100.0));
+    assert!(rounded.abs_diff(exact) <= 4, "{rounded} and {exact}");
 }

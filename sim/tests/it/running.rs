@@ -36,6 +36,18 @@ fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_re
     assert!(end == Ok(0) || is_reset && cfg!(not(target_os = "linux")), "{end:?}");
 }
 
+#[test]
+fn a_device_that_panics_does_so_where_it_is_dropped() {
+    // No message has room for that.
+    let line = Line::sending(&[(NOW, "ABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLM")]);
+    let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
+    let mut program = TcpStream::connect(sim.address()).unwrap();
+    program.set_read_timeout(Some(20 * S)).unwrap();
+    assert_eq!(program.read(&mut [0; 80]).unwrap_or(0), 0, "it is gone");
+    let drop = std::panic::catch_unwind(core::panic::AssertUnwindSafe(|| drop(sim)));
+    assert!(drop.is_err());
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_nothing() {

@@ -48,13 +48,20 @@ fn a_device_that_panics_does_so_where_it_is_dropped() {
     assert!(drop.is_err());
 }
 
+/// Whether or not the device reads meanwhile.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_nothing() {
+    [false, true].map(reads_late);
+}
+
+#[cfg(target_os = "linux")]
+fn reads_late(is_blocked: bool) {
     // 43 bytes: a multiple of them is no buffer of a system.
     let text = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopq";
     let sends = vec![(NOW, text); 8000];
-    let gadget = Gadget { line: Line::sending(&sends), ..Gadget::default() };
+    let line = Line { is_blocked, ..Line::sending(&sends) };
+    let gadget = Gadget { line, ..Gadget::default() };
     let sim = Running::pty(Simulator::new(gadget)).unwrap();
     let inherited = std::process::Command::new("ls").args(["-l", "/proc/self/fd"]).output().unwrap();
     assert!(!String::from_utf8_lossy(&inherited.stdout).contains(sim.path()), "no process has it open");

@@ -290,7 +290,7 @@ impl Device for MarkIii {
         // The same settings have worked before.
         if let Ok(robot) = self.settings.device() {
             let (arm, begun_at, happened) = (self.arm, self.begun_at, self.happened);
-            *self = Self { arm, begun_at, happened, now, start_at: Some(now), ..robot };
+            *self = Self { arm, begun_at, happened, now, ..robot };
         }
     }
 

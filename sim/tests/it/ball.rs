@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use cellwire_sim::ball::{Grip, grip};
-use cellwire_sim::{Fault, Script, Settings as _, TeachBall, Told};
+use cellwire_sim::robot_session::Session as _;
+use cellwire_sim::{Device as _, Fault, Script, Settings as _, TeachBall, Told};
 use isra_ball::{BallEvent, Host, HostConfig, HostEvent};
 
 const S: Duration = Duration::from_secs(1);
@@ -80,4 +81,15 @@ fn the_hand_does_the_same_in_every_round_once_one_way_and_once_the_other() {
     check(9_250, [-1; 6], 1);
     check(11_300, [-126, 127, -89, 101, -59, -126], 0);
     check(12_700, [-1, 67, -1, -1, -1, -1], 0);
+}
+
+#[test]
+fn a_ball_that_was_without_power_begins_as_a_new_one() {
+    let mut bench = TeachBall::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    bench.run_for(S);
+    let new = TeachBall::default().device().unwrap().session().statistics();
+    assert_ne!(bench.device().session().statistics(), new);
+    let now = bench.now();
+    bench.device_mut().restart(now);
+    assert_eq!(bench.device().session().statistics(), new);
 }

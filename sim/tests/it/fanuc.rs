@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 
-use cellwire_sim::fanuc::{Controller, FanucController, Program, Tables, TelemetryFaults, Write, circle};
+use cellwire_sim::fanuc::{
+    Controller, FanucController, Program, Tables, TelemetryFault, TelemetryFaults, Write, circle,
+};
 use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
@@ -281,4 +283,128 @@ fn a_program_sees_the_registers_that_a_client_has_written() {
     let mut controller = Controller::running(Box::new(Log(log)), WordOrder::LowFirst);
     controller.write_registers(10, Words::from(&[7, 8, 9])).unwrap();
     assert_eq!(written.try_recv().unwrap(), (10..13, vec![7, 8, 9]));
+}
+
+/// The reply to a request.
+fn reply<T>(
+    bench: &mut Bench<Client<1>, FanucController>,
+    request: &Request<'_>,
+    read: impl FnOnce(Reply<'_>) -> T,
+) -> T {
+    bench.session_mut().request(1, request).unwrap();
+    match bench.next_event(S) {
+        Some(ClientEvent::Replied { ticket, .. }) => read(bench.session().reply(ticket).unwrap()),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn each_table_is_read_up_to_its_end_and_by_nobody_while_the_controller_is_busy() {
+    let mut bench = bench("busy:2-3");
+    bench.run_for(10 * MS);
+    let mut inputs = |address: u16, quantity: u16| {
+        let bits =
+            reply(&mut bench, &Request::ReadDiscreteInputs { address, quantity }, |reply| match reply {
+                Reply::DiscreteInputs(bits) => Ok(bits.iter().take(quantity.into()).collect::<Vec<_>>()),
+                Reply::Exception { exception, .. } => Err(exception),
+                other => panic!("{other:?}"),
+            });
+        let (address, quantity) = (address / 7, quantity);
+        let words =
+            reply(&mut bench, &Request::ReadInputRegisters { address, quantity }, |reply| match reply {
+                Reply::InputRegisters(words) => Ok(words.iter().collect::<Vec<_>>()),
+                Reply::Exception { exception, .. } => Err(exception),
+                other => panic!("{other:?}"),
+            });
+        (bits, words)
+    };
+    let (yes, no) = (true, false);
+    assert_eq!(inputs(0, 4), (Ok(vec![no, no, yes, no]), Ok(vec![1, 2, 3, 4])));
+    assert_eq!(inputs(27_995, 1), (Ok(vec![yes]), Ok(vec![4000])));
+    assert_eq!(inputs(27_998, 2).0, Ok(vec![yes, no]));
+    let beyond = Exception::IllegalDataAddress;
+    assert_eq!(inputs(28_000, 1), (Err(beyond), Err(beyond)));
+    bench.run_for(2 * S + 500 * MS - bench.now());
+    for request in [
+        Request::ReadDiscreteInputs { address: 0, quantity: 1 },
+        Request::ReadInputRegisters { address: 0, quantity: 1 },
+        Request::ReadCoils { address: 0, quantity: 1 },
+        Request::ReadHoldingRegisters { address: 0, quantity: 1 },
+    ] {
+        reply(&mut bench, &request, |reply| {
+            assert!(
+                matches!(reply, Reply::Exception { exception: Exception::ServerDeviceBusy, .. }),
+                "{reply:?}"
+            );
+        });
+    }
+}
+
+#[test]
+fn what_clients_have_written_is_forgotten_and_the_connection_goes_on() {
+    let mut bench = bench("");
+    bench.run_for(10 * MS);
+    reply(&mut bench, &Request::WriteRegister { address: 299, value: 9 }, |_| ());
+    let written =
+        |bench: &Bench<_, FanucController>| bench.device().controller().tables_mut().signal(Signal::R(300));
+    assert_eq!(written(&bench), Some(9));
+    bench.faults().forget();
+    bench.run_for(10 * MS);
+    assert_eq!(written(&bench), Some(300), "as at first");
+    reply(&mut bench, &Request::ReadCoils { address: 0, quantity: 1 }, |reply| {
+        assert!(matches!(reply, Reply::Coils(_)), "{reply:?}");
+    });
+    assert!(!bench.told().iter().any(|(_, told)| matches!(told, Told::Close(_))));
+}
+
+#[test]
+fn a_signal_of_each_table_is_set_and_one_beyond_it_is_not() {
+    let mut tables = Tables::empty();
+    for signal in [Signal::Di(3), Signal::Do(3), Signal::Gi(3), Signal::R(3)] {
+        let is_bit = matches!(signal, Signal::Di(_) | Signal::Do(_));
+        for value in [7, 0, 1] {
+            assert_eq!(tables.set_signal(signal, value), Some(()));
+            let expected = if is_bit { u16::from(value != 0) } else { value };
+            assert_eq!(tables.signal(signal), Some(expected), "{signal:?}");
+        }
+    }
+    for signal in [Signal::Di(0), Signal::Di(10_001), Signal::R(0), Signal::R(16_385)] {
+        assert_eq!((tables.set_signal(signal, 1), tables.signal(signal)), (None, None), "{signal:?}");
+    }
+}
+
+#[test]
+fn faults_with_their_times_are_those_of_their_text() {
+    let faults = TelemetryFaults::default()
+        .with(TelemetryFault::Nan, S..3 * S / 2)
+        .with(TelemetryFault::Busy, 2 * S..3 * S);
+    assert_eq!(Ok(faults), "nan:1-1.5,busy:2-3".parse());
+}
+
+/// Every 8 ms, each of them also when nobody has looked meanwhile; the number is that of the task, which a fault has restarted.
+#[test]
+fn a_program_runs_once_in_each_period_of_the_background_task() {
+    use std::sync::mpsc::{Sender, channel};
+    struct Log(Sender<(Duration, u32)>);
+    impl Program for Log {
+        fn run(&mut self, at: Duration, number: u32, _: &TelemetryFaults, _: &mut Tables) {
+            self.0.send((at, number)).unwrap();
+        }
+        fn written(&mut self, _: core::ops::Range<usize>, _: &Tables) {}
+        fn show(&mut self, tables: &mut Tables) {
+            tables.holding_registers[0] += 1;
+        }
+    }
+    let (log, runs) = channel();
+    let faults = TelemetryFaults::default().with(TelemetryFault::Restart, 24 * MS..S);
+    let mut controller = Controller::running(Box::new(Log(log)), WordOrder::LowFirst).with_faults(faults);
+    let mut after = |at: Duration| {
+        controller.tick(at);
+        let runs: Vec<_> = runs.try_iter().collect();
+        (runs, controller.tables_mut().holding_registers[0])
+    };
+    assert_eq!(after(Duration::ZERO), (vec![(Duration::ZERO, 0)], 1));
+    assert_eq!(after(7 * MS), (vec![], 1));
+    assert_eq!(after(23 * MS), (vec![(8 * MS, 1), (16 * MS, 2)], 2));
+    assert_eq!(after(40 * MS), (vec![(24 * MS, 0), (32 * MS, 1), (40 * MS, 2)], 3));
 }

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use cellwire_sim::robot_session::Session;
-use cellwire_sim::{Fault, Script, Simulator, Told};
+use cellwire_sim::{Device as _, Fault, Faults, Peer, Script, Settings as _, Simulator, Told};
 
 use crate::gadget::{Gadget, Line, bench};
 
@@ -171,4 +171,63 @@ fn one_more_connection_finds_the_device_as_it_is() {
     first.handle_timeout(20 * MS);
     let other = first.another().unwrap();
     assert_eq!([29 * MS, 30 * MS].map(|now| other.accepts(now)), [false, true], "off");
+}
+
+#[test]
+fn what_is_called_for_happens_to_the_next_answer_and_what_is_taken_back_does_not() {
+    type Call = fn(&Faults);
+    let calls: [(Call, Fault); 5] = [
+        (Faults::drop_next, Fault::Drop),
+        (|faults| faults.delay_next(5 * MS), Fault::Delay(5 * MS)),
+        (Faults::corrupt_next, Fault::Corrupt),
+        (Faults::cut_next, Fault::Cut),
+        (Faults::repeat_next, Fault::Twice),
+    ];
+    for (call, fault) in calls {
+        for is_cleared in [false, true] {
+            let mut simulator = connected();
+            call(simulator.faults());
+            if is_cleared {
+                simulator.faults().clear();
+            }
+            simulator.device_mut().line.sends.push_back((NOW, "ABCD"));
+            let _ = simulator.poll_transmit(NOW, &mut [0; 8]);
+            let expected = if is_cleared { vec![] } else { vec![(NOW, fault)] };
+            assert_eq!(simulator.faults().happened(), expected);
+        }
+    }
+}
+
+#[test]
+fn a_script_that_is_cleared_is_over() {
+    let mut simulator = connected();
+    let script =
+        Script::new().every_answer(1, Fault::Drop).every_request(1, Fault::Drop).at(MS, Fault::Forget);
+    simulator.faults().follow(script);
+    simulator.faults().clear();
+    simulator.handle_timeout(2 * MS);
+    simulator.handle_input(3 * MS, b"AB");
+    assert_eq!((simulator.faults().happened(), simulator.device().line.last()), (vec![], "3ms AB"));
+}
+
+/// It has ended already: there is nothing more to close.
+#[test]
+fn nobody_is_told_to_close_a_connection_that_has_ended() {
+    let mut simulator = connected();
+    simulator.faults().next_answer(Fault::Close);
+    simulator.device_mut().line.sends.push_back((NOW, "AB"));
+    assert_eq!(simulator.poll_transmit(NOW, &mut [0; 8]), None);
+    simulator.handle_disconnected(NOW);
+    let told: Vec<_> = core::iter::from_fn(|| simulator.poll_event()).collect();
+    assert_eq!(told, [Told::Fault(Fault::Close)]);
+}
+
+#[test]
+fn any_session_is_a_device_and_a_new_one_after_a_restart() {
+    let mut device = Peer(Line::sending(&[(NOW, "AB")])).device().unwrap();
+    device.session_mut().handle_connected(NOW);
+    assert_eq!(device.session_mut().poll_transmit(NOW, &mut [0; 8]), Some(2));
+    assert_eq!((device.session().last(), device.session().sends.len()), ("0ns connected", 0));
+    device.restart(NOW);
+    assert_eq!((device.session().log.len(), device.session().sends.len()), (0, 1));
 }

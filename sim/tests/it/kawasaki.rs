@@ -2,10 +2,15 @@
 
 use core::time::Duration;
 
-use cellwire_sim::{Device as _, Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Told};
+use cellwire_sim::kawasaki::{Kawasaki, Pc};
+use cellwire_sim::{
+    Bench, Device as _, Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Simulator, Told,
+};
 use kawasaki_msg::robot_session::tokio::{Listen, Tcp};
 use kawasaki_msg::tokio::{Error, pc, robot};
-use kawasaki_msg::{JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Work};
+use kawasaki_msg::{
+    JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Takeover, Work,
+};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -159,4 +164,93 @@ fn a_pc_begins_an_order_when_a_robot_connects_and_when_it_is_to_repeat() {
             assert_eq!(orders(&bench), [50, 51]);
         }
     }
+}
+
+#[test]
+fn settings_of_a_robot_show_all_but_the_function() {
+    let shown = format!("{:?}", KawasakiRobot::<Line>::default());
+    let begins = format!("KawasakiRobot {{ config: {:?}, ranges: ", RobotConfig::TCP);
+    assert!(shown.starts_with(&begins) && shown.ends_with(", queue: 256, job_time: 1s, .. }"), "{shown}");
+}
+
+#[test]
+fn a_robot_ends_its_connection_to_a_pc_that_is_silent_and_makes_another() {
+    let mut bench = KawasakiRobot::<Line>::default().bench(crate::gadget::Line::default()).unwrap();
+    bench.run_for(60 * S);
+    let silent = bench.told().iter().filter(|(_, told)| *told == Told::Close("the PC is silent")).count();
+    let connections = bench.session().log.iter().filter(|line| line.ends_with(" connected")).count();
+    assert!(silent >= 2 && connections > silent - 1, "{:?}", bench.told());
+}
+
+#[test]
+fn a_robot_that_forgets_its_order_executes_the_job_that_it_has_begun_and_no_more() {
+    let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
+    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    pc.start(7, jobs(600).leak()).unwrap();
+    let mut bench = robot.bench(pc).unwrap();
+    assert!(bench.run_until(60 * S, |bench| bench.executed().len() == 5));
+    bench.run_for(S);
+    bench.faults().forget();
+    bench.run_for(600 * S);
+    let over = bench.take_events().find(|event| {
+        matches!(event, PcEvent::OrderOver { complete: false, .. } | PcEvent::OutcomeUnknown { .. })
+    });
+    assert!(over.is_some());
+    assert_eq!((bench.executed().len(), bench.device().held()), (6, 0));
+}
+
+type Two = Bench<Simulator<Kawasaki<Line>>, Pc<Line>>;
+
+/// A PC with orders of 20 jobs, and a robot that has executed three of the first.
+fn in_the_middle(config: PcConfig<'static>) -> Two {
+    let pc = KawasakiPc { config, jobs: jobs(20).into(), ..KawasakiPc::default() };
+    let robot = KawasakiRobot::<Line> { job_time: S, ..KawasakiRobot::default() };
+    let mut bench = pc.bench(robot.simulator().unwrap()).unwrap();
+    let executed = |bench: &mut Two| core::iter::from_fn(|| bench.session_mut().poll_executed()).count();
+    let mut count = 0;
+    assert!(bench.run_until(60 * S, |bench| {
+        count += executed(bench);
+        count == 3
+    }));
+    bench
+}
+
+fn over(bench: &Two) -> Vec<(u16, Option<bool>)> {
+    let outcomes = bench.executed().iter().map(|done| match done.work {
+        PcEvent::OrderOver { order, complete, .. } => (order, Some(complete)),
+        PcEvent::OutcomeUnknown { order, .. } => (order, None),
+        other => panic!("{other:?}"),
+    });
+    outcomes.collect()
+}
+
+#[test]
+fn a_pc_follows_an_order_whose_outcome_is_unknown_by_the_next_one() {
+    let mut bench = in_the_middle(PcConfig::TCP);
+    let now = bench.now();
+    bench.session_mut().device_mut().restart(now);
+    bench.disconnect();
+    bench.run_for(100 * S);
+    assert_eq!(over(&bench)[..2], [(50, None), (51, Some(true))]);
+}
+
+/// The robot is at work on an order that the PC does not know any more, and refuses each other one.
+#[test]
+fn a_pc_that_was_without_power_begins_with_the_next_number_until_the_robot_takes_it() {
+    let mut bench = in_the_middle(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP });
+    let now = bench.now();
+    bench.device_mut().restart(now);
+    bench.disconnect();
+    bench.run_for(10 * S);
+    assert_eq!(over(&bench), []);
+    let now = bench.now();
+    bench.session_mut().device_mut().forget(now);
+    bench.run_for(100 * S);
+    let refused = bench.told().iter().filter_map(|(_, told)| match told {
+        Told::Device(PcEvent::OrderRefused { order, active: 50, given_up: true }) => Some(*order),
+        _ => None,
+    });
+    let refused: Vec<u16> = refused.collect();
+    assert!(refused.len() > 1 && (51..).zip(&refused).all(|(order, found)| order == *found), "{refused:?}");
+    assert_eq!(over(&bench)[0], (refused.last().unwrap() + 1, Some(true)));
 }

@@ -4,8 +4,9 @@
 
 use core::time::Duration;
 
-use cellwire_sim::laser::{CLEAR, GO_ON, HALT, LaserEvent, LaserRobot, STATUS};
-use cellwire_sim::{Bench, Device as _, Fault, Laser, LaserHost, Script, Settings as _, Told};
+use cellwire_sim::laser::{CLEAR, GO_ON, HALT, LaserEvent, LaserRobot, POSITION, STATUS};
+use cellwire_sim::robot_session::Session as _;
+use cellwire_sim::{Bench, Device as _, Fault, Faults, Laser, LaserHost, Script, Settings as _, Told};
 use laser_eb90::robot_session::tokio::{Reconnect, Tcp};
 use laser_eb90::tokio::{Command, Error, host};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, Refusal, UnknownReason};
@@ -233,4 +234,53 @@ fn a_device_is_on_the_port_of_a_path() {
     let sim = Laser { execution: MS, ..Laser::default() }.port(&path, 9600).unwrap();
     cut_once(Box::new(host));
     assert!(sim.wait_for(1, S));
+}
+
+#[test]
+fn a_query_for_the_position_is_answered_with_what_was_executed_last() {
+    let mut bench = Laser::default().bench(Host::new(FRESH()).unwrap()).unwrap();
+    bench.run_for(3 * S);
+    let position = |bench: &mut Bench<Host, LaserRobot>| {
+        let event = told(bench, POSITION);
+        assert!(matches!(event, HostEvent::Answer { .. }), "{event:?}");
+        let items = bench.session().answer().flatten();
+        let floats = items.filter_map(|item| match item {
+            Item::F32(values) => Some(values.iter().collect::<Vec<_>>()),
+            _ => None,
+        });
+        floats.flatten().collect::<Vec<f32>>()
+    };
+    assert_eq!(position(&mut bench), [0.0; 0], "nothing was");
+    cuts(&mut bench, 3..6);
+    bench.run_for(S);
+    assert_eq!(position(&mut bench), [5.0]);
+}
+
+/// What a simulated host has had cut by a robot that takes 2 s for each, when something has happened to the host after 3 s.
+fn cut_by_list(happens: impl FnOnce(&Faults)) -> Vec<f32> {
+    let instructions = (0..9u8).map(|x| (CUT, vec![f32::from(x)])).collect();
+    let host = LaserHost { config: HostConfig { batch: 1, ..FRESH() }, instructions, ..LaserHost::default() };
+    let robot = Laser { execution: 2 * S, queue: 1, ..Laser::default() };
+    let mut bench = host.bench(robot.simulator().unwrap()).unwrap();
+    assert!(bench.run_until(60 * S, |bench| bench.session().device().held() == 1));
+    bench.run_for(3 * S);
+    happens(bench.faults());
+    bench.run_for(100 * S);
+    let robot_session = bench.session().device().session().statistics();
+    assert_eq!(bench.session().statistics(), robot_session, "a simulator counts what its device does");
+    assert_ne!(robot_session, robot.device().unwrap().session().statistics());
+    core::iter::from_fn(|| bench.session_mut().poll_executed())
+        .map(|done| done.work.floats(&robot.config)[0])
+        .collect()
+}
+
+#[test]
+fn a_host_that_restarts_sends_its_list_again_and_one_that_forgets_sends_no_more_of_it() {
+    let all = cut_by_list(|_| {});
+    assert_eq!(all, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    let forgotten = cut_by_list(Faults::forget);
+    assert!((1..5).contains(&forgotten.len()) && all.starts_with(&forgotten), "{forgotten:?}");
+    let again = cut_by_list(|faults| faults.restart(S));
+    let begins = again.iter().filter(|x| **x == 0.0).count();
+    assert!(begins == 2 && again.ends_with(&all), "{again:?}");
 }

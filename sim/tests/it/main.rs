@@ -5,6 +5,8 @@ mod bench;
 mod faults;
 mod gadget;
 mod running;
+#[cfg(all(feature = "ball", feature = "laser", feature = "mma", feature = "puma", feature = "viewer"))]
+mod settings;
 
 #[cfg(feature = "ball")]
 mod ball;

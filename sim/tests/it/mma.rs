@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use cellwire_sim::mma::{MmaEvent, MmaRobot, MotionFaults};
-use cellwire_sim::{Device as _, Fault, Settings as _, Told};
+use cellwire_sim::mma::{Fate, MmaDevice, MmaEvent, MmaRobot, MotionFaults};
+use cellwire_sim::{Bench, Device as _, Fault, Settings as _, Told};
 use mmacell_proto::robot_session::tokio::{Reconnect, Tcp};
 use mmacell_proto::tokio::{Error, central};
 use mmacell_proto::{
@@ -99,4 +99,70 @@ fn what_a_robot_is_told_and_cannot_do_it_tells() {
     assert_eq!(told[..2], [true, false].map(|on| Told::Device(MmaEvent::Servo(on))));
     let rejected = |told| matches!(told, Told::Device(MmaEvent::Rejected(Rejection::NotNow { .. })));
     assert!(told.len() == 3 && rejected(told[2]), "{told:?}");
+}
+
+/// A robot at 0 whose servo motors are on.
+fn ready() -> Bench<Central<RobotPose>, MmaDevice<RobotPose>> {
+    let robot = MmaRobot { home: pose(0.0), ..MmaRobot::default() };
+    let mut bench = robot.bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();
+    bench.run_for(S);
+    bench.session_mut().request(Command::Servo { on: true }).unwrap();
+    bench.run_for(S);
+    bench
+}
+
+/// It begins to move to 250 mm, which takes 1.5 s.
+fn begin(bench: &mut Bench<Central<RobotPose>, MmaDevice<RobotPose>>) -> Duration {
+    bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: pose(250.0) }).unwrap();
+    assert!(bench.run_until(S, |bench| bench.device().moves()));
+    bench.device().due().unwrap() - bench.now()
+}
+
+fn status(bench: &mut Bench<Central<RobotPose>, MmaDevice<RobotPose>>) -> (RobotPose, bool, bool, ErrorCode) {
+    bench.session_mut().request(Command::Status).unwrap();
+    loop {
+        if let CentralEvent::Status { status, .. } = bench.next_event(S).unwrap() {
+            return (status.pose, status.moving, status.servo, status.error);
+        }
+    }
+}
+
+#[test]
+fn a_motion_that_is_under_way_ends_as_it_is_decided() {
+    for (fate, at, error) in [
+        (Fate::Arrives, 250.0, ErrorCode::from(0)),
+        (Fate::Fails, 125.0, ErrorCode::Servo1),
+        (Fate::Stalls, 125.0, ErrorCode::from(0)),
+    ] {
+        let mut bench = ready();
+        begin(&mut bench);
+        bench.device_mut().end_motion(fate);
+        bench.run_for(9 * S);
+        let (there, moves, _, found) = status(&mut bench);
+        assert_eq!((there, moves, found), (pose(at), false, error), "{fate:?}");
+    }
+}
+
+#[test]
+fn a_motion_at_half_of_the_override_takes_twice_the_time() {
+    let mut bench = ready();
+    bench.session_mut().request(Command::Override { percent: 50 }).unwrap();
+    bench.run_for(S);
+    assert_eq!(bench.told().last().unwrap().1, Told::Device(MmaEvent::Override(50)));
+    let took = begin(&mut bench);
+    assert!(took.abs_diff(3 * S) < MS / 1000, "{took:?}");
+}
+
+#[test]
+fn a_motion_that_is_forgotten_ends_where_it_is_and_the_servo_motors_stay_on() {
+    let mut bench = ready();
+    let took = begin(&mut bench);
+    bench.run_for(took / 2);
+    bench.faults().forget();
+    bench.run_for(9 * S);
+    let (there, moves, servo, error) = status(&mut bench);
+    assert_eq!((moves, servo, error), (false, true, ErrorCode::from(0)));
+    let [least, x, most] = [pose(120.0), there, pose(130.0)].map(|pose| pose.units()[0]);
+    assert!((least..most).contains(&x), "{there:?}");
+    assert_eq!((bench.executed(), bench.device().due()), (&[][..], None), "it has not ended by itself");
 }

@@ -2,10 +2,14 @@
 
 use core::time::Duration;
 
-use cellwire_sim::puma::{Incident, MarkIii, Pose, PumaEvent};
+use cellwire_sim::puma::{Incident, Layout, MarkIii, Pose, PumaEvent};
+use cellwire_sim::robot_session::Session as _;
 use cellwire_sim::{Bench, Device as _, Fault, Puma, Script, Settings as _, Told};
 use val2_alter::robot_session::tokio::Tcp;
-use val2_alter::{CoordinateFrame, ErrorCode, Host, HostConfig, HostEvent, MotionPhase, SegmentStatus};
+use val2_alter::{
+    ControllerStatistics, CoordinateFrame, ErrorCode, Exception, Host, HostConfig, HostEvent, MotionPhase,
+    Policy, SegmentStatus,
+};
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -73,8 +77,11 @@ fn bench(incidents: Vec<(Duration, Incident)>) -> Bench<Host, MarkIii> {
     Puma { incidents, ..Puma::default() }.bench(Host::new(HostConfig::default()).unwrap()).unwrap()
 }
 
+/// What a robot tells.
+type What = fn(&PumaEvent) -> bool;
+
 /// When the robot has told this.
-fn told(bench: &Bench<Host, MarkIii>, what: fn(&PumaEvent) -> bool) -> Vec<Duration> {
+fn told(bench: &Bench<Host, MarkIii>, what: What) -> Vec<Duration> {
     let told = bench.told().iter();
     told.filter(|(_, told)| matches!(told, Told::Device(event) if what(event))).map(|(at, _)| *at).collect()
 }
@@ -188,4 +195,119 @@ fn a_correction_is_given_in_the_worlds_frame_or_in_the_tools() {
     for (of_path, of_correction, frame, expected) in cases {
         assert_eq!(at(path, of_path).corrected(&at(correction, of_correction), frame), expected);
     }
+}
+
+/// The operator starts the program again a second after each.
+#[test]
+fn an_alter_that_the_host_refuses_or_does_not_answer_is_told_and_tried_again() {
+    let cases: [(_, What); 2] = [
+        (Policy::Refuse, |event| *event == PumaEvent::Refused),
+        (Policy::Ignore, |event| *event == PumaEvent::GaveUp),
+    ];
+    for (policy, outcome) in cases {
+        let mut bench = bench(Vec::new());
+        bench.session_mut().set_policy(Duration::ZERO, policy);
+        bench.run_for(60 * S);
+        let at = told(&bench, outcome);
+        assert!(at.len() > 3 && at.windows(2).all(|two| two[1] - two[0] > S), "{policy:?}: {at:?}");
+        assert_eq!(told(&bench, started), []);
+    }
+}
+
+/// A robot whose host has sent this exception after 2 s of ALTER.
+fn excepted(subroutine: bool, exception: Exception) -> Bench<Host, MarkIii> {
+    let mut puma = Puma::default();
+    puma.config.subroutine = subroutine;
+    let mut bench = puma.bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    bench.session_mut().set_subroutine(Duration::ZERO, true);
+    bench.run_for(2 * S);
+    let now = bench.now();
+    bench.session_mut().exception(now, exception).unwrap();
+    bench.run_for(S);
+    bench
+}
+
+#[test]
+fn the_subroutine_moves_the_gripper_and_returns_in_its_time() {
+    let events: [(_, What); 3] = [
+        (Exception::CloseGripper, |event| *event == PumaEvent::Gripper(true)),
+        (Exception::OpenGripper, |event| *event == PumaEvent::Gripper(false)),
+        (Exception::Other(9), |event| *event == PumaEvent::Exception(Exception::Other(9))),
+    ];
+    for (exception, told_as) in events {
+        let mut bench = excepted(true, exception);
+        assert_eq!((told(&bench, told_as).len(), told(&bench, ended).len()), (1, 0), "{exception:?}");
+        let interrupted = bench.take_events().filter(
+            |event| matches!(event, HostEvent::Motion(motion) if motion.phase == MotionPhase::Interrupted),
+        );
+        let interrupted = interrupted.count();
+        assert!((4..=5).contains(&interrupted), "120 ms in cycles of 28 ms: {interrupted}");
+    }
+}
+
+#[test]
+fn an_exception_without_a_subroutine_ends_the_program() {
+    let bench = excepted(false, Exception::CloseGripper);
+    let told_as = |event: &PumaEvent| *event == PumaEvent::Exception(Exception::CloseGripper);
+    assert_eq!([told(&bench, told_as).len(), told(&bench, ended).len()], [1, 1]);
+}
+
+/// The arm stands where it stood, and what has happened does not happen again.
+#[test]
+fn a_robot_that_was_without_power_goes_on_where_it_was() {
+    let incidents = vec![
+        (2 * S, Incident::Status(SegmentStatus::NullingUnplanned)),
+        (4 * S, Incident::Status(SegmentStatus::Normal)),
+        (9 * S, Incident::Status(SegmentStatus::NullingUnplanned)),
+    ];
+    let mut bench = bench(incidents);
+    assert!(bench.run_until(5 * S, |bench| !told(bench, started).is_empty()));
+    let begun = bench.now();
+    while bench.now() < begun + 3 * S {
+        let now = bench.now();
+        bench.session_mut().set_target(now, [8, 0, 0, 0, 0, 0]);
+        bench.run_for(50 * MS);
+    }
+    let now = bench.now();
+    bench.session_mut().clear_target(now);
+    bench.run_for(200 * MS);
+    let (pose, counted) = (bench.device().pose(), bench.device().controller().statistics());
+    assert!(pose.p[0] > 405.0, "{pose:?}");
+    assert_ne!(counted, ControllerStatistics::default());
+    assert_eq!(bench.device().session().statistics(), counted);
+    bench.faults().restart(2 * S);
+    bench.run_for(100 * MS);
+    assert_eq!(bench.device().session().statistics(), ControllerStatistics::default());
+    bench.run_for(15 * S);
+    assert_eq!(bench.device().pose(), pose);
+    let at: Vec<Duration> = told(&bench, incident).into_iter().map(|at| at - begun).collect();
+    assert!(at.len() == 3 && at[0] == 2 * S && at[1] > 5 * S && at[2] == 9 * S, "{at:?}");
+    assert_eq!(told(&bench, started).len(), 2);
+}
+
+/// Only ALTER can be disturbed: what is overdue meanwhile asks for no time, also right after a restart.
+#[test]
+fn what_is_overdue_asks_for_no_time_after_a_restart() {
+    let mut bench = bench(vec![(2 * S, Incident::Finish), (2 * S + 500 * MS, Incident::Corrupt)]);
+    assert!(bench.run_until(5 * S, |bench| !told(bench, ended).is_empty()));
+    bench.run_for(900 * MS);
+    let now = bench.now();
+    bench.device_mut().restart(now);
+    assert_eq!(bench.device().due(), None);
+}
+
+#[test]
+fn a_layout_has_its_words_in_the_order_that_its_name_says() {
+    let pose = Pose { n: [1.0, 2.0, 3.0], o: [4.0, 5.0, 6.0], a: [7.0, 8.0, 9.0], p: [10.0, 11.0, 12.0] };
+    let words = Layout::NAMED
+        .map(|(name, layout)| (name, Layout { rotation_one: 1.0, per_mm: 1.0, ..layout }.words(&pose).0));
+    assert_eq!(
+        words,
+        [
+            ("columns n o a p", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]),
+            ("rows of [n o a p]", [1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, 12]),
+            ("p, then columns n o a", [10, 11, 12, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
+            ("rows of [n o a], then p", [1, 4, 7, 2, 5, 8, 3, 6, 9, 10, 11, 12]),
+        ]
+    );
 }

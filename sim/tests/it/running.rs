@@ -36,13 +36,32 @@ fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_re
     assert!(end == Ok(0) || is_reset && cfg!(not(target_os = "linux")), "{end:?}");
 }
 
+#[test]
+fn a_device_that_panics_does_so_where_it_is_dropped() {
+    // No message has room for that.
+    let line = Line::sending(&[(NOW, "ABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLM")]);
+    let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
+    let mut program = TcpStream::connect(sim.address()).unwrap();
+    program.set_read_timeout(Some(20 * S)).unwrap();
+    assert_eq!(program.read(&mut [0; 80]).unwrap_or(0), 0, "it is gone");
+    let drop = std::panic::catch_unwind(core::panic::AssertUnwindSafe(|| drop(sim)));
+    assert!(drop.is_err());
+}
+
+/// Whether or not the device reads meanwhile.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_nothing() {
+    [false, true].into_iter().for_each(reads_late);
+}
+
+#[cfg(target_os = "linux")]
+fn reads_late(is_blocked: bool) {
     // 43 bytes: a multiple of them is no buffer of a system.
     let text = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopq";
     let sends = vec![(NOW, text); 8000];
-    let gadget = Gadget { line: Line::sending(&sends), ..Gadget::default() };
+    let line = Line { is_blocked, ..Line::sending(&sends) };
+    let gadget = Gadget { line, ..Gadget::default() };
     let sim = Running::pty(Simulator::new(gadget)).unwrap();
     let inherited = std::process::Command::new("ls").args(["-l", "/proc/self/fd"]).output().unwrap();
     assert!(!String::from_utf8_lossy(&inherited.stdout).contains(sim.path()), "no process has it open");

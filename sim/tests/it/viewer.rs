@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use cellwire_sim::viewer::Drawn;
-use cellwire_sim::{Bench, Fault, Script, Settings as _, Told, Viewer};
+use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, Told, Viewer};
 use val2_viewer::{Host, HostConfig, WorkstationConfig, WorkstationEvent};
 
 use crate::gadget::Line;
@@ -67,4 +67,14 @@ fn what_was_drawn_is_counted() {
     );
     assert_eq!((drawn.gaps, drawn.most_at_once), (1, 2), "a pose that comes twice is no gap");
     assert!(drawn.asked >= 10 && drawn.damaged > 0, "{drawn:?}");
+}
+
+#[test]
+fn a_workstation_that_was_without_power_has_seen_nothing() {
+    let mut bench = Viewer::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    bench.run_for(2 * S);
+    assert_ne!(bench.device().drawn(), Drawn::default());
+    let now = bench.now();
+    bench.device_mut().restart(now);
+    assert_eq!(bench.device().drawn(), Drawn::default());
 }

@@ -362,7 +362,7 @@ fn text(
         let numbers: Vec<f64> = job.values(at).filter_map(|value| value.parse().ok()).collect();
         writeln!(text, "\n[[job]]\nname = \"field_{}\" # ? its name in your tables", count + 1)?;
         if numbers.len() < job.all.len() {
-            let longest = job.values(at).map(str::len).max().unwrap_or_default();
+            let longest = job.values(at).map(|value| value.chars().count()).max().unwrap_or_default();
             writeln!(text, "kind = \"text\"\nlength = [0, {longest}] # ? the longest in the capture")?;
             continue;
         }

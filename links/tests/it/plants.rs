@@ -38,6 +38,15 @@ fn both_ends_have_what_the_plant_has_agreed_on() {
     }
 }
 
+#[test]
+fn acknowledgements_of_single_jobs_need_their_message() {
+    let messages = json!({"job_ack": {"sent": false}});
+    let refused =
+        plant(json!({"acks": "individual", "messages": messages})).unwrap().pc(PcConfig::TCP).unwrap_err();
+    let text = "messages.job_ack: the table lacks the role JobAck, which the configuration needs; with acks=1 it does not";
+    assert_eq!(refused.to_string(), text);
+}
+
 /// What only a PC that interrupts orders needs is needed by nobody else.
 #[test]
 fn a_plant_may_lack_what_a_pc_alone_needs() {

@@ -99,7 +99,7 @@ fn a_link_tolerates_what_its_source_leaves_open() {
     let (reserved, fresh) = (json!({"status": "reserved"}), json!({"status": "fresh"}));
     let (end, reply, role) = (json!({"kind": "end"}), json!({"kind": "reply"}), json!({"role": "job"}));
     let blank = json!({"blank": true});
-    let table: [Row<'_>; 23] = [
+    let table: [Row<'_>; 26] = [
         ("fanuc-hmi-modbus", &any, &read, &[1, 2], Some(&[1, 2]), true),
         ("fanuc-hmi-modbus", &any, &coils, &[1, 2], Some(&[1, 3]), true),
         ("fanuc-hmi-modbus", &any, &coils, &[1, 2], Some(&[1]), false),
@@ -108,6 +108,9 @@ fn a_link_tolerates_what_its_source_leaves_open() {
         ("isra-ball", &any, &reserved, &[1, 2], Some(&[1, 3]), true),
         ("isra-ball", &any, &reserved, &[1, 2], Some(&[1]), false),
         ("isra-ball", &any, &fresh, &[1, 2], Some(&[1, 3]), false),
+        ("laser-eb90", &any, &json!({"items": []}), &[1, 2], none, true),
+        ("laser-eb90", &any, &json!({"items": [{"f32": [null]}]}), &[1, 2], none, true),
+        ("laser-eb90", &any, &json!({"items": [{"i16": [257]}]}), &[1, 2], none, false),
         ("mmacell-proto", &any, &any, b"-0", Some(b"+0"), true),
         ("mmacell-proto", &any, &any, b"-0", Some(b"+1"), false),
         ("mmacell-proto", &any, &any, b"-00", Some(b"+0"), false),

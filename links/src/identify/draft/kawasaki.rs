@@ -24,6 +24,7 @@ struct Guess<'a> {
     why: &'static str,
     /// The field at each place.
     fields: Vec<String>,
+    /// Of one that there is.
     is_sure: bool,
 }
 
@@ -46,6 +47,10 @@ impl Kind {
 
     fn first(&self) -> usize {
         self.all.first().map_or(usize::MAX, |(at, _)| *at)
+    }
+
+    fn begins_before(&self, other: &Self) -> bool {
+        self.first() < other.first()
     }
 
     /// The value that is the same in all.
@@ -81,7 +86,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     let counting = (0..job.width()).rev().filter(|at| steps(job, *at) > 0);
     let number = counting.max_by_key(|at| (spoken(*at), wanted(*at), steps(job, *at))).unwrap_or_default();
     let jobs = job.numbers(number);
-    let (first_job, last_job) = (job.first(), jobs.iter().copied().max().unwrap_or_default());
+    let last_job = jobs.iter().copied().max().unwrap_or_default();
     let fields = Fields { orders: &orders, kinds: &kinds, jobs: &jobs };
 
     let mut guesses = vec![job_guess(job, number, &fields)];
@@ -100,23 +105,22 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     for shared in [status, filler].into_iter().flatten() {
         take(&|left| left.iter().position(|it| it.name == shared.name));
     }
-    let start = take(&|left| {
-        best(left, &|it| (it.side == "pc" && it.first() < first_job).then(|| -size(it.first())))
-    });
+    let start =
+        take(&|left| best(left, &|it| (it.side == "pc" && it.begins_before(job)).then(|| -size(it.first()))));
     let end =
-        take(&|left| best(left, &|it| (it.side == "pc" && it.first() > first_job).then(|| size(it.first()))));
+        take(&|left| best(left, &|it| (it.side == "pc" && job.begins_before(it)).then(|| size(it.first()))));
     let interrupt = take(&|left| best(left, &|it| (it.side == "pc").then_some(0)));
     let is_asked = |it: &Kind| asked(it, job, number);
     let request = take(&|left| {
         best(left, &|it| (it.side == "robot" && is_asked(it) * 3 > it.all.len()).then(|| size(is_asked(it))))
     });
     let order_ack = take(&|left| {
-        best(left, &|it| (it.side == "robot" && it.first() < first_job).then(|| -size(it.first())))
+        best(left, &|it| (it.side == "robot" && it.begins_before(job)).then(|| -size(it.first())))
     });
     let has_number = |it: &Kind| (0..it.width()).any(|at| steps(it, at) > 0);
     let job_ack =
         take(&|left| best(left, &|it| (it.side == "robot" && has_number(it)).then(|| size(it.all.len()))));
-    let after_end = |it: &Kind| end.is_none_or(|end| it.first() > end.first());
+    let after_end = |it: &Kind| end.is_none_or(|end| end.begins_before(it));
     let end_ack =
         take(&|left| best(left, &|it| (it.side == "robot" && after_end(it)).then(|| size(it.first()))));
     let pause = take(&|left| best(left, &|it| (it.side == "robot").then(|| size(it.all.len()))));
@@ -132,26 +136,21 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     ];
     for (role, kind, why, other) in plain {
         let named = |kind: &Kind| (0..kind.width()).map(|at| fields.plain(kind, at, other)).collect();
-        let is_sure = kind.is_some() && role != "pause" && role != "order_interrupt";
+        let is_sure = role != "pause" && role != "order_interrupt";
         guesses.push(Guess { role, kind, why, fields: kind.map(named).unwrap_or_default(), is_sure });
     }
     let why = "comes after the end of an order";
     let named = end_ack.map(|kind| fields.of_end(kind, last_job)).unwrap_or_default();
-    guesses.push(Guess { role: "end_ack", kind: end_ack, why, fields: named, is_sure: end_ack.is_some() });
+    guesses.push(Guess { role: "end_ack", kind: end_ack, why, fields: named, is_sure: true });
     let both: Vec<&Kind> =
         kinds.iter().filter(|kind| status.is_some_and(|it| it.name == kind.name)).collect();
     let why = "both ends send it, with the most fields";
-    let (named, is_sure) = fields.of_status(&both, first_job);
+    let (named, is_sure) = fields.of_status(&both, job.first());
     guesses.push(Guess { role: "status", kind: status, why, fields: named, is_sure });
     let named = filler.map(|kind| (0..kind.header).map(|at| fields.plain(kind, at, "unused")).collect());
     let why = "it has no fields";
-    guesses.push(Guess {
-        role: "filler",
-        kind: filler,
-        why,
-        fields: named.unwrap_or_default(),
-        is_sure: filler.is_some(),
-    });
+    let named = named.unwrap_or_default();
+    guesses.push(Guess { role: "filler", kind: filler, why, fields: named, is_sure: true });
     text(&guesses, job, number, &left, &acks(job_ack), &fields)
 }
 
@@ -234,14 +233,19 @@ impl Fields<'_> {
         is_constant.then(|| format!("={value}"))
     }
 
+    /// A field of a job that nothing but the plant knows.
+    fn is_own(&self, job: &Kind, number: usize, at: usize) -> bool {
+        at != number && !self.is_order(job, at) && self.as_constant(job, at).is_none()
+    }
+
     /// A field that is an order, a constant, or else the other.
     fn plain(&self, kind: &Kind, at: usize, other: &str) -> String {
-        let fits = other == "unused"
-            || kind.numbers(at).iter().all(|it| self.jobs.contains(it) || self.jobs.contains(&(it - 1)));
+        let numbers = kind.numbers(at);
+        let fits = numbers.iter().all(|it| self.jobs.contains(it) || self.jobs.contains(&(it - 1)));
         match self.as_constant(kind, at) {
             Some(constant) => constant,
             None if self.is_order(kind, at) => "order".into(),
-            None if fits && !kind.numbers(at).is_empty() => other.into(),
+            None if fits && !numbers.is_empty() => other.into(),
             None => "unused".into(),
         }
     }
@@ -308,8 +312,7 @@ impl Fields<'_> {
 
 fn job_guess<'a>(job: &'a Kind, number: usize, fields: &Fields<'_>) -> Guess<'a> {
     let mut named: Vec<String> = Vec::new();
-    let is_own =
-        |at: usize| at != number && !fields.is_order(job, at) && fields.as_constant(job, at).is_none();
+    let is_own = |at: usize| fields.is_own(job, number, at);
     for at in 0..job.width() {
         match () {
             () if is_own(at) && named.iter().any(|it| it == "work") => {}
@@ -352,15 +355,14 @@ fn text(
     }
     let highest = fields.jobs.iter().max().copied().unwrap_or_default();
     writeln!(text, "# max_number = 9999 # ? the highest in the capture is {highest}")?;
-    let own = (0..job.width())
-        .filter(|at| *at != number && !fields.is_order(job, *at) && fields.as_constant(job, *at).is_none());
+    let own = (0..job.width()).filter(|at| fields.is_own(job, number, *at));
     for (count, at) in own.enumerate() {
         let decimals =
             job.values(at).filter_map(|value| value.split_once('.')).map(|(_, places)| places.len());
         let numbers: Vec<f64> = job.values(at).filter_map(|value| value.parse().ok()).collect();
         writeln!(text, "\n[[job]]\nname = \"field_{}\" # ? its name in your tables", count + 1)?;
         if numbers.len() < job.all.len() {
-            let longest = job.values(at).map(str::len).max().unwrap_or_default();
+            let longest = job.values(at).map(|value| value.chars().count()).max().unwrap_or_default();
             writeln!(text, "kind = \"text\"\nlength = [0, {longest}] # ? the longest in the capture")?;
             continue;
         }

@@ -1,6 +1,8 @@
 //! Words of unknown installations.
 #![allow(clippy::unwrap_used)]
 
+mod kawasaki;
+
 use super::super::Sender;
 use super::*;
 use crate::Link;

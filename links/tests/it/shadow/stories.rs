@@ -3,8 +3,8 @@
 use core::fmt::Write as _;
 use std::collections::BTreeSet;
 
-use cellwire_links::LINKS;
 use cellwire_links::shadow::Kind;
+use cellwire_links::{LINKS, Link};
 
 use super::told::stories;
 
@@ -77,5 +77,59 @@ fn stories_of_peers_that_break_rules_are_listed() {
             std::fs::write(&path, &list).unwrap();
         }
         assert_eq!(std::fs::read_to_string(&path).unwrap_or_default(), list, "{path}: set BLESS to write it");
+    }
+}
+
+/// Where the conversations of the stories are on the way, and long after the end; each number is `n`.
+#[test]
+fn a_state_is_told_in_a_few_words() {
+    let list = |states: BTreeSet<String>| states.into_iter().collect::<Vec<_>>().join(" | ");
+    let plain = |state: &str| {
+        let words = state.split(' ').map(|word| if word.parse::<u64>().is_ok() { "n" } else { word });
+        words.collect::<Vec<_>>().join(" ")
+    };
+    let table = [
+        (
+            "val2-alter",
+            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the beginning was not seen",
+            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the beginning was not seen",
+        ),
+        (
+            "val2-viewer",
+            "a request has no packet | a request has no packet; the workstation is held | a request waits for its packet | \
+             a request waits for its packet; the host is held | a request waits for its packet; the workstation is held | \
+             no request is open | no request is open; the host is held | no request is open; the workstation is held | \
+             the beginning was not seen",
+            "a request has no packet | no request is open | the beginning was not seen",
+        ),
+        (
+            "isra-ball",
+            "a poll has no packet | a poll waits for its packet | no poll is open | the beginning was not seen",
+            "a poll has no packet | no poll is open | the beginning was not seen",
+        ),
+        (
+            "fanuc-hmi-modbus",
+            "a request waits for its reply | n requests wait for their replies | no request is open | the beginning was not seen",
+            "no request is open | the beginning was not seen",
+        ),
+        (
+            "laser-eb90",
+            "a frame waits for its answer | no frame was seen | the last frame has no answer | the last frame is answered | \
+             the last frame is wanted again",
+            "no frame was seen | the last frame has no answer | the last frame is answered | the last frame is wanted again",
+        ),
+    ];
+    for (name, on_the_way, at_last) in table {
+        let link = Link::by_name(name).unwrap();
+        let (mut all, mut last) = (BTreeSet::new(), BTreeSet::new());
+        for story in stories(link) {
+            let mut state = String::new();
+            story.watch(link, &story.told, &mut |now| {
+                state = plain(&now);
+                all.insert(state.clone());
+            });
+            last.insert(state);
+        }
+        assert_eq!([list(all), list(last)], [on_the_way, at_last], "{name}");
     }
 }

@@ -110,6 +110,11 @@ impl Story {
 
     /// Everything that is said to a conversation like it.
     pub(crate) fn say(&self, link: &Link, told: &[Told]) -> Vec<Said> {
+        self.watch(link, told, &mut |_| ())
+    }
+
+    /// It is asked for the state before each of them and at the end.
+    pub(crate) fn watch(&self, link: &Link, told: &[Told], state: &mut dyn FnMut(String)) -> Vec<Said> {
         let end = match (link.name, self.end) {
             ("mmacell-proto", "platform") => "device",
             ("val2-alter", "robot") => "controller",
@@ -124,6 +129,7 @@ impl Story {
         let mut streams: BTreeMap<&str, Stream> = BTreeMap::new();
         let mut said = Vec::new();
         for (place, told) in told.iter().enumerate() {
+            state(watcher.state());
             let mut see = |seen: &Seen<'_>| {
                 let complaints = watcher.see(told.at, seen).into_iter();
                 said.extend(complaints.map(|complaint| Said { place, complaint }));
@@ -168,6 +174,7 @@ impl Story {
         // Nothing happens any more: what is missing by then is said.
         let complaints = watcher.pass(told.last().map_or(LONG, |told| told.at + LONG)).into_iter();
         said.extend(complaints.map(|complaint| Said { place: told.len(), complaint }));
+        state(watcher.state());
         said
     }
 }

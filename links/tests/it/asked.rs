@@ -1,5 +1,6 @@
 //! What a program asks of the library that shows bytes and settings to people.
 
+use cellwire_links::LINKS;
 use cellwire_links::codec::{Item, Kind};
 use cellwire_links::explain::explain;
 use cellwire_links::fanuc_hmi_modbus::client_settings;
@@ -8,13 +9,10 @@ use cellwire_links::identify::{Finding, Sender, Stream, identify};
 use cellwire_links::kawasaki_msg::layout::Layout;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, Fields, Setting, line_of};
-use cellwire_links::{LINKS, Link};
 use kawasaki_msg::{Charset, PcConfig, RobotConfig};
 use serde_json::{Value, json};
 
-fn link(name: &str) -> &'static Link {
-    Link::by_name(name).unwrap()
-}
+use crate::link;
 
 fn bytes(name: &str, side: &str, settings: &Value, message: &Value) -> Vec<u8> {
     let codec = (link(name).codec)(side, settings.as_object().unwrap()).unwrap();

@@ -7,3 +7,9 @@ mod explain;
 mod plants;
 mod rows;
 mod shadow;
+
+use cellwire_links::Link;
+
+fn link(name: &str) -> &'static Link {
+    Link::by_name(name).unwrap()
+}

@@ -1,6 +1,5 @@
 //! What a link's row says of its bytes: what is open of them, what is tolerated, and its vectors.
 
-use cellwire_links::Link;
 use cellwire_links::codec::{Item, Stream};
 use cellwire_links::end::EndRow;
 use cellwire_links::explain::{Part, explain};
@@ -9,9 +8,7 @@ use cellwire_links::reference::field::Field;
 use cellwire_links::vectors::Vector;
 use serde_json::{Value, json};
 
-fn link(name: &str) -> &'static Link {
-    Link::by_name(name).unwrap()
-}
+use crate::link;
 
 /// The tags that streams suggest: of floats, shorts, bytes and characters.
 fn tags(settings: &Value, payloads: &[(usize, &[u8])], end: u8) -> Vec<[u64; 4]> {

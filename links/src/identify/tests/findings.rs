@@ -142,12 +142,13 @@ fn of_a_link_that_sends_one_way() {
 #[test]
 fn of_short_lines() {
     let lines = |count| sent("mmacell-proto", "central", &json!({}), &vec![json!({"command": "STA"}); count]);
-    is(
-        "mmacell-proto",
-        &[unknown(&[&lines(1)])],
-        r#"
-        {"itr":false,"ovrd":false,"clos":false,"off":false,"lone_lf":false,"blank":false,"wide_integers":false}
-        [1, 1] messages, [5, 5] bytes, 7 bits, from [["central"]]
+    for (count, read) in
+        [(1, "[1, 1] messages, [5, 5] bytes, 7 bits"), (2, "[2, 2] messages, [10, 10] bytes, 23 bits")]
+    {
+        let expected = format!(
+            r#"
+        {{"itr":false,"ovrd":false,"clos":false,"off":false,"lone_lf":false,"blank":false,"wide_integers":false}}
+        {read}, from [["central"]]
         by bytes: lone_lf
         by values:
         itr: or [true]; a stop decides
@@ -156,24 +157,10 @@ fn of_short_lines() {
         off: or [true]; the servo motors switched off decides
         blank: or [true]; an override decides
         wide_integers: or [true]; an integer above 32767, such as an error number decides
-        "#,
-    );
-    is(
-        "mmacell-proto",
-        &[unknown(&[&lines(2)])],
-        r#"
-        {"itr":false,"ovrd":false,"clos":false,"off":false,"lone_lf":false,"blank":false,"wide_integers":false}
-        [2, 2] messages, [10, 10] bytes, 23 bits, from [["central"]]
-        by bytes: lone_lf
-        by values:
-        itr: or [true]; a stop decides
-        ovrd: or [true]; an override decides
-        clos: or [true]; a gripper that closes decides
-        off: or [true]; the servo motors switched off decides
-        blank: or [true]; an override decides
-        wide_integers: or [true]; an integer above 32767, such as an error number decides
-        "#,
-    );
+        "#
+        );
+        is("mmacell-proto", &[unknown(&[&lines(count)])], &expected);
+    }
 }
 
 #[test]

@@ -14,6 +14,7 @@
 
 use core::ops::Range;
 use core::time::Duration;
+use robot_session::End as _;
 use std::boxed::Box;
 use std::io;
 use std::sync::Arc;

@@ -63,56 +63,41 @@ impl Times {
     }
 }
 
-/// What a robot session has measured and counted since it was made.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct RobotStatistics {
-    /// From sending a packet to having received its answer.
-    pub exchange: Times,
-    /// Unpacking a packet and queueing its jobs, as the caller measured it.
-    pub unpack: Times,
-    /// From one job executed to the next one of the same order.
-    pub work_cycle: Times,
-    /// Packets sent.
-    pub packets: u64,
-    /// Jobs queued.
-    pub queued: u64,
-    /// Jobs executed.
-    pub executed: u64,
-    /// Jobs that came again and were dropped.
-    pub repeated: u64,
-    /// Messages that were destroyed because one before them in the packet failed, or refused: jobs are asked for again.
-    pub discarded: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Cycles without an answer.
-    pub unanswered: u64,
-    /// Inputs that the state did not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a robot session has measured and counted since it was made.
+    pub struct RobotStatistics {
+        /// From sending a packet to having received its answer.
+        pub exchange: Times,
+        /// Unpacking a packet and queueing its jobs, as the caller measured it.
+        pub unpack: Times,
+        /// From one job executed to the next one of the same order.
+        pub work_cycle: Times,
+        /// Packets sent.
+        pub packets: u64,
+        /// Jobs queued.
+        pub queued: u64,
+        /// Jobs executed.
+        pub executed: u64,
+        /// Jobs that came again and were dropped.
+        pub repeated: u64,
+        /// Messages that were destroyed because one before them in the packet failed, or refused: jobs are asked for again.
+        pub discarded: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+        /// Cycles without an answer.
+        pub unanswered: u64,
+    }
 }
 
-/// What a PC session has counted since it was made.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct PcStatistics {
-    /// Packets sent.
-    pub packets: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Inputs that the state did not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a PC session has counted since it was made.
+    pub struct PcStatistics {
+        /// Packets sent.
+        pub packets: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+    }
 }
-
-robot_session::counters!(RobotStatistics);
-robot_session::counters!(PcStatistics);
 
 #[cfg(test)]
 mod tests {

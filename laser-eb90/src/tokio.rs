@@ -18,6 +18,7 @@
 
 use core::fmt;
 use core::time::Duration;
+use robot_session::End as _;
 use std::boxed::Box;
 use std::collections::VecDeque;
 use std::io;

@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-/// The counters of an end: its own, and two that the loop of every session keeps. [`counters!`](crate::counters!) implements it.
+/// The counters of an end: its own, and two that the loop of every session keeps. [`counters!`](crate::counters!) defines them.
 pub trait Counters: Copy + Default + Debug + PartialEq {
     /// Inputs that the machine's state did not allow.
     fn unexpected(&mut self) -> &mut u64;
@@ -11,10 +11,36 @@ pub trait Counters: Copy + Default + Debug + PartialEq {
     fn dropped_notices(&mut self) -> &mut u64;
 }
 
-/// Implements [`Counters`](trait@crate::Counters) for a struct with the fields `unexpected` and `dropped_notices`.
+/// Defines the counters of an end: those that are listed, and the two that the loop of every session keeps. The crate has the features
+/// `defmt` and `serde`.
+///
+/// ```
+/// robot_session::counters! {
+///     /// Counters of a host.
+///     pub struct HostStatistics {
+///         /// Polls sent.
+///         pub polls: u64,
+///     }
+/// }
+///
+/// assert_eq!(HostStatistics::default().unexpected, 0);
+/// ```
 #[macro_export]
 macro_rules! counters {
-    ($counters:ty) => {
+    ($(#[$about:meta])* pub struct $counters:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+        #[non_exhaustive]
+        pub struct $counters {
+            $($(#[$doc])* pub $field: $type,)*
+            /// Inputs that the state does not allow.
+            pub unexpected: u64,
+            /// Notices dropped because the event queue was full.
+            pub dropped_notices: u64,
+        }
+
         impl $crate::Counters for $counters {
             fn unexpected(&mut self) -> &mut u64 {
                 &mut self.unexpected

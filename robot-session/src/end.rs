@@ -59,7 +59,7 @@ pub trait End: Sized {
     /// For how many outcomes there must be room.
     const ROOM: Room;
 
-    /// What it consists of. [`core!`](crate::core) has both accessors.
+    /// What it consists of. [`core!`](crate::core) has both accessors, and [`unexpected`](Self::unexpected).
     fn core(&self) -> &CoreOf<Self>;
 
     /// What it consists of.
@@ -82,6 +82,18 @@ pub trait End: Sized {
 
     /// The event of an input that the state does not allow.
     fn unexpected(unexpected: Unexpected) -> EventOf<Self>;
+
+    /// What it works with.
+    #[inline]
+    fn config(&self) -> &ConfigOf<Self> {
+        &self.core().config
+    }
+
+    /// What it decides.
+    #[inline]
+    fn machine(&self) -> &Self::Machine {
+        &self.core().machine
+    }
 
     /// Bytes have arrived, and are not yet decoded. False: they are not read.
     #[inline]
@@ -123,6 +135,17 @@ pub trait End: Sized {
             Ok(action) => self.act(now, action, payload),
             Err(unexpected) => self.refuse(unexpected),
         }
+    }
+
+    /// Gives the machine an input of the caller, whom it may refuse.
+    ///
+    /// # Errors
+    /// The state does not allow it. Nothing has changed, and nothing is reported.
+    #[inline]
+    fn ask(&mut self, now: Duration, input: InputOf<Self>) -> Result<(), Unexpected> {
+        let action = self.core_mut().on(now, input)?;
+        self.act(now, action, None);
+        Ok(())
     }
 
     /// Gives the machine an input of the caller, after expired deadlines where these come first.
@@ -167,6 +190,8 @@ pub trait End: Sized {
 /// The [`Core`] of an end.
 pub type CoreOf<E> =
     Core<<E as End>::Machine, <E as End>::Decoder, <E as End>::Events, <E as End>::Statistics>;
+/// The [`Machine::Config`] of an end.
+pub type ConfigOf<E> = <<E as End>::Machine as Machine>::Config;
 /// The [`Machine::Input`] of an end.
 pub type InputOf<E> = <<E as End>::Machine as Machine>::Input;
 /// The [`Machine::Action`] of an end.
@@ -210,6 +235,15 @@ impl<M: Machine, D, Q: Default, S: Default> Core<M, D, Q, S> {
             moves.push(noted);
         }
         result
+    }
+}
+
+impl<M: Machine, D, Q: Events, S> Core<M, D, Q, S> {
+    /// Reports an outcome: what it is of was begun only with room for it.
+    #[inline]
+    pub fn push_outcome(&mut self, outcome: Q::Event) {
+        let pushed = self.events.push_outcome(outcome);
+        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
     }
 }
 
@@ -344,10 +378,10 @@ fn read_held<E: End>(end: &mut E, now: Duration) {
     }
 }
 
-/// The two accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`.
+/// The accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`, and the event of an [`Unexpected`].
 #[macro_export]
 macro_rules! core {
-    () => {
+    ($unexpected:path) => {
         #[inline(always)]
         fn core(&self) -> &$crate::CoreOf<Self> {
             &self.core
@@ -356,6 +390,10 @@ macro_rules! core {
         #[inline(always)]
         fn core_mut(&mut self) -> &mut $crate::CoreOf<Self> {
             &mut self.core
+        }
+
+        fn unexpected(unexpected: $crate::Unexpected) -> $crate::EventOf<Self> {
+            $unexpected(unexpected)
         }
     };
 }

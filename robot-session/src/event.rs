@@ -119,6 +119,12 @@ pub trait Events: Default {
     /// What has happened.
     type Event;
 
+    /// [`EventQueue::push_outcome`].
+    ///
+    /// # Errors
+    /// The queue is full of outcomes: `event` is returned.
+    fn push_outcome(&mut self, event: Self::Event) -> Result<(), Self::Event>;
+
     /// [`EventQueue::push_notice`].
     fn push_notice(&mut self, event: Self::Event);
 
@@ -134,6 +140,11 @@ pub trait Events: Default {
 
 impl<E, const N: usize> Events for EventQueue<E, N> {
     type Event = E;
+
+    #[inline]
+    fn push_outcome(&mut self, event: E) -> Result<(), E> {
+        Self::push_outcome(self, event)
+    }
 
     #[inline]
     fn push_notice(&mut self, event: E) {

@@ -50,7 +50,7 @@ pub use bytes::ByteDecoder;
 pub use counters::Counters;
 pub use decoder::Decoder;
 pub use encode::Encode;
-pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
+pub use end::{ActionOf, ConfigOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
 pub use ended::{Ended, STALL};
 pub use event::{EventQueue, Events};

@@ -116,26 +116,18 @@ pub enum Failure {
     Malformed(DecodeError),
 }
 
-/// The counters of a client.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct ClientStatistics {
-    /// Requests that were made.
-    pub requests: u64,
-    /// Requests that have a reply, exceptions among them.
-    pub replies: u64,
-    /// Requests that failed.
-    pub failures: u64,
-    /// Unexpected replies.
-    pub strays: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Inputs that the machine did not expect: the caller violated the contract.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// The counters of a client.
+    pub struct ClientStatistics {
+        /// Requests that were made.
+        pub requests: u64,
+        /// Requests that have a reply, exceptions among them.
+        pub replies: u64,
+        /// Requests that failed.
+        pub failures: u64,
+        /// Unexpected replies.
+        pub strays: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+    }
 }
-
-robot_session::counters!(ClientStatistics);

@@ -10,7 +10,7 @@ mod places;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, Encode as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, Encode as _, End, EventQueue, Room};
 
 pub use config::ClientConfig;
 #[doc(hidden)]
@@ -142,16 +142,6 @@ impl<const N: usize, F: Framings> Client<N, F> {
         self.core.decoder.pending()
     }
 
-    /// The state of the machine.
-    pub const fn machine(&self) -> &ClientMachine<N> {
-        &self.core.machine
-    }
-
-    /// The configuration.
-    pub const fn config(&self) -> &ClientConfig {
-        &self.core.config
-    }
-
     /// Gives the machine an input of which nothing follows but its state.
     #[inline(always)] // as `ClientMachine::on`
     fn tell(&mut self, input: Input) {
@@ -202,7 +192,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         place.keep_reply(frame.pdu);
         self.core.statistics.replies += 1;
         let (ticket, unit) = (place.ticket, frame.unit);
-        self.report(ClientEvent::Replied { ticket, unit });
+        self.core.push_outcome(ClientEvent::Replied { ticket, unit });
     }
 
     /// The request has ended, and its place still says what it asked for.
@@ -236,13 +226,8 @@ impl<const N: usize, F: Framings> Client<N, F> {
     fn fail(&mut self, place: u8, failure: Failure) {
         self.core.statistics.failures += 1;
         if let Some(ticket) = self.ticket(place) {
-            self.report(ClientEvent::Failed { ticket, failure });
+            self.core.push_outcome(ClientEvent::Failed { ticket, failure });
         }
-    }
-
-    /// There is room for every place's outcome.
-    fn report(&mut self, outcome: ClientEvent) {
-        let _ = self.core.events.push_outcome(outcome);
     }
 
     fn ticket(&self, place: u8) -> Option<Ticket> {
@@ -264,7 +249,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     /// Every place's outcome has room.
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(ClientEvent::Unexpected);
 
     #[inline(always)]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
@@ -290,7 +275,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             Action::Replied { place } => self.replied(place, frame),
             Action::Announced { place } => {
                 if let Some(ticket) = self.ticket(place) {
-                    self.report(ClientEvent::Announced { ticket });
+                    self.core.push_outcome(ClientEvent::Announced { ticket });
                 }
             }
             Action::Refused { place } => self.refused(place, frame),
@@ -312,10 +297,6 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         let frame = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() };
         let length = frame.encode(out).ok()?;
         Some((length, Input::Sent(due)))
-    }
-
-    fn unexpected(unexpected: Unexpected) -> ClientEvent {
-        ClientEvent::Unexpected(unexpected)
     }
 
     #[inline(always)]

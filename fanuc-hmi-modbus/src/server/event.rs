@@ -40,22 +40,14 @@ pub enum ServerEvent {
     Unexpected(Unexpected),
 }
 
-/// The counters of a server.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct ServerStatistics {
-    /// Requests that were carried out, or refused with an exception.
-    pub served: u64,
-    /// On a serial line: requests that were neither carried out nor answered, see [`ServerEvent::Refused`].
-    pub refused: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Inputs that the machine did not expect: the caller violated the contract.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// The counters of a server.
+    pub struct ServerStatistics {
+        /// Requests that were carried out, or refused with an exception.
+        pub served: u64,
+        /// On a serial line: requests that were neither carried out nor answered, see [`ServerEvent::Refused`].
+        pub refused: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+    }
 }
-
-robot_session::counters!(ServerStatistics);

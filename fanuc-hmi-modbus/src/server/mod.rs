@@ -9,7 +9,7 @@ mod replies;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, End, EventQueue, Room};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -77,16 +77,6 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// What requests are carried out on.
     pub const fn registers_mut(&mut self) -> &mut R {
         &mut self.registers
-    }
-
-    /// The state of the machine.
-    pub const fn machine(&self) -> &ServerMachine<N> {
-        &self.core.machine
-    }
-
-    /// The configuration.
-    pub const fn config(&self) -> &ServerConfig {
-        &self.core.config
     }
 
     /// On TCP a client that stops within corruption is out of step: its next valid frame may never come.
@@ -158,7 +148,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(ServerEvent::Unexpected);
 
     #[inline]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
@@ -200,10 +190,6 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     fn write(&mut self, _now: Duration, Due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.first_chunk_mut::<{ Frame::MAX_LEN }>()?;
         Some((self.replies.pop(out)?, Input::Sent))
-    }
-
-    fn unexpected(unexpected: Unexpected) -> ServerEvent {
-        ServerEvent::Unexpected(unexpected)
     }
 
     #[inline]

@@ -10,7 +10,7 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::thread;
 
 use crate::common::{Bank, MS, bytes, read, transmitted};
-use fanuc_hmi_modbus::robot_session::{Ended, Session as _, drive};
+use fanuc_hmi_modbus::robot_session::{End as _, Ended, Session, drive};
 use fanuc_hmi_modbus::{
     ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
     Words, WordsMut, function, limit, serve,
@@ -307,7 +307,7 @@ fn a_client_is_out_of_step_where_its_requests_have_waited() {
 /// How many bytes are kept at every time when input is wanted; a caller who gives more loses some, and is told.
 #[test]
 fn what_arrives_is_kept_while_the_places_are_taken() {
-    let most = Server::<Bank>::MAX_INPUT;
+    let most = <Server<Bank> as Session>::MAX_INPUT;
     assert_eq!(most, 504);
     // Of less the rest may come.
     for garbage in (0..=600).filter(|garbage| !(1..5).contains(garbage)) {

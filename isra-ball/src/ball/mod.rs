@@ -51,24 +51,18 @@ pub enum BallEvent {
     Unexpected(Unexpected),
 }
 
-/// Counters of a ball.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct BallStatistics {
-    /// Replies with new values.
-    pub fresh: u64,
-    /// Replies with values that were sent before.
-    pub old: u64,
-    /// Polls that came before the reply to the last one was sent.
-    pub ignored: u64,
-    /// Bytes that were not polls.
-    pub unknown: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a ball.
+    pub struct BallStatistics {
+        /// Replies with new values.
+        pub fresh: u64,
+        /// Replies with values that were sent before.
+        pub old: u64,
+        /// Polls that came before the reply to the last one was sent.
+        pub ignored: u64,
+        /// Bytes that were not polls.
+        pub unknown: u64,
+    }
 }
 
 impl Ball {
@@ -87,11 +81,6 @@ impl Ball {
         self.advance(Duration::ZERO, Input::Measured, None);
     }
 
-    /// The machine.
-    pub fn machine(&self) -> &BallMachine {
-        &self.core.machine
-    }
-
     fn reply(&self, Reply { fresh }: Reply) -> Packet {
         Packet { status: if fresh { Status::Fresh } else { Status::Old }, ..self.packet }
     }
@@ -108,7 +97,7 @@ impl End for Ball {
     const MAX_TRANSMIT: usize = Packet::LEN;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(BallEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         loop {
@@ -140,10 +129,4 @@ impl End for Ball {
         *out.first_chunk_mut()? = self.reply(reply).to_bytes().ok()?;
         Some((Packet::LEN, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> BallEvent {
-        BallEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(BallStatistics);

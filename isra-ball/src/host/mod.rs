@@ -68,30 +68,24 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// Counters of a host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct HostStatistics {
-    /// Polls sent.
-    pub polls: u64,
-    /// Replies with new values.
-    pub packets: u64,
-    /// Other replies.
-    pub old: u64,
-    /// Polls without a reply.
-    pub missed: u64,
-    /// How often the values became too old.
-    pub stale: u64,
-    /// Packets that were not replies.
-    pub unasked: u64,
-    /// Decode errors.
-    pub corrupt: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a host.
+    pub struct HostStatistics {
+        /// Polls sent.
+        pub polls: u64,
+        /// Replies with new values.
+        pub packets: u64,
+        /// Other replies.
+        pub old: u64,
+        /// Polls without a reply.
+        pub missed: u64,
+        /// How often the values became too old.
+        pub stale: u64,
+        /// Packets that were not replies.
+        pub unasked: u64,
+        /// Decode errors.
+        pub corrupt: u64,
+    }
 }
 
 impl Host {
@@ -112,11 +106,6 @@ impl Host {
         self.core.machine.live_until()
     }
 
-    /// The machine.
-    pub fn machine(&self) -> &HostMachine {
-        &self.core.machine
-    }
-
     fn report(&mut self, outcome: HostEvent) {
         let count = match outcome {
             HostEvent::Packet(_) => &mut self.core.statistics.packets,
@@ -125,8 +114,7 @@ impl Host {
             _ => &mut self.core.statistics.stale,
         };
         *count += 1;
-        // A poll is sent only when its outcomes have room.
-        let _ = self.core.events.push_outcome(outcome);
+        self.core.push_outcome(outcome);
     }
 }
 
@@ -142,7 +130,7 @@ impl End for Host {
     /// Between a poll and the next: values that become stale, the poll's own, and its values that become stale.
     const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
 
-    robot_session::core!();
+    robot_session::core!(HostEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<Packet>)> {
         loop {
@@ -190,10 +178,4 @@ impl End for Host {
         self.finish(now);
         Some((1, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> HostEvent {
-        HostEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(HostStatistics);

@@ -1,3 +1,5 @@
+use robot_session::Unexpected;
+
 use crate::error::{DecodeError, FieldError, MessageError};
 use crate::pc::state::CommandOutcome;
 use crate::phase::Phase;
@@ -45,5 +47,5 @@ pub enum PcEvent {
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
     /// A call that is invalid in this state; nothing has changed.
-    Unexpected { state: &'static str, input: &'static str },
+    Unexpected(Unexpected),
 }

@@ -107,7 +107,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             return Err(SessionError::TooManyEvents);
         }
         let active = self.core.machine.order.number();
-        self.ask(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
+        self.ask(Duration::ZERO, Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
         self.source = Some(source);
         Ok(())
     }
@@ -144,9 +144,9 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         };
         // The robot may report the end before it asks for a job.
         let total = matches!(source.job(sent), Supply::End).then_some(sent);
-        self.ask(Input::Resume { order, executed, sent, total }).map_err(|_| error)?;
+        self.ask(Duration::ZERO, Input::Resume { order, executed, sent, total }).map_err(|_| error)?;
         for index in ahead {
-            let _always = self.ask(Input::Ahead { index });
+            let _always = self.ask(Duration::ZERO, Input::Ahead { index });
         }
         self.source = Some(source);
         Ok(())
@@ -157,7 +157,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When no order is active.
     pub fn end(&mut self) -> Result<(), SessionError> {
-        self.ask(Input::End).map_err(|_| SessionError::NoOrder)
+        self.ask(Duration::ZERO, Input::End).map_err(|_| SessionError::NoOrder)
     }
 
     /// Ends the order when the job that is being executed is done. It cannot go on after that (thesis, section 11.1).
@@ -169,7 +169,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         if self.dialect.entry(role).is_none() {
             return Err(SessionError::Lacks { role });
         }
-        self.ask(Input::Interrupt).map_err(|_| SessionError::NoOrder)
+        self.ask(Duration::ZERO, Input::Interrupt).map_err(|_| SessionError::NoOrder)
     }
 
     /// Sends a command that bypasses the queue, once, with the next answer: no reply is defined for it. Its outcome is
@@ -187,7 +187,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         if !self.core.events.has_room(OUTCOMES) {
             return Err(too_many);
         }
-        self.ask(Input::Command).map_err(|_| too_many)?;
+        self.ask(Duration::ZERO, Input::Command).map_err(|_| too_many)?;
         if let Some(command) = self.commands.get_mut(place) {
             *command = (id, value);
         }
@@ -199,11 +199,6 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         let count = &self.core.machine.count;
         index < count.executed
             || index < count.sent && count.ahead.contains(self.core.config.numbering().next(index))
-    }
-
-    /// Everything that decides what the session does next.
-    pub const fn machine(&self) -> &Machine<WORDS> {
-        &self.core.machine
     }
 
     /// How far the order is.
@@ -232,23 +227,10 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         self.core.machine.count.sent
     }
 
-    /// A request of the caller.
-    fn ask(&mut self, input: Input) -> Result<(), Unexpected> {
-        let action = self.core.on(Duration::ZERO, input)?;
-        self.act(Duration::ZERO, action, None);
-        Ok(())
-    }
-
-    /// An outcome: what it is of was begun only with room for it.
-    fn push_outcome(&mut self, outcome: PcEvent) {
-        let pushed = self.core.events.push_outcome(outcome);
-        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
-    }
-
     /// The first commands have an outcome.
     fn commands_end(&mut self, count: u8, outcome: CommandOutcome) {
         for (id, value) in self.commands.into_iter().take(count.into()) {
-            self.push_outcome(PcEvent::Command { id, value, outcome });
+            self.core.push_outcome(PcEvent::Command { id, value, outcome });
         }
         self.commands.rotate_left(count.into());
     }
@@ -274,7 +256,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
                 Ok(PacketRoom::Added) => sent.jobs += 1,
                 Err(EncodeError::Field(error)) => {
                     sent.rest = Rest::Unfit;
-                    return self.push_outcome(PcEvent::JobUnfit { order, index, error });
+                    return self.core.push_outcome(PcEvent::JobUnfit { order, index, error });
                 }
                 Ok(PacketRoom::Full) | Err(_) => return,
             }
@@ -330,7 +312,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(PcEvent::Unexpected);
 
     fn begin_input(&mut self, _now: Duration) -> bool {
         let is_connected = self.core.machine.is_connected();
@@ -403,7 +385,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             Action::Sent => self.core.statistics.packets += 1,
             Action::Outcome { order, outcome } => {
                 self.source = None;
-                self.push_outcome(match outcome {
+                self.core.push_outcome(match outcome {
                     Outcome::Over { executed, complete } => PcEvent::OrderOver { order, executed, complete },
                     Outcome::Unknown { executed, sent } => PcEvent::OutcomeUnknown { order, executed, sent },
                     Outcome::GivenUp { active } => PcEvent::OrderRefused { order, active, given_up: true },
@@ -458,9 +440,5 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             self.advance(Duration::ZERO, Input::Reported, None);
             Some(event)
         })
-    }
-
-    fn unexpected(Unexpected { state, input }: Unexpected) -> PcEvent {
-        PcEvent::Unexpected { state, input }
     }
 }

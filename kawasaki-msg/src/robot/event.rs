@@ -1,3 +1,5 @@
+use robot_session::Unexpected;
+
 use crate::error::{DecodeError, MessageError};
 use crate::phase::Phase;
 use crate::robot::state::RecoveryStep;
@@ -49,5 +51,5 @@ pub enum RobotEvent {
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
     /// A call that is invalid in this state; nothing has changed.
-    Unexpected { state: &'static str, input: &'static str },
+    Unexpected(Unexpected),
 }

@@ -79,7 +79,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
                 true
             }
             (_, Role::Command(id)) if events.has_room(2 * OF_ORDER + 1) => {
-                self.push_outcome(RobotEvent::Command { id, value: received.params.get(Field::Value) });
+                self.core.push_outcome(RobotEvent::Command { id, value: received.params.get(Field::Value) });
                 true
             }
             (_, role @ Role::Command(_)) => {

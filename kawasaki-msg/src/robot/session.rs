@@ -141,11 +141,6 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
         self.core.statistics.unpack.record(time);
     }
 
-    /// Everything that decides what the session does next.
-    pub const fn machine(&self) -> &Machine<WORDS> {
-        &self.core.machine
-    }
-
     /// How far the order is.
     pub const fn phase(&self) -> Phase {
         self.core.machine.phase()
@@ -189,19 +184,6 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
         Ok(())
     }
 
-    /// A request of the caller.
-    fn ask(&mut self, now: Duration, input: Input) -> Result<(), Unexpected> {
-        let action = self.core.on(now, input)?;
-        self.act(now, action, None);
-        Ok(())
-    }
-
-    /// An outcome: what it is of was begun only with room for it.
-    pub(super) fn push_outcome(&mut self, outcome: RobotEvent) {
-        let pushed = self.core.events.push_outcome(outcome);
-        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
-    }
-
     /// The number of the job that is queued next.
     pub(super) fn next(&self) -> u16 {
         self.core.config.numbering().next(self.core.machine.queued)
@@ -220,7 +202,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     const MAX_TRANSMIT: usize = MESSAGE;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(RobotEvent::Unexpected);
 
     fn begin_input(&mut self, _now: Duration) -> bool {
         let is_connected = self.core.machine.is_connected();
@@ -304,22 +286,22 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             Action::Clear => self.jobs.writer.clear(),
             Action::Interrupt => {
                 self.jobs.writer.clear();
-                self.push_outcome(RobotEvent::OrderInterrupted { order });
+                self.core.push_outcome(RobotEvent::OrderInterrupted { order });
             }
             Action::Started => {
                 self.core.statistics.work_cycle.cancel();
-                self.push_outcome(RobotEvent::OrderStarted { order });
+                self.core.push_outcome(RobotEvent::OrderStarted { order });
             }
-            Action::Ending => self.push_outcome(RobotEvent::OrderEnding { order }),
+            Action::Ending => self.core.push_outcome(RobotEvent::OrderEnding { order }),
             Action::Over => {
                 self.jobs.writer.reset();
                 let order = self.core.machine.ended.map_or(0, |ended| ended.order);
-                self.push_outcome(RobotEvent::OrderOver { order, executed: self.core.machine.executed });
+                self.core.push_outcome(RobotEvent::OrderOver { order, executed: self.core.machine.executed });
             }
             Action::Cleared => self.core.events.push_notice(RobotEvent::QueueCleared { next: self.next() }),
             Action::Drained => self.core.events.push_notice(RobotEvent::QueueDrained { next: self.next() }),
             Action::Step(RecoveryStep::Alarm) => {
-                self.push_outcome(RobotEvent::Alarm { order, next: self.next() })
+                self.core.push_outcome(RobotEvent::Alarm { order, next: self.next() })
             }
             Action::Step(step) => {
                 if step == RecoveryStep::Clear {
@@ -354,9 +336,5 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
             self.advance(Duration::ZERO, Input::Reported, None);
             Some(event)
         })
-    }
-
-    fn unexpected(Unexpected { state, input }: Unexpected) -> RobotEvent {
-        RobotEvent::Unexpected { state, input }
     }
 }

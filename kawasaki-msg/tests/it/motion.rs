@@ -7,7 +7,7 @@ use core::time::Duration;
 use std::rc::Rc;
 
 use kawasaki_msg::motion::{JobQueue, Motion, boxed, boxed_with};
-use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::robot_session::{End as _, Session as _};
 use kawasaki_msg::robot_work_queue::{NoWake, Wake};
 use kawasaki_msg::{Acks, Line, Robot, RobotConfig, RobotEvent};
 
@@ -86,7 +86,7 @@ fn a_job_that_overtakes_is_reported_where_none_may() {
         let last = motion.take_where(|job| job.number == 3).unwrap().complete();
         assert_eq!((last.order, last.number), (50, 3));
         robot.handle_timeout(4 * MS);
-        let unexpected = events(&mut robot).iter().any(|it| matches!(it, RobotEvent::Unexpected { .. }));
+        let unexpected = events(&mut robot).iter().any(|it| matches!(it, RobotEvent::Unexpected(_)));
         assert_eq!(unexpected, executed == 0);
         if executed > 0 {
             assert_eq!(motion.iter().map(|job| job.number).collect::<Vec<_>>(), [1, 2]);

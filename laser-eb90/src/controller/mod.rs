@@ -86,26 +86,20 @@ fn refusal<S: serde::Serializer>(refusal: &Refusal, serializer: S) -> Result<S::
     robot_session::under::name("refusal", refusal, serializer)
 }
 
-/// Counters of a controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct ControllerStatistics {
-    /// Instructions queued.
-    pub queued: u64,
-    /// Immediate instructions and queries to execute.
-    pub executed: u64,
-    /// Refused frames and runs of corrupt bytes.
-    pub refused: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Answers sent.
-    pub answers: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a controller.
+    pub struct ControllerStatistics {
+        /// Instructions queued.
+        pub queued: u64,
+        /// Immediate instructions and queries to execute.
+        pub executed: u64,
+        /// Refused frames and runs of corrupt bytes.
+        pub refused: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+        /// Answers sent.
+        pub answers: u64,
+    }
 }
 
 const EVENTS: usize = 8;
@@ -176,11 +170,6 @@ where
         &mut self.queue
     }
 
-    /// The machine.
-    pub fn machine(&self) -> &ControllerMachine {
-        &self.core.machine
-    }
-
     fn check_executing(&self) -> Result<(), SessionError> {
         let is_taken = self.core.events.has_room(EVENTS);
         if is_taken && !self.core.machine.reads() { Ok(()) } else { Err(SessionError::NotExecuting) }
@@ -226,7 +215,7 @@ where
     /// Its one outcome was taken when the instruction before was answered.
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(ControllerEvent::Unexpected);
 
     /// Instructions are queued here: whether they all can be is known only then.
     fn next_input(&mut self) -> Option<(Input, Option<ControllerEvent>)> {
@@ -272,8 +261,7 @@ where
         match (action, frame) {
             (Action::Execute, Some(event)) => {
                 self.core.statistics.executed += 1;
-                // There is room: the event before was taken when its instruction was answered.
-                let _ = self.core.events.push_outcome(event);
+                self.core.push_outcome(event);
             }
             (Action::Answer(Answer::Echo(_)), Some(event)) => {
                 self.len = 0;
@@ -294,10 +282,6 @@ where
         Some((self.encode(answer, out)?, Input::Sent))
     }
 
-    fn unexpected(unexpected: Unexpected) -> ControllerEvent {
-        ControllerEvent::Unexpected(unexpected)
-    }
-
     /// Also while an instruction is executed: a frame that comes before the answer withdraws it, and so it must not wait in the port.
     fn takes_input(&self) -> bool {
         true
@@ -313,5 +297,3 @@ where
         self.advance(now, Input::Read { partial }, None);
     }
 }
-
-robot_session::counters!(ControllerStatistics);

@@ -1,5 +1,6 @@
 //! The host: the PC that sends instructions and learns whether they were taken.
 
+mod buffers;
 mod config;
 mod link;
 pub mod machine;
@@ -8,13 +9,14 @@ use core::time::Duration;
 
 use robot_session::{Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
 
+use self::buffers::{Buffer, Buffers};
 pub use self::config::HostConfig;
 #[doc(hidden)]
 pub use self::config::Rule;
 use self::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome, UnknownReason};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, EncodeError, SessionError};
-use crate::frame::{Frame, MAX_PAYLOAD};
+use crate::frame::Frame;
 use crate::instruction::{Instruction, word_of};
 use crate::items::Items;
 use crate::payload::Payload;
@@ -104,26 +106,20 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// Counters of a host.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct HostStatistics {
-    /// Instructions submitted: also the number of the next one.
-    pub submitted: u64,
-    /// Frames sent, again or for the first time.
-    pub frames: u64,
-    /// Frames sent again.
-    pub resends: u64,
-    /// Unsolicited answers.
-    pub unasked: u64,
-    /// Runs of corrupt bytes.
-    pub corrupt: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a host.
+    pub struct HostStatistics {
+        /// Instructions submitted: also the number of the next one.
+        pub submitted: u64,
+        /// Frames sent, again or for the first time.
+        pub frames: u64,
+        /// Frames sent again.
+        pub resends: u64,
+        /// Unsolicited answers.
+        pub unasked: u64,
+        /// Runs of corrupt bytes.
+        pub corrupt: u64,
+    }
 }
 
 const EVENTS: usize = 8;
@@ -209,27 +205,15 @@ impl Host {
             && self.core.events.has_room(EVENTS)
     }
 
-    /// The configuration.
-    pub fn config(&self) -> &HostConfig {
-        &self.core.config
-    }
-
-    /// The machine.
-    pub fn machine(&self) -> &HostMachine {
-        &self.core.machine
-    }
-
     /// The event of a frame's outcome.
     fn report(&mut self, batch: Batch, outcome: Outcome) {
         let (first, count) = (batch.first, batch.count);
-        let event = match outcome {
+        self.core.push_outcome(match outcome {
             Outcome::Done { .. } if batch.class == Class::Query => HostEvent::Answer { ticket: first },
             Outcome::Done { resends, unanswered } => HostEvent::Done { first, count, resends, unanswered },
             Outcome::Refused(refusal) => HostEvent::Refused { first, count, refusal },
             Outcome::Unknown(reason) => HostEvent::Unknown { first, count, reason },
-        };
-        // There is room: a frame is sent when no outcome waits.
-        let _ = self.core.events.push_outcome(event);
+        });
     }
 }
 
@@ -244,7 +228,7 @@ impl End for Host {
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room { connect: 0, read: 0, transmit: EVENTS };
 
-    robot_session::core!();
+    robot_session::core!(HostEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         let frame = self.core.decoder.next_frame()?;
@@ -295,73 +279,7 @@ impl End for Host {
         Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))
     }
 
-    fn unexpected(unexpected: Unexpected) -> HostEvent {
-        HostEvent::Unexpected(unexpected)
-    }
-
     fn transmitted(&mut self, now: Duration) {
         self.advance(now, Input::Transmitted, None);
     }
 }
-
-/// The payload that is being written, and the one before.
-#[derive(Debug, Clone)]
-struct Buffers {
-    buffers: [Buffer; 2],
-    /// The second is being written.
-    swapped: bool,
-}
-
-impl Buffers {
-    const EMPTY: Self = Self { buffers: [Buffer::EMPTY; 2], swapped: false };
-
-    fn next(&self) -> &Buffer {
-        let [first, second] = &self.buffers;
-        if self.swapped { second } else { first }
-    }
-
-    fn next_mut(&mut self) -> &mut Buffer {
-        let [first, second] = &mut self.buffers;
-        if self.swapped { second } else { first }
-    }
-
-    fn last(&self) -> &Buffer {
-        let [first, second] = &self.buffers;
-        if self.swapped { first } else { second }
-    }
-
-    /// What was being written is the last one.
-    fn swap(&mut self) {
-        self.swapped = !self.swapped;
-    }
-}
-
-/// The bytes of a payload.
-#[derive(Debug, Clone)]
-struct Buffer {
-    bytes: [u8; MAX_PAYLOAD],
-    len: u16,
-}
-
-const _: () = assert!(MAX_PAYLOAD <= u16::MAX as usize);
-
-impl Buffer {
-    const EMPTY: Self = Self { bytes: [0; MAX_PAYLOAD], len: 0 };
-
-    fn as_bytes(&self) -> &[u8] {
-        self.bytes.get(..self.len.into()).unwrap_or_default()
-    }
-
-    fn set_len(&mut self, len: usize) {
-        self.len = u16::try_from(len).unwrap_or_default();
-    }
-
-    fn copy(&mut self, bytes: &[u8]) {
-        if let Some(slot) = self.bytes.get_mut(..bytes.len()) {
-            slot.copy_from_slice(bytes);
-            self.set_len(bytes.len());
-        }
-    }
-}
-
-robot_session::counters!(HostStatistics);

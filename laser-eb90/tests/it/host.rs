@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use crate::common::{CUT, MS, READY, STOP, WHERE, cut, echo, encoded, host, write_cut};
-use laser_eb90::robot_session::{Machine as _, Session as _, Unexpected};
+use laser_eb90::robot_session::{End as _, Machine as _, Session as _, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
     SessionError, UnknownReason, timing,

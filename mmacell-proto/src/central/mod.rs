@@ -6,7 +6,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room};
 
 pub use self::config::CentralConfig;
 #[doc(hidden)]
@@ -40,24 +40,18 @@ pub struct Central<P: Pose> {
 /// The outcomes that can wait: a command's and its connection's, twice.
 const OUTCOMES: usize = 4;
 
-/// Counters of a central controller's end.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct CentralStatistics {
-    /// Connections that were made.
-    pub connections: u64,
-    /// Commands that were sent.
-    pub commands: u64,
-    /// Lines that arrived, corrupt ones included.
-    pub lines: u64,
-    /// Commands whose outcome is unknown.
-    pub unknown: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a central controller's end.
+    pub struct CentralStatistics {
+        /// Connections that were made.
+        pub connections: u64,
+        /// Commands that were sent.
+        pub commands: u64,
+        /// Lines that arrived, corrupt ones included.
+        pub lines: u64,
+        /// Commands whose outcome is unknown.
+        pub unknown: u64,
+    }
 }
 
 impl<P: Pose> Central<P> {
@@ -82,13 +76,10 @@ impl<P: Pose> Central<P> {
         if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::Busy);
         }
-        match self.core.on(Duration::ZERO, Input::Request(command)) {
-            Ok(_) => Ok(()),
-            Err(_) if matches!(self.core.machine.link, CentralLink::Down | CentralLink::Ended) => {
-                Err(SessionError::NotConnected)
-            }
-            Err(_) => Err(SessionError::Busy),
-        }
+        self.ask(Duration::ZERO, Input::Request(command)).map_err(|_| match self.core.machine.link {
+            CentralLink::Down | CentralLink::Ended => SessionError::NotConnected,
+            _ => SessionError::Busy,
+        })
     }
 
     /// Aborts the command that is not finished, if there is one. If it was not sent, it will not be; if it was, its outcome is
@@ -112,22 +103,11 @@ impl<P: Pose> Central<P> {
         matches!(self.core.machine.link, CentralLink::Ended)
     }
 
-    /// Its state.
-    pub const fn machine(&self) -> &CentralMachine<P> {
-        &self.core.machine
-    }
-
-    /// The configuration.
-    pub const fn config(&self) -> &CentralConfig {
-        &self.core.config
-    }
-
     fn report(&mut self, event: CentralEvent<P>) {
         if let CentralEvent::Closed { unfinished: Unfinished::Unknown(_), .. } = event {
             self.core.statistics.unknown += 1;
         }
-        // A command is requested, and a connection begun, only where there is room for their outcomes.
-        let _ = self.core.events.push_outcome(event);
+        self.core.push_outcome(event);
     }
 }
 
@@ -143,7 +123,7 @@ impl<P: Pose> End for Central<P> {
     /// Two outcomes at most: the connection before, and this one.
     const ROOM: Room = Room { connect: 2, ..Room::NONE };
 
-    robot_session::core!();
+    robot_session::core!(CentralEvent::Unexpected);
 
     #[inline]
     fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
@@ -173,10 +153,4 @@ impl<P: Pose> End for Central<P> {
     fn write(&mut self, _now: Duration, command: Command<P>, out: &mut [u8]) -> Option<(usize, Input<P>)> {
         Some((command.in_dialect(self.core.config.writes).encode(out).ok()?, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> CentralEvent<P> {
-        CentralEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(CentralStatistics);

@@ -6,7 +6,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room};
 
 pub use self::config::DeviceConfig;
 #[doc(hidden)]
@@ -46,24 +46,18 @@ pub struct Device<P: Pose> {
 
 const BACKLOG: usize = 512;
 
-/// Counters of a device's end.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct DeviceStatistics {
-    /// Connections that were made.
-    pub connections: u64,
-    /// Lines that were read, corrupt ones included.
-    pub lines: u64,
-    /// Replies that were sent.
-    pub replies: u64,
-    /// Commands that the protocol itself refused.
-    pub rejected: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a device's end.
+    pub struct DeviceStatistics {
+        /// Connections that were made.
+        pub connections: u64,
+        /// Lines that were read, corrupt ones included.
+        pub lines: u64,
+        /// Replies that were sent.
+        pub replies: u64,
+        /// Commands that the protocol itself refused.
+        pub rejected: u64,
+    }
 }
 
 impl<P: Pose> Device<P> {
@@ -101,10 +95,7 @@ impl<P: Pose> Device<P> {
     /// This order is not pending, or the number has no form on the wire. Nothing changes.
     pub fn refuse(&mut self, order: Order<P>, error: ErrorCode) -> Result<(), SessionError> {
         Reply::<P>::Error { error }.in_dialect(self.core.config.writes).encode(&mut [0; 16])?;
-        match self.core.on(Duration::ZERO, Input::Refuse(order, error)) {
-            Ok(_) => Ok(()),
-            Err(_) => Err(SessionError::NotPending),
-        }
+        self.ask(Duration::ZERO, Input::Refuse(order, error)).map_err(|_| SessionError::NotPending)
     }
 
     /// Sets the pose of the axes. A pose that cannot be encoded is treated as unknown, and a status is then refused.
@@ -134,22 +125,9 @@ impl<P: Pose> Device<P> {
         matches!(self.core.machine.link, DeviceLink::Ended)
     }
 
-    /// Its state.
-    pub const fn machine(&self) -> &DeviceMachine<P> {
-        &self.core.machine
-    }
-
-    /// The configuration.
-    pub const fn config(&self) -> &DeviceConfig {
-        &self.core.config
-    }
-
     fn report(&mut self, event: DeviceEvent<P>) {
         match event {
-            DeviceEvent::Asked { .. } | DeviceEvent::Closed { .. } => {
-                // A line is read, and a connection begun, only where there is room for their outcomes.
-                let _ = self.core.events.push_outcome(event);
-            }
+            DeviceEvent::Asked { .. } | DeviceEvent::Closed { .. } => self.core.push_outcome(event),
             DeviceEvent::Rejected { .. } => {
                 self.core.statistics.rejected += 1;
                 self.core.events.push_notice(event);
@@ -172,7 +150,7 @@ impl<P: Pose> End for Device<P> {
     /// An order and the end of the connection.
     const ROOM: Room = Room { connect: 2, read: 2, transmit: 0 };
 
-    robot_session::core!();
+    robot_session::core!(DeviceEvent::Unexpected);
 
     #[inline]
     fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
@@ -201,14 +179,8 @@ impl<P: Pose> End for Device<P> {
         Some((reply.in_dialect(self.core.config.writes).encode(out).ok()?, Input::Sent))
     }
 
-    fn unexpected(unexpected: Unexpected) -> DeviceEvent<P> {
-        DeviceEvent::Unexpected(unexpected)
-    }
-
     fn overrun(&mut self, now: Duration) {
         self.advance(now, Input::Overrun, None);
         self.core.decoder.clear();
     }
 }
-
-robot_session::counters!(DeviceStatistics);

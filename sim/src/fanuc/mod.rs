@@ -6,6 +6,7 @@ mod faults;
 mod tables;
 
 use core::time::Duration;
+use robot_session::End as _;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fanuc_hmi_modbus::{

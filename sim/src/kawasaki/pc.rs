@@ -2,6 +2,7 @@
 
 use core::fmt::Debug;
 use core::time::Duration;
+use robot_session::End as _;
 use std::sync::Arc;
 
 use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};

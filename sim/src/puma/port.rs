@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Session;
+use robot_session::{End as _, Session};
 use val2_alter::timing::transmission_time;
 use val2_alter::{Controller, ControllerEvent, ControllerStatistics, ErrorCode};
 

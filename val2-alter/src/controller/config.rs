@@ -161,30 +161,22 @@ fn exception<S: serde::Serializer>(exception: &Exception, serializer: S) -> Resu
     robot_session::under::name("exception", exception, serializer)
 }
 
-/// What a [`Controller`](crate::Controller) has counted since it was made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct ControllerStatistics {
-    /// Start messages sent.
-    pub attempts: u64,
-    /// Times that ALTER began.
-    pub starts: u64,
-    /// Standard messages sent.
-    pub cycles: u64,
-    /// Replies taken.
-    pub replies: u64,
-    /// Replies that could not be read.
-    pub bad_replies: u64,
-    /// Cycles without a reply: each has ended ALTER.
-    pub timeouts: u64,
-    /// Messages that no window was open for.
-    pub strays: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a [`Controller`](crate::Controller) has counted since it was made.
+    pub struct ControllerStatistics {
+        /// Start messages sent.
+        pub attempts: u64,
+        /// Times that ALTER began.
+        pub starts: u64,
+        /// Standard messages sent.
+        pub cycles: u64,
+        /// Replies taken.
+        pub replies: u64,
+        /// Replies that could not be read.
+        pub bad_replies: u64,
+        /// Cycles without a reply: each has ended ALTER.
+        pub timeouts: u64,
+        /// Messages that no window was open for.
+        pub strays: u64,
+    }
 }
-
-robot_session::counters!(ControllerStatistics);

@@ -11,7 +11,7 @@ pub use config::{ControllerConfig, ControllerEvent, ControllerStatistics, Unsele
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End as _, EventQueue, Room, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End as _, EventQueue, Room};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
@@ -111,11 +111,6 @@ impl Controller {
         self.applied
     }
 
-    /// The machine: what the session is doing.
-    pub fn machine(&self) -> &ControllerMachine {
-        &self.core.machine
-    }
-
     /// The state of the session.
     pub fn state(&self) -> ControllerState {
         match &self.core.machine.phase {
@@ -128,11 +123,6 @@ impl Controller {
                 Progress::Ending => ControllerState::Ending,
             },
         }
-    }
-
-    /// The configuration.
-    pub fn config(&self) -> &ControllerConfig {
-        &self.core.config
     }
 
     fn ask(&mut self, now: Duration, input: Input) -> Result<(), SessionError> {
@@ -151,16 +141,11 @@ impl Controller {
 
     fn started(&mut self, outcome: StartOutcome) {
         self.core.statistics.starts += u64::from(outcome == StartOutcome::Started);
-        self.push_outcome(match outcome {
+        self.core.push_outcome(match outcome {
             StartOutcome::Started => ControllerEvent::Started,
             StartOutcome::Refused => ControllerEvent::Refused,
             StartOutcome::GaveUp => ControllerEvent::GaveUp,
         });
-    }
-
-    fn push_outcome(&mut self, event: ControllerEvent) {
-        let pushed = self.core.events.push_outcome(event);
-        debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
     fn take(&mut self, reply: &Reply) {
@@ -205,7 +190,7 @@ impl robot_session::End for Controller {
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(ControllerEvent::Unexpected);
 
     fn begin_input(&mut self, now: Duration) -> bool {
         let is_connected = self.core.machine.is_connected();
@@ -255,7 +240,7 @@ impl robot_session::End for Controller {
                 match message {
                     Outgoing::Start(_) => self.core.statistics.attempts += 1,
                     Outgoing::Motion(..) => self.core.statistics.cycles += 1,
-                    Outgoing::End(error) => self.push_outcome(ControllerEvent::Ended(error)),
+                    Outgoing::End(error) => self.core.push_outcome(ControllerEvent::Ended(error)),
                 }
             }
             Action::Take(taken, handling) => {
@@ -268,8 +253,10 @@ impl robot_session::End for Controller {
                 self.core.events.push_notice(ControllerEvent::Reply { reply, values: self.applied });
                 match handling {
                     None => {}
-                    Some(Handling::Subroutine(code)) => self.push_outcome(ControllerEvent::Exception(code)),
-                    Some(Handling::Abort(code)) => self.push_outcome(ControllerEvent::Aborted(code)),
+                    Some(Handling::Subroutine(code)) => {
+                        self.core.push_outcome(ControllerEvent::Exception(code))
+                    }
+                    Some(Handling::Abort(code)) => self.core.push_outcome(ControllerEvent::Aborted(code)),
                 }
             }
             Action::Start(outcome) => self.started(outcome),
@@ -288,7 +275,7 @@ impl robot_session::End for Controller {
             Action::Rest => self.rest(),
             Action::End(error) => {
                 self.rest();
-                self.push_outcome(ControllerEvent::Ended(error));
+                self.core.push_outcome(ControllerEvent::Ended(error));
             }
             Action::Stray => {
                 self.core.statistics.strays += 1;
@@ -300,10 +287,6 @@ impl robot_session::End for Controller {
     fn write(&mut self, _now: Duration, what: Outgoing, out: &mut [u8]) -> Option<(usize, Input)> {
         let len = self.message(what).encode(self.core.config.framing, out).ok()?;
         Some((len, Input::Sent { len: u8::try_from(len).unwrap_or(u8::MAX) }))
-    }
-
-    fn unexpected(unexpected: Unexpected) -> ControllerEvent {
-        ControllerEvent::Unexpected(unexpected)
     }
 }
 

@@ -263,36 +263,28 @@ pub enum UnknownReason {
     Unclear,
 }
 
-/// What a [`Host`](crate::Host) has counted since it was made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct HostStatistics {
-    /// Start messages accepted.
-    pub starts: u64,
-    /// Standard messages to be answered.
-    pub cycles: u64,
-    /// Replies sent.
-    pub replies: u64,
-    /// Replies in which an axis had to wait at rest because its word did not fit the window.
-    pub held: u64,
-    /// Standard messages that were read later than is assumed.
-    pub delayed: u64,
-    /// Cycles whose deadline passed without a reply.
-    pub missed: u64,
-    /// Replies that the controller could not read.
-    pub rejected: u64,
-    /// Stretches of corrupt bytes.
-    pub corrupt: u64,
-    /// Ends by the controller.
-    pub ends: u64,
-    /// Times that ALTER was over without an end message.
-    pub lost: u64,
-    /// Inputs that the machine did not expect.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a [`Host`](crate::Host) has counted since it was made.
+    pub struct HostStatistics {
+        /// Start messages accepted.
+        pub starts: u64,
+        /// Standard messages to be answered.
+        pub cycles: u64,
+        /// Replies sent.
+        pub replies: u64,
+        /// Replies in which an axis had to wait at rest because its word did not fit the window.
+        pub held: u64,
+        /// Standard messages that were read later than is assumed.
+        pub delayed: u64,
+        /// Cycles whose deadline passed without a reply.
+        pub missed: u64,
+        /// Replies that the controller could not read.
+        pub rejected: u64,
+        /// Stretches of corrupt bytes.
+        pub corrupt: u64,
+        /// Ends by the controller.
+        pub ends: u64,
+        /// Times that ALTER was over without an end message.
+        pub lost: u64,
+    }
 }
-
-robot_session::counters!(HostStatistics);

@@ -15,7 +15,7 @@ pub use config::{
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
@@ -111,11 +111,6 @@ impl Host {
         self.advance(now, Input::Subroutine(installed), None);
     }
 
-    /// The machine: what the session is doing.
-    pub fn machine(&self) -> &HostMachine {
-        &self.core.machine
-    }
-
     /// The state of the session.
     pub fn state(&self) -> HostState {
         match &self.core.machine.phase {
@@ -129,11 +124,6 @@ impl Host {
             },
             HostPhase::Silent { .. } => HostState::Silent,
         }
-    }
-
-    /// The configuration.
-    pub fn config(&self) -> &HostConfig {
-        &self.core.config
     }
 
     /// How start messages are answered.
@@ -161,13 +151,13 @@ impl Host {
             Action::Stale => self.core.events.push_notice(HostEvent::TargetStale),
             Action::Stopped(judged) => {
                 self.judged(judged);
-                self.push_outcome(HostEvent::Stopped);
+                self.core.push_outcome(HostEvent::Stopped);
             }
             Action::Exception(exception, outcome) => self.ended(exception, outcome),
             Action::Lost { missed, outcome, reason } => {
                 self.judged(Judged { missed, outcome, ..Judged::default() });
                 self.core.statistics.lost += 1;
-                self.push_outcome(HostEvent::Lost(reason));
+                self.core.push_outcome(HostEvent::Lost(reason));
             }
             Action::SentStart(StartCode::Accept) => {
                 self.core.statistics.starts += 1;
@@ -199,7 +189,7 @@ impl Host {
 
     #[cold]
     fn ended(&mut self, exception: Exception, outcome: ExceptionOutcome) {
-        self.push_outcome(HostEvent::Exception { exception, outcome });
+        self.core.push_outcome(HostEvent::Exception { exception, outcome });
     }
 
     #[inline(always)] // nearly always there is nothing
@@ -222,12 +212,6 @@ impl Host {
         if let Some((exception, outcome)) = outcome {
             self.ended(exception, outcome);
         }
-    }
-
-    #[cold]
-    fn push_outcome(&mut self, event: HostEvent) {
-        let pushed = self.core.events.push_outcome(event);
-        debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
     #[cold]
@@ -339,7 +323,7 @@ impl End for Host {
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(HostEvent::Unexpected);
 
     #[inline]
     fn begin_input(&mut self, now: Duration) -> bool {
@@ -397,7 +381,7 @@ impl End for Host {
             Action::Ended(outcome) => {
                 self.judged(Judged { outcome, ..Judged::default() });
                 self.core.statistics.ends += 1;
-                message.into_iter().for_each(|end| self.push_outcome(end));
+                message.into_iter().for_each(|end| self.core.push_outcome(end));
                 return;
             }
             action => self.act_rarely(now, action),
@@ -426,10 +410,6 @@ impl End for Host {
         let sent = self.replied(values, axes, ALL);
         let reply = Reply { exception, ..Reply::all(values) };
         Some((reply.frame().encode(self.core.config.framing, out).ok()?, sent))
-    }
-
-    fn unexpected(unexpected: Unexpected) -> HostEvent {
-        HostEvent::Unexpected(unexpected)
     }
 }
 

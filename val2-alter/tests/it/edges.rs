@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, Machine as _, Session as _};
+use robot_session::{Decoder as _, Encode as _, End as _, Machine as _, Session};
 use val2_alter::host::machine::{Answer, Course, Draft, HostMachine, Input};
 use val2_alter::{
     ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,
@@ -118,7 +118,7 @@ fn the_longest_frame_has_every_byte_doubled() {
     assert_eq!(Frame::new(&[0; 31]), Err(EncodeError::TooLong { found: 31, limit: 30 }));
     let short = EncodeError::BufferTooSmall { needed: 41, available: 40 };
     assert_eq!(eleven.encode(all, &mut [0; 40]), Err(short));
-    assert_eq!((Host::MAX_TRANSMIT, HostMessage::MAX_DATA), (34, 14));
+    assert_eq!((<Host as Session>::MAX_TRANSMIT, HostMessage::MAX_DATA), (34, 14));
 }
 
 #[test]

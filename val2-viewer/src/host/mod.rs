@@ -63,30 +63,24 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// Counters of a host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct HostStatistics {
-    /// Requests that have or had a packet of their own.
-    pub asked: u64,
-    /// Packets sent.
-    pub sent: u64,
-    /// Requests that have no packet of their own.
-    pub ignored: u64,
-    /// Poses that became too old before a newer one came.
-    pub stale: u64,
-    /// Packets that could not be sent.
-    pub unsendable: u64,
-    /// Times that the line was held for longer than it may be.
-    pub holds_ended: u64,
-    /// Bytes that were nothing.
-    pub unknown: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a host.
+    pub struct HostStatistics {
+        /// Requests that have or had a packet of their own.
+        pub asked: u64,
+        /// Packets sent.
+        pub sent: u64,
+        /// Requests that have no packet of their own.
+        pub ignored: u64,
+        /// Poses that became too old before a newer one came.
+        pub stale: u64,
+        /// Packets that could not be sent.
+        pub unsendable: u64,
+        /// Times that the line was held for longer than it may be.
+        pub holds_ended: u64,
+        /// Bytes that were nothing.
+        pub unknown: u64,
+    }
 }
 
 impl Host {
@@ -106,11 +100,6 @@ impl Host {
         self.packet.pose = pose;
         self.request(now, Input::Pose);
     }
-
-    /// The machine.
-    pub fn machine(&self) -> &HostMachine {
-        &self.core.machine
-    }
 }
 
 impl End for Host {
@@ -124,7 +113,7 @@ impl End for Host {
     const MAX_TRANSMIT: usize = 256;
     const ROOM: Room = Room::NONE;
 
-    robot_session::core!();
+    robot_session::core!(HostEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         loop {
@@ -163,10 +152,4 @@ impl End for Host {
         let is_sendable = !out.get(..length)?.iter().any(|byte| matches!(*byte, XON | XOFF));
         Some(if is_sendable { (length, Input::Sent) } else { (0, Input::Unsendable) })
     }
-
-    fn unexpected(unexpected: Unexpected) -> HostEvent {
-        HostEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(HostStatistics);

@@ -63,30 +63,24 @@ pub enum WorkstationEvent {
     Unexpected(Unexpected),
 }
 
-/// What a workstation has done.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct WorkstationStatistics {
-    /// Requests sent.
-    pub requests: u64,
-    /// Requests with an answer.
-    pub poses: u64,
-    /// Requests without an answer.
-    pub missed: u64,
-    /// Times that the picture became stale.
-    pub stale: u64,
-    /// Packets that were no answer.
-    pub unasked: u64,
-    /// Times that the line was held for longer than it may be.
-    pub holds_ended: u64,
-    /// Decode errors.
-    pub corrupt: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a workstation has done.
+    pub struct WorkstationStatistics {
+        /// Requests sent.
+        pub requests: u64,
+        /// Requests with an answer.
+        pub poses: u64,
+        /// Requests without an answer.
+        pub missed: u64,
+        /// Times that the picture became stale.
+        pub stale: u64,
+        /// Packets that were no answer.
+        pub unasked: u64,
+        /// Times that the line was held for longer than it may be.
+        pub holds_ended: u64,
+        /// Decode errors.
+        pub corrupt: u64,
+    }
 }
 
 impl Workstation {
@@ -110,11 +104,6 @@ impl Workstation {
         self.core.machine.live_until()
     }
 
-    /// The machine.
-    pub fn machine(&self) -> &WorkstationMachine {
-        &self.core.machine
-    }
-
     fn report(&mut self, outcome: WorkstationEvent) {
         let count = match outcome {
             WorkstationEvent::Pose(_) => &mut self.core.statistics.poses,
@@ -122,8 +111,7 @@ impl Workstation {
             _ => &mut self.core.statistics.stale,
         };
         *count += 1;
-        // A request is sent only when its outcomes have room.
-        let _ = self.core.events.push_outcome(outcome);
+        self.core.push_outcome(outcome);
     }
 }
 
@@ -139,7 +127,7 @@ impl End for Workstation {
     /// Between a request and the next: a picture that becomes stale, the request's own, and its picture.
     const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
 
-    robot_session::core!();
+    robot_session::core!(WorkstationEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<PosePacket>)> {
         Some(match self.core.decoder.next_frame()? {
@@ -184,10 +172,4 @@ impl End for Workstation {
         *out.first_mut()? = ENQ;
         Some((1, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> WorkstationEvent {
-        WorkstationEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(WorkstationStatistics);

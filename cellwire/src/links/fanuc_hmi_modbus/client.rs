@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::io::serial::Mode;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
-use robot_session::{Driver, Ended, Serial, Session as _};
+use robot_session::{Driver, End as _, Ended, Serial, Session as _};
 
 use crate::io::drive::Lost;
 use crate::io::output::remark;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use cellwire_sim::puma::{MarkIii, Pose, Puma, PumaEvent};
 use cellwire_sim::{Settings as _, Simulator, Told};
-use robot_session::{Driver, Session as _};
+use robot_session::{Driver, End as _, Session as _};
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, ControllerState, ErrorCode};

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use robot_session::{
-    ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Expiry, Machine, Room, Unexpected, is_due,
+    ByteDecoder, Core, CoreOf, Counters, Decoder as _, End, EventQueue, Expiry, Machine, Room, Unexpected,
+    is_due,
 };
 
 /// What the end is doing.
@@ -114,7 +115,15 @@ pub struct EchoStatistics {
     pub dropped_notices: u64,
 }
 
-robot_session::counters!(EchoStatistics);
+impl Counters for EchoStatistics {
+    fn unexpected(&mut self) -> &mut u64 {
+        &mut self.unexpected
+    }
+
+    fn dropped_notices(&mut self) -> &mut u64 {
+        &mut self.dropped_notices
+    }
+}
 
 pub struct Echo {
     core: CoreOf<Self>,
@@ -137,7 +146,7 @@ impl End for Echo {
     const MAX_TRANSMIT: usize = 1;
     const ROOM: Room = Room { connect: 3, read: 2, transmit: 1 };
 
-    robot_session::core!();
+    robot_session::core!(EchoEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         let byte = self.core.decoder.next_frame()?.ok()?;
@@ -147,7 +156,7 @@ impl End for Echo {
     fn act(&mut self, _: Duration, action: Action, _: Option<()>) {
         match action {
             Action::Nothing => {}
-            Action::Answered(byte) => self.core.events.push_outcome(EchoEvent::Answered(byte)).unwrap(),
+            Action::Answered(byte) => self.core.push_outcome(EchoEvent::Answered(byte)),
             Action::Overrun => self.core.events.push_notice(EchoEvent::Overrun),
         }
     }
@@ -159,9 +168,5 @@ impl End for Echo {
 
     fn overrun(&mut self, now: Duration) {
         self.advance(now, Input::Overrun, None);
-    }
-
-    fn unexpected(unexpected: Unexpected) -> EchoEvent {
-        EchoEvent::Unexpected(unexpected)
     }
 }

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session as _};
 
 use super::pair::{AGE, CLAIMED};
 use crate::model::{Margin, Step};

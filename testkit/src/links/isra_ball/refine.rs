@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::{Ball, Host, HostEvent, Keys};
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session as _};
 
 use super::world::{Act, Exchange, Fate, State, TICK};
 use crate::model::{self, Refined, age};

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine::{self as robot, AckState, Link};
-use kawasaki_msg::robot_session::{Decoder as _, Machine as _, Session as _};
+use kawasaki_msg::robot_session::{Decoder as _, End as _, Machine as _, Session};
 use kawasaki_msg::{
     Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, LargePc, LargeRobot, Line, PcEvent, Point,
     RobotEvent, Supply,
@@ -213,7 +213,7 @@ impl<'a> Ends<'a> {
             expected.push(message);
             true
         });
-        let mut out = [0; LargeRobot::<Line>::MAX_TRANSMIT];
+        let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet is due");
         let (messages, sent) = read(&out[..length], FromRobot::read);
         assert_eq!(sent, expected, "{path:?}");
@@ -223,7 +223,7 @@ impl<'a> Ends<'a> {
     }
 
     fn answer(&mut self, before: &World, path: &[Act]) {
-        let mut out = [0; LargeRobot::<Line>::MAX_TRANSMIT];
+        let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         self.taken.borrow_mut().clear();
         let length = self.pc.poll_transmit(self.now, &mut out).expect("an answer is due");
         let (messages, sent) = read(&out[..length], FromPc::read);
@@ -265,7 +265,7 @@ impl<'a> Ends<'a> {
                     }
                     self.robot.handle_disconnected(self.now);
                 }
-                RobotEvent::Unexpected { .. } => panic!("{event:?}: {path:?}"),
+                RobotEvent::Unexpected(_) => panic!("{event:?}: {path:?}"),
                 _ => {}
             }
         }
@@ -288,7 +288,7 @@ impl<'a> Ends<'a> {
                     reported = Some(Reported::Unknown { executed, sent: sent as u8 });
                 }
                 PcEvent::OrderRefused { given_up: true, .. } => reported = Some(Reported::GivenUp),
-                PcEvent::Unexpected { .. } => panic!("{event:?}: {path:?}"),
+                PcEvent::Unexpected(_) => panic!("{event:?}: {path:?}"),
                 _ => {}
             }
         }

@@ -6,7 +6,7 @@ use mmacell_proto::central::machine::CentralLink;
 use mmacell_proto::{
     Central, CentralEvent, Command, Device, DeviceEvent, ErrorCode, Mode, Order, Reply, Unfinished,
 };
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session as _};
 
 use super::world::{Act, BETWEEN, HOME, Outcome, Pose, Setup, TICK, World, target};
 use crate::model::{self, Refined, age};

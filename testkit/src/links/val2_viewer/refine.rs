@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session};
 use val2_viewer::{ENQ, Host, HostEvent, PosePacket, Workstation, WorkstationEvent};
 
 use super::world::{Act, Exchange, Fate, State, TICK};
@@ -41,7 +41,7 @@ impl<'a> Sessions<'a> {
     }
 
     fn walk(&mut self, act: Act, before: &State, after: &State, walk: &[Act]) {
-        let mut out = [0; Host::MAX_TRANSMIT];
+        let mut out = [0; <Host as Session>::MAX_TRANSMIT];
         let now = self.now;
         match act {
             Act::HostTimer => self.host.handle_timeout(now),
@@ -151,7 +151,11 @@ impl<'a> Sessions<'a> {
             // A session that is asked for bytes meets what is due first: the model has that to come.
             let is_due = state.host.deadline().is_some_and(|at| at.is_zero());
             if !is_due && state.host.transmit(Duration::ZERO, &self.exchange.host).is_none() {
-                assert_eq!(self.host.poll_transmit(now, &mut [0; Host::MAX_TRANSMIT]), None, "{walk:?}");
+                assert_eq!(
+                    self.host.poll_transmit(now, &mut [0; <Host as Session>::MAX_TRANSMIT]),
+                    None,
+                    "{walk:?}"
+                );
             }
         }
     }

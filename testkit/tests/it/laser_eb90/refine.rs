@@ -6,7 +6,7 @@ use laser_eb90::controller::machine::Answer;
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, Host, HostConfig, HostEvent, Instruction, Item, Refusal,
 };
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session};
 use robot_work_queue::Reader as QueueReader;
 use testkit::links::laser_eb90::world::{
     Act, Content, Fate, Found, Reported, SWITCH, Setup, Transmission, World,
@@ -60,7 +60,7 @@ impl<'a> Ends<'a> {
 
     fn step(&mut self, act: Act) -> Result<(), String> {
         let next = self.setup.step(&self.world, act, None);
-        let mut out = [0; Host::MAX_TRANSMIT];
+        let mut out = [0; <Host as Session>::MAX_TRANSMIT];
         match act {
             Act::Tick | Act::LateTick => self.tick(),
             Act::Connect => self.host.handle_connected(self.now),
@@ -261,7 +261,8 @@ fn follow(mut setup: Setup) -> usize {
     let mut probe = Host::new(HostConfig { batch: 7, ..setup.host }).unwrap();
     probe.handle_connected(Duration::ZERO);
     submit(&mut probe, setup.jobs[0], 0);
-    let length = probe.poll_transmit(Duration::from_secs(100), &mut [0; Host::MAX_TRANSMIT]).unwrap();
+    let length =
+        probe.poll_transmit(Duration::from_secs(100), &mut [0; <Host as Session>::MAX_TRANSMIT]).unwrap();
     let config = HostConfig { baud: 40 * length as u32, longest_frame: length, ..setup.host };
     let graph = explore(&setup, &Options { edges: true, ..Options::default() });
     assert!(graph.holds());

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine as _, Session as _};
+use robot_session::{End as _, Machine as _, Session as _};
 use testkit::links::val2_alter::{Act, Alter, Fate, Message as Sent, Reply as Answer, TICK, World};
 use testkit::model::{Edge, Options, System, explore};
 use val2_alter::{

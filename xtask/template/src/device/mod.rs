@@ -45,20 +45,14 @@ pub enum DeviceEvent {
     Unexpected(Unexpected),
 }
 
-/// What a device has done.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct DeviceStatistics {
-    /// Replies sent.
-    pub replies: u64,
-    /// Decode errors.
-    pub corrupt: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// What a device has done.
+    pub struct DeviceStatistics {
+        /// Replies sent.
+        pub replies: u64,
+        /// Decode errors.
+        pub corrupt: u64,
+    }
 }
 
 impl Device {
@@ -73,14 +67,9 @@ impl Device {
     /// # Errors
     /// [`SessionError::NotAsked`]: nothing has changed.
     pub fn answer(&mut self, value: i32) -> Result<(), SessionError> {
-        self.core.on(Duration::ZERO, Input::Answered).map_err(|_| SessionError::NotAsked)?;
+        self.ask(Duration::ZERO, Input::Answered).map_err(|_| SessionError::NotAsked)?;
         self.value = value;
         Ok(())
-    }
-
-    /// The machine.
-    pub fn machine(&self) -> &DeviceMachine {
-        &self.core.machine
     }
 }
 
@@ -95,7 +84,7 @@ impl End for Device {
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room { connect: 0, read: 1, transmit: 0 };
 
-    robot_session::core!();
+    robot_session::core!(DeviceEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         loop {
@@ -114,10 +103,7 @@ impl End for Device {
     fn act(&mut self, _now: Duration, action: Action, _: Option<()>) {
         match action {
             Action::Nothing => {}
-            Action::Ask { register } => {
-                // No request is read without room for it.
-                let _ = self.core.events.push_outcome(DeviceEvent::Asked { register });
-            }
+            Action::Ask { register } => self.core.push_outcome(DeviceEvent::Asked { register }),
             Action::Sent => self.core.statistics.replies += 1,
         }
     }
@@ -126,10 +112,4 @@ impl End for Device {
         let message = Message::Value { register: reply.register, value: self.value };
         Some((message.encode(out).ok()?, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> DeviceEvent {
-        DeviceEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(DeviceStatistics);

@@ -58,22 +58,16 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
-/// Counters of a host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[non_exhaustive]
-pub struct HostStatistics {
-    /// Requests sent.
-    pub requests: u64,
-    /// Requests without a reply.
-    pub timed_out: u64,
-    /// Decode errors.
-    pub corrupt: u64,
-    /// Inputs that the state does not allow.
-    pub unexpected: u64,
-    /// Notices dropped because the event queue was full.
-    pub dropped_notices: u64,
+robot_session::counters! {
+    /// Counters of a host.
+    pub struct HostStatistics {
+        /// Requests sent.
+        pub requests: u64,
+        /// Requests without a reply.
+        pub timed_out: u64,
+        /// Decode errors.
+        pub corrupt: u64,
+    }
 }
 
 impl Host {
@@ -102,16 +96,6 @@ impl Host {
             Err(_) => Err(SessionError::Busy),
         }
     }
-
-    /// The machine.
-    pub fn machine(&self) -> &HostMachine {
-        &self.core.machine
-    }
-
-    fn report(&mut self, outcome: HostEvent) {
-        // A request begins only when its outcome has room.
-        let _ = self.core.events.push_outcome(outcome);
-    }
 }
 
 impl End for Host {
@@ -126,7 +110,7 @@ impl End for Host {
     /// The outcome of a request.
     const ROOM: Room = Room { connect: 0, read: 0, transmit: 1 };
 
-    robot_session::core!();
+    robot_session::core!(HostEvent::Unexpected);
 
     fn next_input(&mut self) -> Option<(Input, Option<i32>)> {
         loop {
@@ -146,13 +130,15 @@ impl End for Host {
 
     fn act(&mut self, _now: Duration, action: Action, value: Option<i32>) {
         match (action, value) {
-            (Action::Report { register }, Some(value)) => self.report(HostEvent::Value { register, value }),
+            (Action::Report { register }, Some(value)) => {
+                self.core.push_outcome(HostEvent::Value { register, value })
+            }
             (Action::Unasked { register }, Some(value)) => {
                 self.core.events.push_notice(HostEvent::Unasked { register, value });
             }
             (Action::TimedOut { register }, _) => {
                 self.core.statistics.timed_out += 1;
-                self.report(HostEvent::TimedOut { register });
+                self.core.push_outcome(HostEvent::TimedOut { register });
             }
             (Action::Sent, _) => self.core.statistics.requests += 1,
             (Action::Nothing | Action::Report { .. } | Action::Unasked { .. }, _) => {}
@@ -163,10 +149,4 @@ impl End for Host {
         let Request { register } = request;
         Some((Message::Get { register }.encode(out).ok()?, Input::Sent))
     }
-
-    fn unexpected(unexpected: Unexpected) -> HostEvent {
-        HostEvent::Unexpected(unexpected)
-    }
 }
-
-robot_session::counters!(HostStatistics);

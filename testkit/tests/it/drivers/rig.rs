@@ -120,6 +120,8 @@ fn dropped(runtime: &Runtime, polls: Option<u32>, turn: impl Future<Output = Tur
                 return turned;
             }
         }
+        // The peer's thread may wait for this processor, or for the line's lock.
+        std::thread::yield_now();
         Ok(ControlFlow::Continue(()))
     })
 }

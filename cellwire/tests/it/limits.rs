@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -94,11 +95,19 @@ fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
 fn errors_that_nobody_reads_stop_no_peer() {
     let mut ball = Unread::start("ball --set baud=4000000");
     let mut first = ball.connect();
-    for _ in 0..1500 {
-        // Each is refused with a line of some 70 bytes on standard error, which a pipe of 64 KiB does not hold.
-        let mut second = ball.connect();
-        assert_eq!(second.read(&mut [0]).unwrap_or(0), 0);
-    }
+    // Each is refused with a line of some 70 bytes on standard error, which a pipe of 64 KiB does not hold. While one waits for the end of
+    // the first, the others are refused at once.
+    let refused = AtomicUsize::new(0);
+    thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while refused.fetch_add(1, Ordering::Relaxed) < 1500 {
+                    let mut second = ball.connect();
+                    assert_eq!(second.read(&mut [0]).unwrap_or(0), 0);
+                }
+            });
+        }
+    });
     first.write_all(&[5]).unwrap();
     first.read_exact(&mut [0; 12]).unwrap();
     let mut lines = BufReader::new(ball.child.stderr.take().unwrap()).lines().map_while(Result::ok);
@@ -210,7 +219,7 @@ fn a_port_that_vanishes_under_a_client_is_a_lost_connection() {
         (format!("modbus PORT {requests} --timeout 2000"), 8),
         ("modbus poll PORT holding:0-3 --seconds 5 --timeout 2000".to_owned(), 8),
         ("modbus scan PORT --timeout 2000".to_owned(), 8),
-        (format!("laser run {program} --port PORT"), 11),
+        (format!("laser run {program} --port PORT --set answer_timeout=2s"), 11),
     ] {
         let (device, path) = Pty::new();
         let mut device = device.raw();

@@ -27,6 +27,7 @@ const BUSY: Duration = Duration::from_millis(5);
 const CARRIED: Duration = Duration::from_secs(5);
 
 /// A client that comes while there is another one waits this long for the end of that: on a busy machine it is reported behind the arrival.
+/// Those that come while one waits are refused at once.
 const GRACE: Duration = Duration::from_millis(200);
 
 /// Reads from the client, and refuses others.
@@ -121,23 +122,22 @@ impl Server {
         let first = self.connection.as_ref().filter(|first| first.left.is_none()).map(|first| first.peer);
         if let Some((stream, peer, came)) = self.next.take() {
             match (&self.connection, first) {
-                (None, _) => self.connect(stream, peer, feed),
+                (None, _) => return self.connect(stream, peer, feed),
                 (_, Some(first)) if feed.clock.now().saturating_sub(came) >= GRACE => {
-                    refuse(&stream);
-                    remark(&format!("refused the client {peer}: {first} is connected"));
+                    return refuse_beside(first, &stream, peer);
                 }
                 _ => self.next = Some((stream, peer, came)),
             }
-            return;
         }
         if !self.has_arrivals || self.connection.is_some() && first.is_none() {
             return;
         }
         match self.listener.accept() {
-            Ok(Arrival::Client(stream, peer)) if self.connection.is_none() => {
-                self.connect(stream, peer, feed)
-            }
-            Ok(Arrival::Client(stream, peer)) => self.next = Some((stream, peer, feed.clock.now())),
+            Ok(Arrival::Client(stream, peer)) => match first {
+                None => self.connect(stream, peer, feed),
+                Some(first) if self.next.is_some() => refuse_beside(first, &stream, peer),
+                Some(_) => self.next = Some((stream, peer, feed.clock.now())),
+            },
             Ok(Arrival::Refused(peer)) => {
                 remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
             }
@@ -159,6 +159,11 @@ impl Server {
             Some(Connection { stream, peer, held: None, is_readable: true, left: None, active });
         feed.connect(true);
     }
+}
+
+fn refuse_beside(first: SocketAddr, stream: &TcpStream, peer: SocketAddr) {
+    refuse(stream);
+    remark(&format!("refused the client {peer}: {first} is connected"));
 }
 
 impl Connection {

@@ -14,12 +14,12 @@
 
 use core::ops::Range;
 use core::time::Duration;
-use robot_session::End as _;
 use std::boxed::Box;
 use std::io;
 use std::sync::Arc;
 use std::vec::Vec;
 
+use robot_session::End as _;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, Service, Task};
 
 use crate::block::TelemetryBlock;

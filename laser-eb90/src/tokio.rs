@@ -18,13 +18,13 @@
 
 use core::fmt;
 use core::time::Duration;
-use robot_session::End as _;
 use std::boxed::Box;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::vec::Vec;
 
+use robot_session::End as _;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Reply, Reports, Service, Task};
 
 use crate::error::{ConfigError, EncodeError, SessionError};

@@ -443,8 +443,8 @@ fn wireshark_lists_a_tap_and_reads_from_it() {
         server.local_addr().unwrap()
     );
     let mut tap = cellwire(&arguments).spawn().unwrap();
-    let (mut from, to) = (File::open(&pipe).unwrap(), copy.clone());
-    let reader = thread::spawn(move || std::io::copy(&mut from, &mut File::create(to).unwrap()).unwrap());
+    let (mut from, mut to) = (File::open(&pipe).unwrap(), File::create(&copy).unwrap());
+    let reader = thread::spawn(move || std::io::copy(&mut from, &mut to).unwrap());
     let mut client = TcpStream::connect(("127.0.0.1", port)).unwrap();
     let mut other = server.accept().unwrap().0;
     client.write_all(b"asked").unwrap();

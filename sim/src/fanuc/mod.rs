@@ -6,12 +6,12 @@ mod faults;
 mod tables;
 
 use core::time::Duration;
-use robot_session::End as _;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Exception, Registers, Server, ServerConfig, ServerEvent, WordOrder, Words, WordsMut,
 };
+use robot_session::End as _;
 
 pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};

@@ -2,10 +2,10 @@
 
 use core::fmt::Debug;
 use core::time::Duration;
-use robot_session::End as _;
 use std::sync::Arc;
 
 use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
+use robot_session::End as _;
 
 use crate::device::{Device, Error, Notes, Settings};
 

@@ -3,8 +3,8 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use crate::common::echo::{Echo, EchoEvent, EchoStatistics};
-use robot_session::{Output, Rules, Session as _, Unexpected, settle};
+use crate::common::echo::{Echo, EchoEvent, EchoMachine, EchoStatistics, Input};
+use robot_session::{End as _, Output, Rules, Session as _, Unexpected, settle};
 
 /// What it sends and reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {
@@ -43,6 +43,18 @@ fn a_caller_who_gives_more_than_fits_is_told() {
     assert_eq!(sent, [7; 33], "one was read, and 32 waited");
     assert_eq!(events[0], EchoEvent::Overrun);
     assert_eq!(events.len(), 34);
+}
+
+#[test]
+fn a_call_that_the_state_refuses_changes_and_reports_nothing() {
+    let mut echo = Echo::new(Duration::from_secs(3));
+    assert_eq!(*echo.config(), Duration::from_secs(3));
+    let refused = echo.ask(Duration::ZERO, Input::Byte(7));
+    assert_eq!(refused, Err(Unexpected { state: "Disconnected", input: "Byte" }));
+    assert_eq!((*echo.machine(), echo.statistics().unexpected), (EchoMachine::Disconnected, 0));
+    assert_eq!(echo.poll_event(), None);
+    assert_eq!(echo.ask(Duration::ZERO, Input::Overrun), Ok(()));
+    assert_eq!(echo.poll_event(), Some(EchoEvent::Overrun));
 }
 
 #[test]

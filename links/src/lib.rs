@@ -8,7 +8,6 @@ pub mod end;
 pub mod explain;
 pub mod fanuc_hmi_modbus;
 mod given;
-pub mod identify;
 pub mod isra_ball;
 pub mod json;
 pub mod kawasaki_msg;

@@ -3,24 +3,13 @@
 use cellwire_links::codec::{Item, Kind};
 use cellwire_links::explain::explain;
 use cellwire_links::fanuc_hmi_modbus::client_settings;
-use cellwire_links::identify::unknown::nearest;
-use cellwire_links::identify::{Finding, Sender, Stream, identify};
 use cellwire_links::kawasaki_msg::layout::Layout;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, Fields, Setting, line_of};
 use kawasaki_msg::{Charset, PcConfig, RobotConfig};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::link;
-
-fn bytes(name: &str, side: &str, settings: &Value, message: &Value) -> Vec<u8> {
-    let codec = (link(name).codec)(side, settings.as_object().unwrap()).unwrap();
-    codec.encode(message.clone()).unwrap()
-}
-
-fn stream(sender: Sender, bytes: &[u8]) -> Stream {
-    Stream { sender, parts: vec![bytes.to_vec()], arrivals: Vec::new() }
-}
 
 #[test]
 fn the_line_of_a_setting_is_told_or_that_of_its_table() {
@@ -70,58 +59,6 @@ fn an_item_is_a_line() {
     };
     assert_eq!(line(Kind::Message, ""), "{\"offset\":7,\"length\":2,\"message\":{}}\n");
     assert_eq!(line(Kind::Error, "\"a\":1,"), "{\"a\":1,\"offset\":7,\"length\":2,\"error\":{}}\n");
-}
-
-#[test]
-fn findings_are_compared_by_what_they_explain_up_to_a_hundred_bits() {
-    let stream = stream(Sender::Unknown, b"STA\r\n");
-    let found = identify(link("mmacell-proto"), &[stream]).unwrap();
-    let rank = |bits| Finding { bytes: [50, 200], bits, ..found.clone() }.rank();
-    assert_eq!([40.0, 100.0, 400.0].map(rank), [10.0, 25.0, 25.0]);
-}
-
-#[test]
-fn a_stream_of_the_other_side_than_the_port_suggests_is_read() {
-    let reply = bytes(
-        "fanuc-hmi-modbus",
-        "server",
-        &json!({}),
-        &json!({"transaction": 1, "unit": 1, "function": 3, "registers": [1, 2, 3]}),
-    );
-    let sender = Sender::Connected { is_client: true, port: 502 };
-    let found = identify(link("fanuc-hmi-modbus"), &[stream(sender, &reply.repeat(9))]).unwrap();
-    assert_eq!((found.senders, found.messages[0]), (vec![vec!["server"]], 9));
-}
-
-#[test]
-fn the_nearest_links_are_those_with_most_beginnings() {
-    let links = ["val2-alter", "val2-viewer", "isra-ball", "fanuc-hmi-modbus", "laser-eb90"].map(link);
-    let near = |bytes: &[u8]| {
-        let streams = [stream(Sender::Unknown, bytes)];
-        let found = nearest(&links, &streams).unwrap();
-        found.into_iter().map(|it| serde_json::to_value(it).unwrap()).collect::<Vec<_>>()
-    };
-    assert_eq!(near(&[]), Vec::<Value>::new());
-    let frame = bytes("laser-eb90", "host", &json!({}), &json!({"items": [{"i16": [257]}]}));
-    let mut bad = frame.clone();
-    *bad.last_mut().unwrap() ^= 1;
-    let expected = [
-        json!({"link": "laser-eb90", "settings": {}, "side": "host", "begin": 5, "whole": 2, "wrong": "checksum"}),
-        json!({"link": "fanuc-hmi-modbus", "settings": {}, "side": "client", "begin": 1, "whole": 0, "wrong": "protocol"}),
-    ];
-    assert_eq!(near(&[&frame[..], &frame, &bad, &bad, &bad].concat()), expected);
-    // Each setting that the source leaves open is tried alone.
-    let rtu = bytes(
-        "fanuc-hmi-modbus",
-        "client",
-        &json!({"framing": "rtu"}),
-        &json!({"unit": 1, "function": 3, "address": 5, "quantity": 2}),
-    );
-    let expected = [
-        json!({"link": "val2-viewer", "settings": {}, "side": "host", "begin": 4, "whole": 0, "wrong": "format"}),
-        json!({"link": "fanuc-hmi-modbus", "settings": {"framing": "rtu"}, "side": "client", "begin": 4, "whole": 4, "wrong": null}),
-    ];
-    assert_eq!(near(&rtu.repeat(4)), expected);
 }
 
 /// Both ends of a plant.

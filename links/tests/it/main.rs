@@ -4,9 +4,11 @@
 mod asked;
 mod configs;
 mod explain;
+mod modbus_views;
 mod plants;
 mod rows;
 mod shadow;
+mod vectors;
 
 use cellwire_links::Link;
 

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
-use cellwire_links::identify::{Sender, Stream};
+use cellwire_identify::{Sender, Stream};
 use cellwire_links::link::Carrier;
 
 use super::Args;

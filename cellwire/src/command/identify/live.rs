@@ -4,7 +4,7 @@ use std::io::{self, IsTerminal as _, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
-use cellwire_links::identify::{Sender, Stream};
+use cellwire_identify::{Sender, Stream};
 use cellwire_links::link::Carrier;
 use cellwire_links::{LINKS, Link};
 

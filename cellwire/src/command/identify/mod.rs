@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use cellwire_links::identify::{Finding, draft, identify};
+use cellwire_identify::{Finding, draft, identify};
 use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;

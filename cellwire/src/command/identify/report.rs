@@ -3,9 +3,9 @@
 use std::io::{self, Write};
 
 use anyhow::Result;
+use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
+use cellwire_identify::{Decided, Finding, Open};
 use cellwire_links::LINKS;
-use cellwire_links::identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
-use cellwire_links::identify::{Decided, Finding, Open};
 use cellwire_links::link::Carrier;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use anyhow::Result;
-use cellwire_links::identify::{Decided, Finding, Open};
+use cellwire_identify::{Decided, Finding, Open};
 use serde_json::Value;
 
 /// The text of the file.

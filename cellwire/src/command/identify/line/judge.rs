@@ -1,8 +1,8 @@
 //! How likely a setting is the line's, by what was heard with it.
 
 use anyhow::Result;
+use cellwire_identify::{Finding, Sender, Stream, identify};
 use cellwire_links::Link;
-use cellwire_links::identify::{Finding, Sender, Stream, identify};
 use serde::Serialize;
 use serialport::{DataBits, Parity};
 

@@ -7,8 +7,8 @@ use super::combination::{Combination, Level, Reading};
 use super::evidence::{ENOUGH, Random, evidence, rules_out};
 use super::plausible::plausible;
 use super::{Decided, Finding, Open, Stream};
-use crate::link::{Guess, Link};
-use crate::settings::Setting;
+use cellwire_links::link::{Guess, Link};
+use cellwire_links::settings::Setting;
 
 /// How many bytes of each stream are read with every combination.
 const SAMPLE: usize = 16 * 1024;

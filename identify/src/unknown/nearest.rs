@@ -7,8 +7,8 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::super::Stream;
-use crate::codec;
-use crate::link::Link;
+use cellwire_links::codec;
+use cellwire_links::link::Link;
 
 /// What a decoder says of bytes in which it finds no beginning of a message.
 const NOTHING: [&str; 9] = [

@@ -1,10 +1,12 @@
-//! Which link and which of its options explain bytes: the settings that the link's source leaves open (`Link::open`), as a capture shows
-//! them.
+#![doc = include_str!("../README.md")]
 //!
-//! A combination of settings is judged by reading: a message counts whole where the encoder would write the very bytes, and half
-//! where it would write others. Of two combinations the one that explains more is preferred, and the other is ruled out when what it does
-//! not explain is not likely to be corruption (see `evidence`). Those that are left are undecided: they are all named, and which
-//! message would decide. Numbers that make no sense (a position of 10⁻⁴¹ mm) decide only where the bytes do not.
+//! Each combination of settings is judged by reading the bytes with it. A message counts whole if the encoder writes the same bytes
+//! again, and half if it writes others. Of two combinations, the one that explains more bytes is preferred; the other is ruled out if
+//! the bytes that it leaves unexplained are too many to be corruption (see `evidence`). The remaining values of a setting are undecided:
+//! the finding lists them, and a message that would decide. Values that make no sense (a position of 10⁻⁴¹ mm) decide only if the bytes
+//! do not.
+#![forbid(unsafe_code)]
+#![allow(clippy::std_instead_of_core, reason = "for programs with std")]
 
 mod combination;
 mod draft;
@@ -19,7 +21,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value};
 
-use crate::link::Link;
+use cellwire_links::link::Link;
 
 pub use draft::draft;
 pub use search::identify;

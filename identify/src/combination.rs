@@ -5,8 +5,8 @@ use serde_json::{Map, Value};
 
 use super::plausible::plausible;
 use super::{Sender, Stream};
-use crate::codec::{self, Codec, Kind};
-use crate::link::Link;
+use cellwire_links::codec::{self, Codec, Kind};
+use cellwire_links::link::Link;
 
 /// How well bytes are explained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]

@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use serde_json::{Map, Value, json};
 
 use super::{Finding, Stream};
-use crate::codec;
+use cellwire_links::codec;
 
 /// A message of a conversation.
 #[derive(Debug, Clone)]

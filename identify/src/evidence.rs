@@ -162,7 +162,7 @@ mod tests {
 
     use super::super::{Sender, Stream};
     use super::*;
-    use crate::Link;
+    use cellwire_links::Link;
 
     #[test]
     fn the_bits_of_a_tail() {

@@ -4,9 +4,10 @@
 use serde_json::{Map, Value, json};
 
 use super::*;
-use crate::LINKS;
-use crate::link::Carrier;
+use cellwire_links::LINKS;
+use cellwire_links::link::Carrier;
 
+mod compared;
 mod findings;
 
 /// What a side of a link sends with these settings.
@@ -133,7 +134,7 @@ fn every_open_setting_is_shown_by_a_message() {
             for value in setting.choices.iter().filter(|value| **value != setting.default) {
                 let mut given = Map::from_iter([((*name).to_owned(), value.clone())]);
                 given.extend(link.open.beside.iter().map(|(name, value)| ((*name).into(), (*value).into())));
-                let written = |it: &crate::link::Deciding, given: &Map<String, Value>| {
+                let written = |it: &cellwire_links::link::Deciding, given: &Map<String, Value>| {
                     let message = serde_json::from_str(it.message).unwrap();
                     (link.codec)(it.side, given).unwrap().encode(message).ok()
                 };

@@ -5,8 +5,8 @@ mod kawasaki;
 
 use super::super::Sender;
 use super::*;
-use crate::Link;
-use crate::identify::identify;
+use crate::identify;
+use cellwire_links::Link;
 
 #[test]
 fn the_class_of_a_word_is_guessed_from_its_answers() {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::messages::marks as marks_of;
 use super::real;
 use super::symbols::{Part, Symbols};
-use crate::identify::Stream;
+use crate::Stream;
 
 #[cfg(test)]
 mod tests;

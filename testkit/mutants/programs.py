@@ -170,7 +170,7 @@ class Workspace:
         packages = [word for crate in self.crates for word in ("-p", crate)]
         self.cargo("check", "--keep-going", "--lib", *packages)
         built = self.cargo("test", "--no-run", "--no-fail-fast", "--lib", "--tests", *packages, "-p", "testkit", "-p", "cellwire-links")
-        programs = self.cargo("build", "-p", "testkit", "--bin", "model", "-p", "reference", "--bin", "reference")
+        programs = self.cargo("build", "-p", "testkit", "--features", "testkit/programs", "--bin", "model", "-p", "reference", "--bin", "reference")
         programs = {message["target"]["name"]: message.get("executable") for message in programs if message.get("executable")}
         own: dict[str, list[Check]] = {crate: [] for crate in self.crates}
         data: list[Check] = []

@@ -4,9 +4,9 @@
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`model`]: both machines of a link as one system, every state of which is explored
 //! - [`turn`]: one turn of an end on that link
-//! - `controller` (feature `links`): a Kawasaki robot as the tests use it, ours and the one that AS programs make
+//! - `controller` (feature `links`, on by default): a Kawasaki robot as the tests use it, ours and the one that AS programs make
 //! - `links` (feature `links`): each link's pair of machines as such a system
-//! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
+//! - `soak` (feature `links`): both ends of every session over bad transports
 
 /// The examples of the project's README.
 #[cfg(all(doctest, feature = "links"))]
@@ -21,7 +21,7 @@ pub mod link;
 #[cfg(feature = "links")]
 pub mod links;
 pub mod model;
-#[cfg(feature = "soak")]
+#[cfg(feature = "links")]
 pub mod soak;
 mod turn;
 pub mod uart;

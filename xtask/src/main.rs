@@ -135,7 +135,9 @@ impl Workspace {
     }
 
     fn testkit(&self, program: &str, arguments: impl IntoIterator<Item: Into<String>>) -> Result<()> {
-        let run = ["run", "-q", "--release", "-p", "testkit", "--bin", program, "--"].map(String::from);
+        let run =
+            ["run", "-q", "--release", "-p", "testkit", "--features", "programs", "--bin", program, "--"];
+        let run = run.map(String::from);
         self.cargo(run.into_iter().chain(arguments.into_iter().map(Into::into)))
     }
 

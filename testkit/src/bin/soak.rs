@@ -79,9 +79,7 @@ fn main() -> ExitCode {
     let blind = rows.iter().zip(&tallies).filter(|(row, tally)| row.sees_too_little(tally));
     let blind: Vec<_> = blind.map(|(row, _)| row.name()).collect();
     for (name, seed) in failures.values().flatten().take(10) {
-        println!(
-            "failed check, reproduce with: cargo run --release -p testkit --bin soak -- --link '{name}' --seed {seed} --trace"
-        );
+        println!("failed check, reproduce with: cargo xtask soak --link '{name}' --seed {seed} --trace");
     }
     for name in &blind {
         println!("failed check: {name} misses more corruption than its checksum explains");

@@ -47,9 +47,7 @@ pub fn check_or_write(path: &Path, text: &str, write: bool) -> io::Result<()> {
     if found == text {
         return Ok(());
     }
-    let message = format!(
-        "{} is not what the model shows; write it with: cargo run --release -p testkit --bin model -- diagrams",
-        path.display()
-    );
+    let message =
+        format!("{} is not what the model shows; write it with: cargo xtask model diagrams", path.display());
     Err(io::Error::new(io::ErrorKind::InvalidData, message))
 }

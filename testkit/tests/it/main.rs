@@ -19,6 +19,8 @@ mod machines;
 mod model;
 mod refinement;
 mod soak;
+mod targets;
+mod testkit_itself;
 mod threads;
 mod val2_alter;
 mod vectors;

@@ -401,10 +401,7 @@ fn a_file_that_differs_is_an_error() {
     check_or_write(&path, "a", true).unwrap();
     check_or_write(&path, "a", false).unwrap();
     let error = check_or_write(&path, "b", false).unwrap_err().to_string();
-    assert!(
-        error.ends_with("write it with: cargo run --release -p testkit --bin model -- diagrams"),
-        "{error}"
-    );
+    assert!(error.ends_with("write it with: cargo xtask model diagrams"), "{error}");
     std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
 }
 

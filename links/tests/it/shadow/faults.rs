@@ -9,8 +9,9 @@ use cellwire_links::shadow::Kind;
 use cellwire_links::{LINKS, Link};
 use serde_json::Value;
 
+use super::counts::{FAULTS as COUNTS, compare, keep};
 use super::told::{Said, Story, Told, What, stories};
-use super::unseen::unseen;
+use super::unseen::{REASONS, unseen};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Fault {
@@ -26,7 +27,9 @@ pub(crate) enum Fault {
     Corrupt,
 }
 
-const FAULTS: [Fault; 5] = [Fault::Dropped, Fault::Repeated, Fault::Delayed, Fault::Changed, Fault::Corrupt];
+/// The order of the columns in `counts.rs`.
+pub(crate) const FAULTS: [Fault; 5] =
+    [Fault::Dropped, Fault::Repeated, Fault::Delayed, Fault::Changed, Fault::Corrupt];
 
 /// One message of a story, and what was made of it.
 pub(crate) struct Case<'a> {
@@ -55,11 +58,10 @@ struct Count {
 
 #[test]
 fn faults_are_found_where_they_can_be_seen() {
-    let mut table = String::new();
-    let mut reasons = String::new();
+    let mut rows = String::new();
     for link in LINKS {
         let mut counts: BTreeMap<Fault, Count> = BTreeMap::new();
-        let mut missed = String::new();
+        let mut list = String::new();
         let stories = stories(link);
         let kept: Vec<&Story> = stories.iter().filter(|story| is_kept(link, story)).collect();
         for story in &kept {
@@ -81,27 +83,26 @@ fn faults_are_found_where_they_can_be_seen() {
                     // The message itself, what comes next from either end, or that nothing came in time.
                     let is_there = |found: usize| found <= place + 2 || found >= told.len();
                     count.later += u32::from(found.is_some_and(|found| !is_there(found)));
-                    if !is_found {
-                        match unseen(&case) {
-                            Some(why) => *count.unseen.entry(why).or_default() += 1,
-                            None => {
-                                let other = case.other.map_or_else(String::new, |it| it.to_string());
-                                let what =
-                                    case.message.map_or_else(|| format!("{bytes:02X?}"), |it| it.to_string());
-                                let what = format!("{what} {other}");
-                                let _ = writeln!(missed, "{} {fault:?} {place} {from} {what}", story.id);
-                            }
-                        }
+                    let why = if is_found { None } else { unseen(&case) };
+                    if let Some(why) = why {
+                        *count.unseen.entry(why).or_default() += 1;
                     }
+                    let outcome = match (found, why) {
+                        (Some(found), _) => format!("at {found}"),
+                        (None, Some(why)) => why.to_owned(),
+                        (None, None) if is_found => "an error of the decoder".to_owned(),
+                        (None, None) => {
+                            let text = |it: Option<Value>| it.map_or_else(String::new, |it| it.to_string());
+                            format!("MISSED {bytes:02X?} {} {}", text(case.message), text(case.other))
+                        }
+                    };
+                    let _ = writeln!(list, "{} {fault:?} {place} {from}: {outcome}", story.id);
                 }
             }
         }
-        let later: u32 = counts.values().map(|count| count.later).sum();
-        if std::env::var_os("MISSED").is_some() {
-            eprintln!("{}: {later} are found later", link.name);
-        }
-        let cells = FAULTS.map(|fault| {
-            let Count { all, found, unseen, .. } = counts.get(&fault).cloned().unwrap_or_default();
+        let count = |fault| counts.get(&fault).cloned().unwrap_or_default();
+        let outcomes = FAULTS.map(|fault| {
+            let Count { all, found, unseen, .. } = count(fault);
             let unseen: u32 = unseen.values().sum();
             if unseen == 0 {
                 format!("{found}/{all}")
@@ -109,34 +110,29 @@ fn faults_are_found_where_they_can_be_seen() {
                 format!("{found}/{} + {unseen}", all - unseen)
             }
         });
-        let _ = writeln!(
-            table,
-            "| {} | {} of {} | {} |",
-            link.name,
-            kept.len(),
-            stories.len(),
-            cells.join(" | ")
-        );
-        for (fault, count) in &counts {
-            for (why, number) in &count.unseen {
-                let fault = format!("{fault:?}").to_lowercase();
-                let _ = writeln!(reasons, "| {} | {fault} | {number} | {why} |", link.name);
+        let unseen = REASONS.map(|why| {
+            let counts = FAULTS.map(|fault| count(fault).unseen.get(why).copied().unwrap_or_default());
+            for (fault, count) in FAULTS.into_iter().zip(counts).filter(|(_, count)| *count > 0) {
+                let _ = writeln!(list, "{fault:?}: {count}, {why}");
             }
-        }
-        if let Ok(path) = std::env::var("MISSED") {
-            std::fs::write(format!("{path}/{}.txt", link.name), &missed).unwrap();
+            counts.into_iter().sum::<u32>().to_string()
+        });
+        // A link that was just made has no row yet.
+        if COUNTS.lines().any(|row| row.split(':').next() == Some(link.name)) {
+            let _ = writeln!(
+                rows,
+                "{}: {} of {}; {}; {}; {}; {}",
+                link.name,
+                kept.len(),
+                stories.len(),
+                outcomes.join(", "),
+                counts.values().map(|count| count.later).sum::<u32>(),
+                unseen.join(" "),
+                keep(&format!("{}-faults.txt", link.name), &list)
+            );
         }
     }
-    let benchmarks = format!("{}/../BENCHMARKS.md", env!("CARGO_MANIFEST_DIR"));
-    let benchmarks = std::fs::read_to_string(benchmarks).unwrap();
-    let section = benchmarks.split("## Shadow ends").nth(1).unwrap().split("\n## ").next().unwrap();
-    // A link that was just made has no rows yet.
-    let link_of = |row: &str| row.split(' ').nth(1).unwrap_or_default().to_owned();
-    let has_rows = |row: &&str| section.lines().any(|line| link_of(line) == link_of(row));
-    let wanted: Vec<&str> = table.lines().chain(reasons.lines()).filter(has_rows).collect();
-    let is_row = |line: &&str| LINKS.iter().any(|link| link.name == link_of(line));
-    let found: Vec<&str> = section.lines().filter(is_row).collect();
-    assert_eq!(wanted, found, "{table}\n{reasons}");
+    compare(&rows, COUNTS);
 }
 
 /// Whether both ends keep the rules in it, and everything in it is a message.

@@ -1,5 +1,6 @@
 //! Shadow ends, held against the session stories of the reference: whole, and each with one fault.
 
+mod counts;
 mod edges;
 mod faults;
 mod middle;

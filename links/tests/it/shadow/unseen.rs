@@ -16,6 +16,10 @@ const NOTHING: &str = "nothing comes behind it that depends on it";
 const NO_CHECKSUM: &str = "without a checksum the bytes are another message that is as good";
 const HOLD: &str = "XON and XOFF may come at any time, and again";
 
+/// The order of the columns in `counts.rs`.
+pub(crate) const REASONS: [&str; 8] =
+    [AS_GOOD, NO_ANSWER, CLOSED, ANY_TIME, FIRST, NOTHING, NO_CHECKSUM, HOLD];
+
 /// Why the fault cannot be seen; `None` where it should be.
 pub(crate) fn unseen(case: &Case<'_>) -> Option<&'static str> {
     let asks = case.from == asker(case.link.name);

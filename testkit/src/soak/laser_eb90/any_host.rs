@@ -1,6 +1,6 @@
 //! laser-eb90: a controller against hosts that are not ours, over bytes. Nothing here is written or read with the crate's codec.
 //!
-//! A host as the article has it keeps a frame until its echo has come, and sends it again for each error code (§3(4), §3(5)); its port
+//! A host as the article has it keeps a frame until its echo has come, and sends it again for each error code (§3(4), §3(5); LE-45, LE-67); its port
 //! pauses and the line corrupts. Another one sends anything, and then works as the first.
 
 use core::time::Duration;

@@ -1,4 +1,5 @@
-//! Hosts and workstations that are not ours, and what our ends must do to any of them.
+//! Hosts and workstations that are not ours, and what our ends must do to any of them. One that keeps the source's rules follows VV-1, VV-8, VV-25 and
+//! VV-27 as a workstation, VV-1 and VV-3 as a host.
 
 use core::time::Duration;
 

@@ -10,6 +10,7 @@ use crate::typed::{Kind, WordOrder};
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct TelemetryBlock {
     /// `Life counter`, `R[1]`: one more at every run of the task; wraps at 2³².
     pub life_counter: u32,

@@ -23,6 +23,7 @@ use crate::registers::{Registers, serve};
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Frame<P> {
     /// The transaction identifier of a TCP frame, which its reply repeats. `None` makes an RTU frame.
     pub transaction: Option<u16>,

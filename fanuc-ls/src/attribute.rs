@@ -7,8 +7,10 @@ use crate::text::{Read, expect, fail, is_letter};
 /// One entry of `/ATTR`, kept as it stands: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Attribute {
     /// Its name: `OWNER`; `SPEICHERGR.` on controllers set to German.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_name))]
     pub name: String,
     /// Its value.
     pub value: AttributeValue,
@@ -17,11 +19,15 @@ pub struct Attribute {
 /// What an attribute says.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum AttributeValue {
     /// `= text;`, with its quotes where it has them.
-    Text(String),
+    Text(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_text))] String),
     /// `: NAME = text, NAME = text;`, as `TCD` has it.
-    List(Vec<(String, String)>),
+    List(
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_list))]
+        Vec<(String, String)>,
+    ),
 }
 
 impl Attribute {

@@ -10,11 +10,12 @@ use crate::text::{Fault, indent, is_nested, is_plain, join_lines, plain_number, 
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Instruction {
     /// A line with nothing in it.
     Empty,
     /// `!` and what follows it, a leading space included.
-    Comment(String),
+    Comment(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::comment))] String),
     /// `UFRAME_NUM=`: the user frame of what follows.
     UserFrame(u16),
     /// `UTOOL_NUM=`: the tool frame of what follows.
@@ -22,10 +23,10 @@ pub enum Instruction {
     /// A motion.
     Motion(Motion),
     /// Any other instruction as it stands, without the spaces around it.
-    Other(String),
+    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::statement))] String),
     /// A line of the block that belongs to the motion above it (`TB`, `TA`), to the letter: it has a number of its own,
     /// or none, and at least five spaces before it.
-    Nested(String),
+    Nested(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::nested))] String),
 }
 
 impl Instruction {

@@ -5,6 +5,11 @@
 
 extern crate alloc;
 
+#[cfg(feature = "arbitrary")]
+extern crate std;
+
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod attribute;
 mod builder;
 mod check;

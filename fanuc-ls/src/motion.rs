@@ -131,6 +131,7 @@ impl Motion {
 /// How the robot moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum MotionKind {
     /// `J`: every joint arrives at the same time; the path is unspecified.
     Joint,
@@ -171,12 +172,14 @@ impl MotionKind {
 /// Where a motion goes.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Target {
     /// `P[3]` or `P[3:name]`: a position of this program.
     Position {
         /// Its number.
         number: u32,
         /// Its name, if it has one. Not quoted here; in `/POS` it is.
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
         name: Option<String>,
     },
     /// `PR[3]` or `PR[3:name]`: a position register.
@@ -184,10 +187,11 @@ pub enum Target {
         /// Its number.
         number: u32,
         /// Its name, if it has one.
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
         name: Option<String>,
     },
     /// Another one as it stands, such as `P[R[1]]` or `PR[GP1:3]`.
-    Other(String),
+    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::target))] String),
 }
 
 impl Target {
@@ -334,6 +338,7 @@ impl fmt::Display for Speed {
 /// The unit of a speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 #[allow(missing_docs, reason = "they are what they say")]
 pub enum SpeedUnit {
     Percent,
@@ -405,13 +410,16 @@ impl fmt::Display for SpeedUnit {
 /// How close a motion comes to its target before the next one begins.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Termination {
     /// `FINE`: stops at the target.
     Fine,
     /// `CNT0` to `CNT100`: passes by the target; what exactly the number does is not published.
-    Continuous(u8),
+    Continuous(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))] u8),
     /// `CNT R[1]`: the number is in a register, given as it stands.
-    ContinuousRegister(String),
+    ContinuousRegister(
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::register))] String,
+    ),
 }
 
 impl Termination {

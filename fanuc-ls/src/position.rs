@@ -9,12 +9,15 @@ use crate::text::{Fault, fixed_decimal, push_fixed, push_number, rounded, word};
 /// A position of `/POS`: `P[1:"name"]{ … };`
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Position {
     /// Its number.
     pub number: u32,
     /// Its name, without the quotes that it has in `/POS`.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
     pub name: Option<String>,
     /// Where each motion group stands. Most cells have one, `GP1`.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::groups))]
     pub groups: Vec<Group>,
 }
 
@@ -104,6 +107,7 @@ impl Position {
 /// Where one motion group stands.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Group {
     /// 1 for `GP1`.
     pub number: u8,
@@ -114,6 +118,7 @@ pub struct Group {
     /// Which of the arm's solutions a Cartesian position means. None for joints.
     pub configuration: Option<Configuration>,
     /// The coordinates, in their order.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::axes))]
     pub axes: Vec<Axis>,
 }
 
@@ -231,11 +236,14 @@ impl Group {
 /// Which of the arm's solutions a Cartesian position means, as it stands: `N U T, 0, 0, 0`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Configuration {
     /// `CONFIG`; controllers set to German say `KONFIG`.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::keyword))]
     pub keyword: String,
     /// N or F (wrist not flipped, flipped), U or D (elbow up, down), T or B (arm in front, behind), and the turns of
     /// three joints.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::solution))]
     pub text: String,
 }
 
@@ -249,11 +257,13 @@ impl Configuration {
 /// One coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Axis {
     /// Which.
     pub name: AxisName,
     /// Its value; None when it was never taught (`********`). Written with three decimals, as controllers do, or with as
     /// many as it has.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))]
     pub value: Option<f64>,
     /// Its unit.
     pub unit: AxisUnit,
@@ -309,6 +319,7 @@ impl Axis {
 
 /// The name of a coordinate. With `serde` it is its text: `X`, `RX`, `J1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 #[allow(missing_docs, reason = "they are what they say")]
 pub enum AxisName {
     X,
@@ -324,9 +335,9 @@ pub enum AxisName {
     RP,
     RR,
     /// `J1` to `J9`.
-    J(u8),
+    J(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::digit))] u8),
     /// `E1` to `E9`: an axis of an external drive.
-    E(u8),
+    E(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::digit))] u8),
 }
 
 impl AxisName {
@@ -406,6 +417,7 @@ impl<'de> serde::Deserialize<'de> for AxisName {
 /// The unit of a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 #[allow(missing_docs, reason = "they are what they say")]
 pub enum AxisUnit {
     Deg,

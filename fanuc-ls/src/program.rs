@@ -18,18 +18,24 @@ use crate::text::{Fault, push_number, word};
 /// and keep the rest of it as it is, use a [`Document`](crate::Document).
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Program {
     /// The name, which is also the file's.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::word))]
     pub name: String,
     /// What stands behind the name, such as `Macro`.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
     pub kind: Option<String>,
     /// `/ATTR`, in its order. None when there is no such section.
     pub attributes: Option<Vec<Attribute>>,
     /// `/APPL`, its lines as they stand. None when there is no such section.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::application))]
     pub application: Option<Vec<String>>,
     /// `/MN`, in its order.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::instructions))]
     pub instructions: Vec<Instruction>,
     /// `/POS`, in its order.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::positions))]
     pub positions: Vec<Position>,
 }
 

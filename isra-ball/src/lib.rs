@@ -3,6 +3,9 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "arbitrary")]
+extern crate std;
+
 pub mod ball;
 mod decoder;
 mod envelope;

@@ -11,10 +11,13 @@ use crate::keys::Keys;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Packet {
     /// Sensor type, 0..=7.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = three_bits))]
     pub sensor_type: u8,
     /// Sensor number, 0..=7.
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = three_bits))]
     pub sensor: u8,
     /// Whether the values are new.
     pub status: Status,
@@ -109,6 +112,7 @@ impl Encode for Packet {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 #[repr(u8)]
 pub enum Status {
     /// 00: asked for correctly, and the values are new.
@@ -136,4 +140,9 @@ impl Status {
             _ => Self::Reserved11,
         }
     }
+}
+
+#[cfg(feature = "arbitrary")]
+fn three_bits(u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<u8> {
+    u.int_in_range(0..=7)
 }

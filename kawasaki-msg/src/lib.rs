@@ -3,9 +3,11 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![forbid(unsafe_code)]
 
-#[cfg(any(test, feature = "tokio"))]
+#[cfg(any(test, feature = "arbitrary", feature = "tokio"))]
 extern crate std;
 
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod content;
 mod decoder;
 mod dialect;

@@ -3,6 +3,8 @@
 use std::io::{self, Write};
 
 use anyhow::Result;
+#[cfg(feature = "arbitrary")]
+use arbitrary::Unstructured;
 use robot_session::Decoder;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -32,6 +34,13 @@ pub trait Codec {
     /// # Errors
     /// When the object is no message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
+
+    /// A message object from a fuzzer's bytes: as the decoder shows it, and [`encode`](Self::encode) accepts it.
+    ///
+    /// # Errors
+    /// When there are too few bytes for the message that they begin.
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
 
 /// Why an object has no bytes.
@@ -87,6 +96,13 @@ pub trait Messages {
     /// # Errors
     /// When the object is no message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
+
+    /// A message object from a fuzzer's bytes, with [`object`].
+    ///
+    /// # Errors
+    /// When there are too few bytes for the message that they begin.
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
 
 /// A message of its object.
@@ -113,6 +129,15 @@ pub fn bytes<E: core::error::Error + Serialize>(
     let written = encode(&mut bytes).map_err(EncodeError::refused)?;
     debug_assert_eq!(written, length, "the encoded length is wrong");
     Ok(bytes)
+}
+
+/// The object of a message, with numbers as they are written.
+///
+/// # Errors
+/// None: every message has an object.
+#[cfg(feature = "arbitrary")]
+pub fn object(message: &impl Serialize) -> arbitrary::Result<Value> {
+    serde_json::from_str(&json::text(message)).map_err(|_| arbitrary::Error::IncorrectFormat)
 }
 
 /// Writes a message object.
@@ -170,6 +195,11 @@ where
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         self.messages.encode(message)
+    }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value> {
+        self.messages.arbitrary(u)
     }
 }
 

@@ -10,6 +10,7 @@
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Dialect {
     /// `ITR` is `STP`: §6 steps 17 and 20 use a word that §4 does not define.
     pub itr: bool,

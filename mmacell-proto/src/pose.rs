@@ -17,6 +17,7 @@ pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
 /// The robot: X, Y, Z and the rotation C (§4.1). In `serde`: `[mm, mm, mm, rad]`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct RobotPose {
     /// X.
     pub x: Length,
@@ -31,6 +32,7 @@ pub struct RobotPose {
 /// The orientation platform: the rotations A and B (§4.1). In `serde`: `[rad, rad]`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct PlatformPose {
     /// The first rotation.
     pub a: Angle,
@@ -54,6 +56,7 @@ impl defmt::Format for NoPose {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum AnyPose {
     /// Four axes.
     Robot(RobotPose),

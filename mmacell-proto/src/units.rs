@@ -11,7 +11,8 @@
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Length(i32);
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Length(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))] i32);
 
 impl Length {
     /// The largest length that fits its field; the smallest is its negative.
@@ -49,7 +50,8 @@ impl Length {
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Angle(i32);
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
+pub struct Angle(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))] i32);
 
 impl Angle {
     /// The largest angle that fits its field; the smallest is its negative.

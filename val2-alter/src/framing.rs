@@ -12,6 +12,7 @@ pub const ETX: u8 = 0x03;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Framing {
     /// The DLEs in front of STX: what is written, and the fewest that are read as a start mark. The text has two; the
     /// source's own tables of lengths fit one as well.
@@ -53,6 +54,7 @@ impl Default for Framing {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum LeadingDle {
     /// `10 02`
     One,

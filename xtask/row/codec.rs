@@ -28,4 +28,9 @@ impl Messages for Lines {
         let message: Message = read(message)?;
         bytes(message.encoded_len(), |out| message.encode(out))
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        crate::codec::object(&u.arbitrary::<Message>()?)
+    }
 }

@@ -29,6 +29,7 @@ pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
     link.insert("Cargo.toml", "cellwire = {", &line)?;
     let line = format!("{name} = {{ workspace = true, features = [\"serde\", \"spec\"] }}");
     link.insert("links/Cargo.toml", "val2-alter = {", &line)?;
+    link.insert("links/Cargo.toml", "    \"val2-alter/arbitrary", &format!("    \"{name}/arbitrary\","))?;
     link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
     link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;
     println!("{name}/, links/src/{}/ and the reference's inputs are made.", link.name[1]);

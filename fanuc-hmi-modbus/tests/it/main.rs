@@ -1,6 +1,8 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod client;
 mod common;
 mod decoder;
@@ -11,7 +13,7 @@ mod handle;
 mod line;
 #[cfg(feature = "tokio")]
 mod pipes;
-#[cfg(feature = "bytes")]
+#[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;
 #[cfg(feature = "std")]
 mod server;

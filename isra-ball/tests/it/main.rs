@@ -2,10 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod age;
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 #[cfg(feature = "bytes")]
 mod edges;
 #[cfg(feature = "tokio")]
 mod handle;
-#[cfg(feature = "bytes")]
+#[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;
 mod session;

@@ -104,7 +104,7 @@ fn no_value(name: &str, found: i32) -> FieldError {
 /// A field does not fit: the visitor knows which, and why. Made by [`Fields::refuse`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a field of the job does not fit")]
-pub struct Unfit(pub(super) ());
+pub struct Unfit(pub(crate) ());
 
 /// A number with a fixed count of decimals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

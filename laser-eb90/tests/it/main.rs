@@ -1,6 +1,8 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod common;
 mod controller;
 #[cfg(all(feature = "bytes", feature = "serde"))]
@@ -10,5 +12,6 @@ mod envelope;
 mod handle;
 mod host;
 mod machine;
+#[cfg(feature = "arbitrary")]
 mod properties;
 mod words;

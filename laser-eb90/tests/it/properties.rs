@@ -2,11 +2,12 @@
 
 use core::time::Duration;
 
+use crate::arbitrary::arbitrary;
 use crate::common::echo;
 use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
 use laser_eb90::{
-    ByteOrder, DecodeError, Decoder, EncodeError, Flag, Frame, Host, HostConfig, HostEvent, Instructions,
-    Item, MAX_PAYLOAD, Payload, Profile, SessionError, Tags, Tail, Width,
+    DecodeError, Decoder, EncodeError, Frame, Host, HostConfig, HostEvent, Instructions, Item, MAX_PAYLOAD,
+    Payload, Profile, SessionError,
 };
 use proptest::prelude::*;
 
@@ -51,22 +52,7 @@ fn items() -> impl Strategy<Value = Vec<Owned>> {
 }
 
 fn profile() -> impl Strategy<Value = Profile> {
-    (
-        prop::sample::select(vec![Tail::Printed, Tail::Etx, Tail::Either]),
-        prop::sample::select(vec![Flag::Separate, Flag::FirstTag]),
-        Just([0xF0, 0xF1, 0xF2, 0xF3]).prop_shuffle(),
-        prop::sample::select(vec![Width::U8, Width::U16Le, Width::U16Be]),
-        any::<(bool, bool, bool)>(),
-    )
-        .prop_map(|(tail, flag, [a, b, c, d], checksum, (negated, with_flag, big))| Profile {
-            tail,
-            flag,
-            tags: Tags::new(a, b, c, d).unwrap(),
-            checksum,
-            checksum_negated: negated,
-            checksum_with_flag: with_flag,
-            byte_order: if big { ByteOrder::Big } else { ByteOrder::Little },
-        })
+    arbitrary(prop::collection::vec(any::<u8>(), 32))
 }
 
 fn encode(items: &[Owned], profile: &Profile) -> Vec<u8> {

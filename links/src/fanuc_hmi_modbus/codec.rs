@@ -4,6 +4,8 @@ use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
 use super::options::ViewSettings;
+#[cfg(feature = "arbitrary")]
+use crate::codec::object;
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, error, message, read};
 use crate::json::value;
 use crate::settings;
@@ -75,5 +77,17 @@ impl Messages for Modbus {
         };
         read.map_err(EncodeError::refused)?;
         Ok(wire)
+    }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        let transaction = if self.framing == Framing::Tcp { Some(u.arbitrary()?) } else { None };
+        let unit = u.arbitrary()?;
+        match self.side {
+            Side::Client => {
+                object(&Frame { transaction, unit, pdu: u.arbitrary::<fanuc_hmi_modbus::Request<'_>>()? })
+            }
+            Side::Server => object(&Frame { transaction, unit, pdu: u.arbitrary::<Reply<'_>>()? }),
+        }
     }
 }

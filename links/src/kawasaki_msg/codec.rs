@@ -1,4 +1,6 @@
 use anyhow::{Context, Result};
+#[cfg(feature = "arbitrary")]
+use kawasaki_msg::{Bounds, Dialect, Job, Line};
 use kawasaki_msg::{Charset, Decoder, Message, PcConfig, Takeover, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -68,6 +70,32 @@ impl codec::Messages for Messages {
         };
         bytes(message.encoded_len(), |out| message.encode(self.charset, out))
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        if u.arbitrary()? {
+            return codec::object(&u.arbitrary::<Message<'_>>()?);
+        }
+        let wire = arbitrary_of(Dialect::DEFAULT, u)?;
+        codec::object(&Message::decode(&wire, self.charset).ok().flatten().map(|(message, _)| message))
+    }
+}
+
+/// The bytes of a message of a table, half of them jobs.
+#[cfg(feature = "arbitrary")]
+pub(super) fn arbitrary_of(
+    dialect: Dialect<'_>,
+    u: &mut arbitrary::Unstructured<'_>,
+) -> arbitrary::Result<Vec<u8>> {
+    let mut wire = vec![0; Message::MAX_LEN];
+    let length = if u.arbitrary()? {
+        dialect.write_job(&u.arbitrary::<Job<Line>>()?, &Bounds::WIDEST, &mut wire)
+    } else {
+        let (role, params) = dialect.arbitrary(u)?;
+        dialect.write(role, &params, &mut wire)
+    };
+    wire.truncate(length.map_err(|_| arbitrary::Error::IncorrectFormat)?);
+    Ok(wire)
 }
 
 fn values(texts: &[String]) -> Vec<Field<'_>> {

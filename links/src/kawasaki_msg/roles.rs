@@ -77,4 +77,14 @@ impl codec::Messages for Roles {
         self.0.read(&read.context("it is not whole")?.0).map_err(EncodeError::refused)?;
         Ok(wire)
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        let wire = super::codec::arbitrary_of(self.0, u)?;
+        let mut json = Vec::new();
+        if let Ok(Some((message, _))) = Message::decode(&wire, self.0.charset()) {
+            self.show(message, &mut json);
+        }
+        serde_json::from_slice(&json).map_err(|_| arbitrary::Error::IncorrectFormat)
+    }
 }

@@ -50,4 +50,12 @@ impl Messages for Eb90 {
         let frame = payload.frame().map_err(EncodeError::refused)?;
         bytes(frame.encoded_len(), |out| frame.encode(out))
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        let mut buffer = [0; MAX_PAYLOAD];
+        let payload = Payload::arbitrary(u, &mut buffer, &self.profile)?;
+        let frame = payload.frame().map_err(|_| arbitrary::Error::IncorrectFormat)?;
+        crate::codec::object(&frame)
+    }
 }

@@ -17,18 +17,38 @@ use crate::settings;
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let dialect = settings::read("mmacell-proto", Dialect::STRICT, settings)?;
     let side = match side {
-        "central" => Side { dialect, parse: parse_command, write: write_command },
-        "robot" => Side { dialect, parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },
-        _ => Side { dialect, parse: parse_reply::<PlatformPose>, write: write_reply::<PlatformPose> },
+        "central" => Side {
+            dialect,
+            parse: parse_command,
+            write: write_command,
+            #[cfg(feature = "arbitrary")]
+            make: |u| crate::codec::object(&u.arbitrary::<Command<AnyPose>>()?),
+        },
+        "robot" => Side {
+            dialect,
+            parse: parse_reply::<RobotPose>,
+            write: write_reply::<RobotPose>,
+            #[cfg(feature = "arbitrary")]
+            make: |u| crate::codec::object(&u.arbitrary::<Reply<RobotPose>>()?),
+        },
+        _ => Side {
+            dialect,
+            parse: parse_reply::<PlatformPose>,
+            write: write_reply::<PlatformPose>,
+            #[cfg(feature = "arbitrary")]
+            make: |u| crate::codec::object(&u.arbitrary::<Reply<PlatformPose>>()?),
+        },
     };
     Ok(codec(Decoder::new(dialect), side))
 }
 
-/// What one side sends: `parse` and `write` are of its messages.
+/// What one side sends: `parse`, `write` and `make` are of its messages.
 struct Side {
     dialect: Dialect,
     parse: fn(Line<'_>, &Dialect, &mut Vec<u8>) -> Kind,
     write: fn(Value, Dialect) -> Result<Vec<u8>, EncodeError>,
+    #[cfg(feature = "arbitrary")]
+    make: fn(&mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value>,
 }
 
 impl Messages for Side {
@@ -40,6 +60,11 @@ impl Messages for Side {
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         (self.write)(message, self.dialect)
+    }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        (self.make)(u)
     }
 }
 

@@ -53,4 +53,9 @@ impl<M: Message + Serialize + DeserializeOwned> Messages for Side<M> {
         let message: M = read(message)?;
         bytes(message.encoded_len(self.framing), |out| message.encode(self.framing, out))
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        crate::codec::object(&u.arbitrary::<M>()?)
+    }
 }

@@ -28,4 +28,9 @@ impl Messages for Host {
         let packet: PosePacket = read(message)?;
         bytes(packet.encoded_len(), |out| packet.encode(out))
     }
+
+    #[cfg(feature = "arbitrary")]
+    fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
+        crate::codec::object(&u.arbitrary::<PosePacket>()?)
+    }
 }

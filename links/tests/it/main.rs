@@ -1,6 +1,8 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod asked;
 mod configs;
 mod explain;

@@ -30,6 +30,7 @@ pub const BLOW: i32 = 1;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "command"))]
 #[non_exhaustive]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Command<P> {
     /// `STA`: report the status (§4.1).
     #[cfg_attr(feature = "serde", serde(rename = "STA"))]
@@ -44,6 +45,7 @@ pub enum Command<P> {
     #[cfg_attr(feature = "serde", serde(rename = "OVR"))]
     Override {
         /// 0 to 100 %.
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))]
         percent: u8,
     },
     /// `MOV`: start a point-to-point motion (§4.4). The reply means that it has started, not that it has ended.
@@ -68,12 +70,14 @@ pub enum Command<P> {
     #[cfg_attr(feature = "serde", serde(rename = "ACQ"))]
     Acquire {
         /// The camera; 16 bits on the wire.
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::integer))]
         camera: i32,
     },
     /// `HND`: open or close a gripper; only for a gripper with a controller of its own (§4.10).
     #[cfg_attr(feature = "serde", serde(rename = "HND"))]
     Grip {
         /// [`VACUUM`], [`BLOW`] or another; 16 bits on the wire.
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::integer))]
         gripper: i32,
         /// Open: for [`VACUUM`] and [`BLOW`] this turns the air on.
         open: bool,
@@ -84,6 +88,7 @@ pub enum Command<P> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Mode {
     /// `A`: to this pose.
     Absolute,

@@ -18,12 +18,14 @@ use crate::pose::Pose;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "reply", rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Reply<P> {
     /// `OK`: done, or for a motion, started.
     Ok,
     /// `ER`: not done.
     Error {
         /// Why; never [`ErrorCode::None`].
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::failure))]
         error: ErrorCode,
     },
     /// `OK` and the answer to `STA`.
@@ -34,6 +36,7 @@ pub enum Reply<P> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Status<P> {
     /// A motion is going on. It may report no until a motion that it has accepted begins.
     pub moving: bool,
@@ -44,6 +47,7 @@ pub struct Status<P> {
     pub servo: bool,
     /// The override, 0 to 100 %.
     #[cfg_attr(feature = "serde", serde(rename = "override"))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))]
     pub percent: u8,
     /// The error that it is in.
     pub error: ErrorCode,

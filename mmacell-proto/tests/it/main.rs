@@ -1,6 +1,8 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+#[cfg(feature = "arbitrary")]
+mod arbitrary;
 mod central;
 mod common;
 #[cfg(feature = "std")]
@@ -9,5 +11,5 @@ mod device;
 mod edges;
 #[cfg(feature = "tokio")]
 mod handle;
-#[cfg(feature = "bytes")]
+#[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;

@@ -1,5 +1,8 @@
 //! Properties of the codec over generated messages and bytes.
 
+use core::fmt::Debug;
+
+use arbitrary::Arbitrary;
 use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::robot_session::Encode as _;
 use mmacell_proto::{
@@ -9,62 +12,11 @@ use mmacell_proto::{
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-fn length() -> impl Strategy<Value = Length> {
-    (-999_999..=999_999).prop_map(Length::from_um)
-}
+use crate::arbitrary::arbitrary;
 
-fn angle() -> impl Strategy<Value = Angle> {
-    (-999_999..=999_999).prop_map(Angle::from_tenths_mrad)
-}
-
-fn robot() -> impl Strategy<Value = RobotPose> {
-    (length(), length(), length(), angle()).prop_map(|(x, y, z, c)| RobotPose { x, y, z, c })
-}
-
-fn platform() -> impl Strategy<Value = PlatformPose> {
-    (angle(), angle()).prop_map(|(a, b)| PlatformPose { a, b })
-}
-
-fn any_pose() -> impl Strategy<Value = AnyPose> {
-    prop_oneof![robot().prop_map(AnyPose::Robot), platform().prop_map(AnyPose::Platform)]
-}
-
-fn integer() -> impl Strategy<Value = i32> {
-    any::<i16>().prop_map(i32::from)
-}
-
-fn command<P: Pose + 'static>(pose: impl Strategy<Value = P> + 'static) -> impl Strategy<Value = Command<P>> {
-    let mode = prop_oneof![Just(Mode::Absolute), Just(Mode::Relative)];
-    prop_oneof![
-        prop_oneof![Just(Command::Status), Just(Command::Stop), Just(Command::Reset), Just(Command::Close)],
-        any::<bool>().prop_map(|on| Command::Servo { on }),
-        (0..=100u8).prop_map(|percent| Command::Override { percent }),
-        (mode, pose).prop_map(|(mode, pose)| Command::Move { mode, pose }),
-        integer().prop_map(|camera| Command::Acquire { camera }),
-        (integer(), any::<bool>()).prop_map(|(gripper, open)| Command::Grip { gripper, open }),
-    ]
-}
-
-fn reply<P: Pose + 'static>(pose: impl Strategy<Value = P> + 'static) -> impl Strategy<Value = Reply<P>> {
-    let status = (any::<bool>(), pose, any::<bool>(), 0..=100u8, integer()).prop_map(
-        |(moving, pose, servo, percent, error)| {
-            Reply::Status(Status { moving, pose, servo, percent, error: error.into() })
-        },
-    );
-    let error = integer().prop_filter("0 is no error", |e| *e != 0);
-    prop_oneof![Just(Reply::Ok), error.prop_map(|e| Reply::Error { error: e.into() }), status]
-}
-
-fn dialect() -> impl Strategy<Value = Dialect> {
-    any::<[bool; 7]>().prop_map(|[itr, ovrd, clos, off, lone_lf, blank, wide_integers]| Dialect {
-        itr,
-        ovrd,
-        clos,
-        off,
-        lone_lf,
-        blank,
-        wide_integers,
-    })
+/// Uniform bytes, as many as the longest message needs.
+fn messages<M: for<'a> Arbitrary<'a> + Debug>() -> impl Strategy<Value = M> {
+    arbitrary(vec(any::<u8>(), 32))
 }
 
 /// The lines of a stream cut at these places.
@@ -91,12 +43,12 @@ fn lines(stream: &[u8], cuts: &[prop::sample::Index], dialect: Dialect) -> Vec<R
 /// Nearly a message: one with a few bytes changed.
 fn corrupt() -> impl Strategy<Value = Vec<u8>> {
     let message = prop_oneof![
-        command(any_pose()).prop_map(|c| {
+        messages::<Command<AnyPose>>().prop_map(|c| {
             let mut bytes = vec![0; c.encoded_len()];
             c.encode(&mut bytes).unwrap();
             bytes
         }),
-        reply(any_pose()).prop_map(|r| {
+        messages::<Reply<AnyPose>>().prop_map(|r| {
             let mut bytes = vec![0; r.encoded_len()];
             r.encode(&mut bytes).unwrap();
             bytes
@@ -121,7 +73,7 @@ fn corrupt() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
-    fn a_command_survives_the_wire(command in command(any_pose())) {
+    fn a_command_survives_the_wire(command in messages::<Command<AnyPose>>()) {
         let mut buffer = [0xAA; 38];
         let len = command.encode(&mut buffer).unwrap();
         prop_assert_eq!(len, command.encoded_len());
@@ -135,7 +87,7 @@ proptest! {
 
     /// What a dialect writes it reads, and so does one that accepts every reading; only it has the bytes that it announces.
     #[test]
-    fn a_message_survives_any_dialect(command in command(any_pose()), reply in reply(any_pose()), dialect in dialect(), wide in -99_999..=99_999i32) {
+    fn a_message_survives_any_dialect(command in messages::<Command<AnyPose>>(), reply in messages::<Reply<AnyPose>>(), dialect in messages::<Dialect>(), wide in -99_999..=99_999i32) {
         let grip = Command::<AnyPose>::Acquire { camera: wide };
         let mut buffer = [0xAA; 52];
         for command in [command, grip] {
@@ -163,7 +115,7 @@ proptest! {
     }
 
     #[test]
-    fn a_reply_survives_the_wire(robot in reply(robot()), platform in reply(platform())) {
+    fn a_reply_survives_the_wire(robot in messages::<Reply<RobotPose>>(), platform in messages::<Reply<PlatformPose>>()) {
         let mut buffer = [0xAA; 50];
         for dialect in [Dialect::STRICT, Dialect::TOLERANT] {
             let len = robot.encode(&mut buffer).unwrap();
@@ -179,7 +131,7 @@ proptest! {
     }
 
     #[test]
-    fn appending_writes_the_same_bytes(command in command(any_pose()), reply in reply(any_pose())) {
+    fn appending_writes_the_same_bytes(command in messages::<Command<AnyPose>>(), reply in messages::<Reply<AnyPose>>()) {
         let mut appended = Vec::new();
         command.append_to(&mut appended).unwrap();
         reply.append_to(&mut appended).unwrap();
@@ -197,7 +149,7 @@ proptest! {
 
     #[cfg(feature = "serde")]
     #[test]
-    fn a_message_survives_its_object(command in command(any_pose()), reply in reply(any_pose())) {
+    fn a_message_survives_its_object(command in messages::<Command<AnyPose>>(), reply in messages::<Reply<AnyPose>>()) {
         let text = serde_json::to_string(&command).unwrap();
         prop_assert_eq!(serde_json::from_str::<Command<AnyPose>>(&text).unwrap(), command);
         let text = serde_json::to_string(&reply).unwrap();
@@ -206,7 +158,7 @@ proptest! {
 
     /// What is accepted means the same however it was written: its strict form decodes to it again.
     #[test]
-    fn what_is_accepted_encodes_and_decodes_to_itself(bytes in corrupt(), dialect in dialect()) {
+    fn what_is_accepted_encodes_and_decodes_to_itself(bytes in corrupt(), dialect in messages::<Dialect>()) {
         let Ok(Some((line, _))) = Line::decode(&bytes, &dialect) else { return Ok(()) };
         let mut buffer = [0; 50];
         if let Ok(command) = Command::<AnyPose>::decode(line, &dialect) {
@@ -233,7 +185,7 @@ proptest! {
 
     /// A stricter dialect never reads another message from the same line, it only refuses more.
     #[test]
-    fn tolerance_changes_no_meaning(bytes in corrupt(), dialect in dialect()) {
+    fn tolerance_changes_no_meaning(bytes in corrupt(), dialect in messages::<Dialect>()) {
         let line = Line::new(&bytes);
         if let Ok(command) = Command::<AnyPose>::decode(line, &Dialect::STRICT) {
             prop_assert_eq!(Command::decode(line, &dialect), Ok(command));
@@ -260,7 +212,7 @@ proptest! {
     fn any_chunking_gives_the_same_lines(
         pieces in vec(prop_oneof![corrupt(), vec(any::<u8>(), 0..100)], 0..8),
         cuts in vec(any::<prop::sample::Index>(), 0..12),
-        dialect in dialect(),
+        dialect in messages::<Dialect>(),
     ) {
         let stream = pieces.concat();
         prop_assert_eq!(lines(&stream, &cuts, dialect), lines(&stream, &[], dialect));
@@ -268,7 +220,7 @@ proptest! {
 
     /// Corruption costs the line that it is in, and the next one when it takes the end away.
     #[test]
-    fn what_follows_the_next_end_is_found(garbage in vec(any::<u8>(), 0..200), command in command(robot())) {
+    fn what_follows_the_next_end_is_found(garbage in vec(any::<u8>(), 0..200), command in messages::<Command<RobotPose>>()) {
         let mut buffer = [0; 38];
         let len = command.encode(&mut buffer).unwrap();
         let stream = [&garbage[..], b"\r\n", &buffer[..len], &buffer[..len]].concat();
@@ -278,7 +230,7 @@ proptest! {
     }
 
     #[test]
-    fn a_buffer_that_is_too_small_is_refused(command in command(any_pose()), reply in reply(any_pose()), len in 0..50usize) {
+    fn a_buffer_that_is_too_small_is_refused(command in messages::<Command<AnyPose>>(), reply in messages::<Reply<AnyPose>>(), len in 0..50usize) {
         let mut buffer = vec![0; len];
         let needed = command.encoded_len();
         if len < needed {

@@ -1,8 +1,9 @@
 //! The codes of the messages. Every enum is total: what the source does not name is kept and is written again unchanged.
 
-/// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form.
+/// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form. The range has the codes
+/// that its field on the wire can hold.
 macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident in $codes:expr => { $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)* }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -30,12 +31,24 @@ macro_rules! codes {
                 }
             }
         }
+
+        /// A code that the source names, or any other.
+        #[cfg(feature = "arbitrary")]
+        impl<'a> arbitrary::Arbitrary<'a> for $name {
+            fn arbitrary(u: &mut arbitrary::Unstructured<'a>) -> arbitrary::Result<Self> {
+                if u.arbitrary()? {
+                    u.choose(&[$(Self::$variant),*]).copied()
+                } else {
+                    u.int_in_range($codes).map(|code: u8| code.into())
+                }
+            }
+        }
     };
 }
 
 codes! {
     /// What was wrong with the host's last reply (§3.2.2): three bits of the control byte.
-    ErrorCode {
+    ErrorCode in 0..=7 => {
         /// Nothing.
         None = 0,
         /// Its checksum did not fit.
@@ -55,7 +68,7 @@ codes! {
 
 codes! {
     /// How the current motion segment goes (§3.2.2).
-    SegmentStatus {
+    SegmentStatus in 0..=255 => {
         /// No motion instruction has been executed yet.
         NoneYet = 1,
         /// The path is being followed.
@@ -121,7 +134,7 @@ impl SegmentStatus {
 
 codes! {
     /// The code that starts the robot's exception subroutine (§3.3.2, §9.3). The program reads it as `ERROR(-1)`.
-    Exception {
+    Exception in 0..=255 => {
         /// Normal operation.
         None = 0,
         /// The source's program closes the gripper: CLOSEI.
@@ -135,6 +148,7 @@ codes! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum StartCode {
     /// 00: ready for ALTER.
     Accept,

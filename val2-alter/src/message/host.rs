@@ -15,6 +15,7 @@ pub(crate) const ALL: u8 = (1 << AXES) - 1;
 /// A message from the host to the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum HostMessage {
     /// The answer to a start message: one data byte.
     StartReply(StartCode),
@@ -63,6 +64,7 @@ impl Message for HostMessage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Reply {
     /// Starts the robot's exception subroutine; none in normal operation.
     pub exception: Exception,

@@ -12,6 +12,7 @@ use crate::framing::Framing;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum RobotMessage {
     /// ALTER begins: to be answered.
     Start(Start),
@@ -79,10 +80,12 @@ fn control(phase: u8, error: ErrorCode) -> u8 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "start"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Start {
     /// Bit 7 of the control byte. The section on the start message leaves it out, the one on the control byte demands it:
     /// it is always written, and read either way.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_true"))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(value = true))]
     pub marked: bool,
     /// What was wrong with the answer to the attempt before.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_none"))]
@@ -165,6 +168,17 @@ impl List {
     }
 }
 
+#[cfg(feature = "arbitrary")]
+impl<'a> arbitrary::Arbitrary<'a> for List {
+    fn arbitrary(u: &mut arbitrary::Unstructured<'a>) -> arbitrary::Result<Self> {
+        let mut list = Self { len: u.int_in_range(0..=Self::MAX)?, ..Self::EMPTY };
+        for word in list.words.iter_mut().take(list.len) {
+            *word = u.arbitrary()?;
+        }
+        Ok(list)
+    }
+}
+
 impl core::fmt::Debug for List {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_list().entries(self.words()).finish()
@@ -182,6 +196,7 @@ impl defmt::Format for List {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "motion"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Motion {
     /// Whether ALTER runs or is interrupted by the exception subroutine.
     pub phase: MotionPhase,
@@ -249,6 +264,7 @@ impl Motion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum MotionPhase {
     /// 00: values change the path.
     Running,
@@ -260,6 +276,7 @@ pub enum MotionPhase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "end"))]
+#[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct End {
     /// Why ALTER ended; none when the program ended it.
     pub error: ErrorCode,

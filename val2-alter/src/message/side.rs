@@ -88,4 +88,9 @@ impl<M: Message> Encode for Framed<M> {
 }
 
 /// Closes [`Message`].
+#[cfg(not(feature = "arbitrary"))]
 pub trait Sealed {}
+
+/// Closes [`Message`].
+#[cfg(feature = "arbitrary")]
+pub trait Sealed: for<'a> arbitrary::Arbitrary<'a> {}

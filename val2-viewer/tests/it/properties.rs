@@ -10,10 +10,12 @@ use val2_viewer::{
     XOFF, XON,
 };
 
+use crate::arbitrary::arbitrary;
+
 type Item = (Result<PosePacket, DecodeError>, u64);
 
 fn packets() -> impl Strategy<Value = PosePacket> {
-    (any::<u16>(), any::<[i16; 12]>()).prop_map(|(count, pose)| PosePacket { count, pose })
+    arbitrary(prop::collection::vec(any::<u8>(), 26))
 }
 
 fn line(packet: &PosePacket) -> Vec<u8> {

@@ -2,6 +2,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "arbitrary")]
+extern crate std;
+
 mod decoder;
 pub mod device;
 mod error;

@@ -1,5 +1,6 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+#[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;
 mod session;

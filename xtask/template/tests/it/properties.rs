@@ -1,14 +1,13 @@
 //! What holds for every message and every stream.
 
+use arbitrary::Unstructured;
 use proptest::prelude::*;
 use toy_link::robot_session::{Decoder as _, Encode as _};
 use toy_link::{DecodeError, Decoder, EncodeError, Message};
 
 fn messages() -> impl Strategy<Value = Message> {
-    prop_oneof![
-        any::<u8>().prop_map(|register| Message::Get { register }),
-        any::<(u8, i32)>().prop_map(|(register, value)| Message::Value { register, value }),
-    ]
+    let bytes = prop::collection::vec(any::<u8>(), 0..12);
+    bytes.prop_filter_map("too few bytes", |bytes| Unstructured::new(&bytes).arbitrary().ok())
 }
 
 fn written(message: Message) -> Vec<u8> {

@@ -1,0 +1,77 @@
+//! Messages of the feature `arbitrary`: the encoder accepts each of them.
+
+use std::collections::HashSet;
+
+use arbitrary::Unstructured;
+use fanuc_hmi_modbus::robot_session::Encode as _;
+use fanuc_hmi_modbus::{
+    Frame, Pdu, PduBuf, PositionRegister, Reply, Request, TelemetryBlock, WordOrder, function,
+};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree as _;
+use proptest::test_runner::TestRunner;
+
+/// A fuzzer's bytes.
+fn inputs(count: usize) -> impl Iterator<Item = Vec<u8>> {
+    let (mut runner, bytes) = (TestRunner::deterministic(), prop::collection::vec(any::<u8>(), 0..300));
+    (0..count).map(move |_| bytes.new_tree(&mut runner).unwrap().current())
+}
+
+fn wire(frame: &Frame<impl Pdu>) -> Vec<u8> {
+    let mut wire = vec![0; frame.encoded_len()];
+    assert_eq!(frame.encode(&mut wire), Ok(wire.len()));
+    wire
+}
+
+fn decoded(wire: &[u8], is_tcp: bool) -> Frame<&[u8]> {
+    if is_tcp { Frame::decode_tcp(wire).unwrap().unwrap().0 } else { Frame::decode_rtu_whole(wire).unwrap() }
+}
+
+#[test]
+fn any_bytes_are_a_request_and_a_reply_that_decode_to_themselves() {
+    let (mut requests, mut replies, mut exceptions, mut count) =
+        (HashSet::new(), HashSet::new(), HashSet::new(), 0);
+    for bytes in inputs(10_000) {
+        if let Ok(frame) = Unstructured::new(&bytes).arbitrary::<Frame<Request<'_>>>() {
+            assert_eq!(decoded(&wire(&frame), frame.transaction.is_some()).request(), Ok(frame));
+            let (pdu, function) = (PduBuf::new(&frame.pdu).unwrap(), frame.pdu.function());
+            let (half, quantity) = (pdu.as_bytes()[1..].first() >= Some(&0x80), frame.pdu.quantity_read());
+            let values = (half, quantity.div_ceil(250), pdu.encoded_len() / 32);
+            requests.insert((function, Some(values).filter(|_| function::is_typed(function))));
+            count += 1;
+        }
+        if let Ok(frame) = Unstructured::new(&bytes).arbitrary::<Frame<Reply<'_>>>() {
+            assert_eq!(decoded(&wire(&frame), frame.transaction.is_some()).reply(), Ok(frame));
+            let (length, function) = (frame.pdu.encoded_len() / 32, frame.pdu.function());
+            replies.insert(match frame.pdu {
+                Reply::Exception { exception, .. } => {
+                    exceptions.insert(u8::from(exception).clamp(1, 12));
+                    (function, None)
+                }
+                _ => (function, Some(length).filter(|_| function::is_typed(function)).or(Some(99))),
+            });
+            count += 1;
+        }
+    }
+    // Both halves of each table; every eighth of the bits that are read, or of the length of what is written.
+    let (bits, registers, single, written, other) = (2 * 8, 2, 2, 2 * 8, 117);
+    assert_eq!(requests.len(), 2 * bits + 2 * registers + 3 * single + 3 * written + other, "{requests:?}");
+    let (read, echo) = (8, 1);
+    assert_eq!((replies.len(), exceptions.len()), (5 * read + 5 * echo + other + 127, 12), "{replies:?}");
+    assert!(count > 19_500, "{count} of 20000 inputs are long enough");
+}
+
+#[test]
+fn any_bytes_are_values_that_registers_hold() {
+    for bytes in inputs(2000) {
+        let mut u = Unstructured::new(&bytes);
+        let (block, position): (TelemetryBlock, PositionRegister) = u.arbitrary().unwrap();
+        for order in [WordOrder::LowFirst, WordOrder::HighFirst] {
+            let read = TelemetryBlock::from_registers(&block.to_registers(order), order);
+            // A real that is not a number is not equal to itself.
+            assert_eq!(format!("{read:?}"), format!("{block:?}"));
+            let read = PositionRegister::from_registers(&position.to_registers(order), order);
+            assert_eq!(format!("{read:?}"), format!("{position:?}"));
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Messages and jobs of the feature `arbitrary`: the encoder accepts each of them.
+
+use std::collections::HashSet;
+
+use arbitrary::{Arbitrary, Error, Unstructured};
+use kawasaki_msg::{
+    Charset, Dialect, Entry, Field, Fields, Job, JobKind, Line, Message, Role, Text, Unfit, Value, Work,
+};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree as _;
+use proptest::test_runner::TestRunner;
+
+/// A fuzzer's bytes, of which as many as one in two are digits and separators.
+fn inputs() -> impl Iterator<Item = Vec<u8>> {
+    let byte = prop_oneof![any::<u8>(), prop::sample::select(&b"0123456789$"[..])];
+    let (mut runner, bytes) = (TestRunner::deterministic(), prop::collection::vec(byte, 0..100));
+    (0..5000).map(move |_| bytes.new_tree(&mut runner).unwrap().current())
+}
+
+fn decoded(wire: &[u8]) -> Message<'_> {
+    let (message, used) = Message::decode(wire, Charset::Ascii).unwrap().unwrap();
+    assert_eq!(used, wire.len());
+    message
+}
+
+#[test]
+fn any_bytes_are_a_message_that_decodes_to_itself() {
+    let mut kinds = HashSet::new();
+    for bytes in inputs() {
+        let message = Message::arbitrary(&mut Unstructured::new(&bytes)).unwrap();
+        let mut wire = [0; Message::MAX_LEN];
+        let length = message.encode(Charset::Ascii, &mut wire).unwrap();
+        assert_eq!(decoded(&wire[..length]), message);
+        kinds.insert(match message.name {
+            Value::Text(known) => known.to_owned(),
+            _ => "another name".to_owned(),
+        });
+        kinds.insert(format!("{} values in the header", message.header.count().min(3)));
+        kinds.insert(format!("{} fields", message.fields.count().min(3)));
+    }
+    assert_eq!(kinds.len(), 11 + 1 + 4 + 4, "{kinds:?}");
+}
+
+#[test]
+fn a_message_of_many_bytes_fits_a_packet() {
+    for length in [4095, 4096, 4097, 9000] {
+        // Whatever is chosen by the first ones and the last ones: each part is as long as it can be.
+        for byte in 0..=255 {
+            let bytes = [&[byte; 8][..], &vec![b'7'; length], &[byte; 24]].concat();
+            let message = Message::arbitrary(&mut Unstructured::new(&bytes)).unwrap();
+            assert!(
+                message.encode(Charset::Ascii, &mut [0; Message::MAX_LEN]).is_ok(),
+                "{}",
+                message.encoded_len()
+            );
+        }
+    }
+}
+
+#[test]
+fn any_bytes_are_a_message_of_the_table_that_is_read_as_itself() {
+    let command = Entry {
+        role: Role::Command(7),
+        name: "Nopeus",
+        header: &[Field::Constant("solu"), Field::Order],
+        fields: &[Field::Unused, Field::Value],
+        reply: None,
+        past_queue: true,
+    };
+    let table = [Dialect::DEFAULT.entries(), &[command]].concat();
+    let dialect = Dialect::new(&table).unwrap();
+    let mut kinds = HashSet::new();
+    for bytes in inputs() {
+        let (role, params) = dialect.arbitrary(&mut Unstructured::new(&bytes)).unwrap();
+        let mut wire = [0; 256];
+        let length = dialect.write(role, &params, &mut wire).unwrap();
+        assert_eq!(dialect.read(&decoded(&wire[..length])), Ok((role, params)));
+        let is_there = |field| params.get(field).is_some();
+        kinds.insert((role, [Field::Queued, Field::Executed, Field::Ended].map(is_there)));
+    }
+    // Of a status three values may be missing, of a pause and an acknowledgement two.
+    let roles = 12 - 1;
+    assert_eq!(kinds.len(), roles - 3 + 8 + 2 + 4, "{kinds:?}");
+}
+
+/// A job with a field of every kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Mixed {
+    kind: JobKind,
+    angle: i32,
+    tool: Text<8>,
+}
+
+impl Work for Mixed {
+    type Ranges = i32;
+
+    fn fields<F: Fields>(&mut self, most: &i32, fields: &mut F) -> Result<(), Unfit> {
+        fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
+        fields.decimal("angle", &mut self.angle, 3, -2..=*most)?;
+        fields.text("tool", &mut self.tool, 1..=9)
+    }
+}
+
+fn job<W: Work + PartialEq + core::fmt::Debug>(bytes: &[u8], ranges: &W::Ranges) -> Job<W> {
+    let job = Job::arbitrary_within(&mut Unstructured::new(bytes), ranges).unwrap();
+    let mut wire = [0; 256];
+    let length = Dialect::DEFAULT.write_job(&job, ranges, &mut wire).unwrap();
+    assert_eq!(Dialect::DEFAULT.read_job(&decoded(&wire[..length]), ranges), Ok(job));
+    job
+}
+
+#[test]
+fn any_bytes_are_a_job_that_is_read_as_itself() {
+    let mut kinds = HashSet::new();
+    for bytes in inputs() {
+        let line = job::<Line>(&bytes, &<Line as Work>::Ranges::default());
+        assert_eq!(Job::arbitrary(&mut Unstructured::new(&bytes)), Ok(line));
+        let Job { work: Mixed { kind, angle, tool }, .. } = job(&bytes, &2);
+        kinds.insert(format!("{:?}", line.work.kind));
+        kinds.extend([format!("{kind:?}, {angle}"), format!("{} characters", tool.as_bytes().len())]);
+    }
+    assert_eq!(kinds.len(), 2 + 2 * 5 + 8, "{kinds:?}");
+    let job = Job::<Mixed>::arbitrary_within(&mut Unstructured::new(&[0; 9]), &-3);
+    assert_eq!(job, Err(Error::IncorrectFormat), "no angle is in the range");
+}

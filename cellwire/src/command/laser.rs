@@ -13,7 +13,7 @@ use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
 use crate::io::bell::Bell;
 use crate::io::input;
 use crate::io::journal::Outcome;
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::io::port::AnyPort;
 use cellwire_links::settings;
 
@@ -27,7 +27,8 @@ pub struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire laser run part.nc --dry-run --draw part.svg        what would be cut
+  cellwire laser run part.nc --dry-run --draw plan.svg        what would be cut
+  cellwire laser run part.svg --dry-run --draw plan.svg       the strokes of a drawing
   cellwire laser run part.nc --port /dev/ttyS0 --settings laser.toml     on Windows: --port COM1
   cellwire simulate laser --pty /tmp/laser                    a robot to try it on";
 
@@ -36,10 +37,15 @@ enum Command {
     Run(RunArgs),
 }
 
-/// Runs a program, each instruction once: G-code, DXF (lines and arcs), or CSV with a command word and its floats per line.
+/// Runs a program, each instruction once: G-code, an SVG drawing, or CSV with a command word and its floats per line.
 ///
 /// G-code: G0 to G3, G17, G20, G21, G90, G91, G94, M2, M3, M4, M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut after M3 or M4, until
 /// M5 or while S is 0; otherwise they move with the laser off, as G0 does. A cut needs a feed.
+///
+/// SVG: strokes are cut in their true size, in mm. X and Y are 0 at the lower left corner of the page; Y points up. The width and the
+/// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Text,
+/// images, clips, shapes without a stroke, translucent strokes and lines outside of the page are refused by name. DXF drawings are
+/// converted first, by docs/dxf-to-svg.py.
 ///
 /// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
 /// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether
@@ -52,11 +58,14 @@ enum Command {
 /// Exit status: 0 every instruction is done; 1 stopped, or refused; 2 not begun; 3 the connection was lost.
 #[derive(Debug, clap::Args)]
 struct RunArgs {
-    /// The program: .csv, .dxf, or G-code
+    /// The program: .csv, .svg, or G-code
     file: PathBuf,
     /// The controller: the name of a serial port, or HOST:PORT of a serial device server
     #[arg(long, value_name = "PORT", required_unless_present = "dry_run")]
     port: Option<String>,
+    /// Leave out what cannot be cut of a drawing, and take 96 pixels as an inch if it has no size in mm; each is reported
+    #[arg(long, display_order = 0)]
+    allow: bool,
     #[command(flatten)]
     work: WorkArgs,
 }
@@ -68,7 +77,10 @@ pub fn run(args: &Args) -> Result<bool> {
     // Some defaults follow from the rate.
     let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;
     let Settings { host, mapping } = settings::read("laser", Settings::at_baud(baud), &given)?;
-    let program = Program::read(&args.file, &mapping, &host)?;
+    let program = Program::read(&args.file, &mapping, &host, args.allow)?;
+    for warning in &program.warnings {
+        remark(&format!("warning: the drawing {} {warning}", args.file.display()));
+    }
     if let Some(file) = &args.work.draw {
         program.draw(file, &mapping)?;
     }

@@ -59,7 +59,15 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>
 /// # Errors
 /// When the file cannot be read, or is no UTF-8.
 pub fn text(path: &Path) -> Result<String> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    decode(path, bytes(path)?)
+}
+
+/// As [`text`], of a file that was read.
+///
+/// # Errors
+/// When it is no UTF-8.
+pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    let text = String::from_utf8(bytes).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 

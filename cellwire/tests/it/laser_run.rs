@@ -305,22 +305,47 @@ fn a_dry_run_says_and_draws_what_would_happen() {
         "{svg}"
     );
 
-    let entity = |kind: &str, codes: &[(u8, &str)]| {
-        let codes: String = codes.iter().map(|(code, value)| format!("{code}\n{value}\n")).collect();
-        format!("0\n{kind}\n8\n0\n{codes}")
+    let drawing = |body: &str| {
+        format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="30mm" viewBox="0 0 60 30">{body}</svg>"#
+        )
     };
-    let drawing = |entities: &str| format!("0\nSECTION\n2\nENTITIES\n{entities}0\nENDSEC\n0\nEOF\n");
-    let line = entity("LINE", &[(10, "0"), (20, "0"), (11, "40"), (21, "0")]);
-    let arc = entity("ARC", &[(10, "40"), (20, "10"), (40, "10"), (50, "270"), (51, "90")]);
-    let (code, found, said, _) = dry_run("part.dxf", &drawing(&format!("{line}{arc}")));
+    let path = r#"<path d="M0 30 H 40 A 10 10 0 0 0 40 10" fill="none" stroke="black"/>"#;
+    let (code, found, said, svg) = dry_run("part.svg", &drawing(path));
     assert_eq!((code, said.as_str()), (Some(0), ""));
     let found: Value = serde_json::from_str(&found).unwrap();
-    assert_eq!(found["mm"]["most"], serde_json::json!([50.0, 20.0]));
-    assert_eq!(found["instructions"], 1 + 1 + 16);
-    let text = entity("TEXT", &[(10, "0"), (20, "0"), (1, "hello")]);
-    let (code, _, said, _) = dry_run("part.dxf", &drawing(&format!("{line}{text}")));
+    let mm = &found["mm"];
+    assert_eq!(
+        (&mm["least"], &mm["most"]),
+        (&serde_json::json!([0.0, 0.0]), &serde_json::json!([50.0, 20.0]))
+    );
+    assert_eq!(
+        (&found["instructions"], &found["not_carried"]),
+        (&(1 + 1 + 16).into(), &serde_json::json!([]))
+    );
+    assert!(svg.contains("stroke=\"black\""), "{svg}");
+    let text = format!("{path}<text>hello</text>");
+    let (code, _, said, _) = dry_run("part.svg", &drawing(&text));
     assert_eq!(code, Some(2));
-    assert!(said.contains("the drawing has unsupported entities: 1 TEXT"), "{said}");
+    assert!(said.contains("has 1 text: convert them to paths"), "{said}");
+}
+
+#[test]
+fn a_dxf_drawing_is_refused_with_the_command_that_converts_it() {
+    for (name, content) in [
+        ("part.dxf", "hello\n"),
+        ("part.DXF", ""),
+        ("part.nc", "  0\nSECTION\n  2\nHEADER\n"),
+        ("part.nc", "\u{feff}0\r\nSECTION\r\n"),
+        ("part.svg", "999\nwritten by a CAD program\n  0\nSECTION\n"),
+        ("part", "AutoCAD Binary DXF\r\n\u{1a}\0"),
+    ] {
+        let (code, found, said, _) = dry_run(name, content);
+        assert_eq!((code, found.as_str()), (Some(2), ""), "{name}: {said}");
+        let [begin, end] =
+            [said.find(name), said.find(" is a DXF drawing: convert it with `python3 dxf-to-svg.py ")];
+        assert!(begin < end && said.lines().count() == 1, "{name}: {said}");
+    }
 }
 
 /// Laser software writes its travel as cuts without power.
@@ -362,7 +387,8 @@ fn a_program_that_is_not_understood_is_refused_with_its_line() {
             "M6\nG0 X1\nG41\nG0 Y2\n",
             "line 1: M6 is not supported; M2, M3, M4, M5 and M30 are\nline 3: G41",
         ),
-        ("a.dxf", "hello\n", "no DXF drawing"),
+        ("a.svg", "G0 X1\n", "a.svg is not an SVG file"),
+        ("a.nc", " <svg", "a.nc is not an SVG file"),
     ] {
         let (code, _, said, _) = dry_run(name, program);
         assert_eq!(code, Some(2), "{program:?}: {said}");

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-const DXF: &str = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n0\n10\n0\n20\n0\n11\n40\n21\n0\n0\nENDSEC\n0\nEOF\n";
+const SVG: &str = "<?xml version=\"1.0\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"20mm\">\n<path d=\"M 0 0\nL 40 20\" stroke=\"red\"/>\n</svg>\n";
 const TRAJECTORY: &str =
     "t,j1,j2,j3,j4,j5,j6\n0,0,0,0,0,-90,0\n0.1,1,0,0,0,-90,0\n0.2,2,0,0,0,-90,0\n0.3,2,0,0,0,-90,0\n";
 const LS: &str = include_str!("../../../reference/ls/minimal.ls");
@@ -17,7 +17,7 @@ const READ: [(&str, &str, &str, bool); 13] = [
     ("laser run --dry-run", "bad.csv", "cut,1,2\nfold,1,2\n", true),
     ("laser run --dry-run", "a.nc", "%\nG21 G90\nM3\nG1 X20 F600 (c)\nY20 ; end\nM30\n", true),
     ("laser run --dry-run", "bad.nc", "G0 X1\nG41 X2\n", true),
-    ("laser run --dry-run", "a.dxf", DXF, true),
+    ("laser run --dry-run", "a.svg", SVG, true),
     ("decode isra-ball --format hex", "a.hex", "# t\n01 02 # c\n03\n", false),
     (
         "decode isra-ball --format trace",

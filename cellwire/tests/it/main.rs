@@ -37,6 +37,7 @@ mod kawasaki_tables;
 #[cfg(unix)]
 mod laser;
 #[cfg(unix)]
+mod laser_drawing;
 mod laser_run;
 #[cfg(target_os = "linux")]
 mod limits;

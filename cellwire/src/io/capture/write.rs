@@ -11,12 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::Receiver;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context as _, Result, anyhow};
+use anyhow::{Context as _, Result};
 use etherparse::{IpHeaders, IpNumber, Ipv4Header, Ipv6FlowLabel, Ipv6Header, PacketBuilder, TcpHeader};
-use pcap_parser::pcapng::{
-    EnhancedPacketBlock, InterfaceDescriptionBlock, OptionCode, PcapNGOption, SectionHeaderBlock,
-};
-use pcap_parser::{Linktype, ToVec};
 
 use crate::io::files;
 use crate::io::output::remark;
@@ -139,7 +135,7 @@ impl Writer {
         let Some(connection) = self.connections.get_mut(&seen.connection) else { return };
         let mut add = |packet: Result<Vec<u8>>| {
             // What has no packet, such as a datagram that is too long for one, is a gap.
-            if let Ok(block) = packet.and_then(|packet| block(seen.at, &packet)) {
+            if let Ok(block) = packet.and_then(|packet| packet_block(seen.at, &packet)) {
                 self.waiting.extend(block);
             }
         };
@@ -235,64 +231,63 @@ fn ip(source: IpAddr, destination: IpAddr) -> Result<IpHeaders> {
     })
 }
 
-/// What a capture begins with: a section and its one interface, whose packets begin with their IP header.
+/// A section and its one interface, whose packets begin with their IP header.
 fn head(about: &str) -> Result<Vec<u8>> {
+    const BYTE_ORDER: u32 = 0x1A2B_3C4D;
+    const LINK_RAW_IP: u32 = 101;
     const NANOSECONDS: u8 = 9;
-    let text = |code, text: &str| PcapNGOption {
-        code,
-        len: u16::try_from(text.len()).unwrap_or_default(),
-        value: text.as_bytes().to_vec().into(),
-    };
-    let mut section = SectionHeaderBlock {
-        block_type: 0,
-        block_len1: 0,
-        bom: 0,
-        major_version: 0,
-        minor_version: 0,
-        section_len: -1,
-        options: vec![text(OptionCode::ShbUserAppl, concat!("cellwire ", env!("CARGO_PKG_VERSION")))],
-        block_len2: 0,
-    };
-    let mut interface = InterfaceDescriptionBlock {
-        block_type: 0,
-        block_len1: 0,
-        linktype: Linktype::RAW,
-        reserved: 0,
-        snaplen: 0,
-        options: vec![text(OptionCode::IfDescription, about)],
-        block_len2: 0,
-        if_tsresol: NANOSECONDS,
-        if_tsoffset: 0,
-    };
-    let mut bytes = section.to_vec().map_err(unwritten)?;
-    bytes.extend(interface.to_vec().map_err(unwritten)?);
-    Ok(bytes)
+    // Options of both blocks, of a section, and of an interface.
+    const END: u16 = 0;
+    const PROGRAM: u16 = 4;
+    const DESCRIPTION: u16 = 3;
+    const RESOLUTION: u16 = 9;
+    const OFFSET: u16 = 14;
+    let mut section: Vec<u8> = [BYTE_ORDER, 1].into_iter().flat_map(u32::to_le_bytes).collect(); // version 1.0
+    section.extend([0xFF; 8]); // its length is open
+    option(&mut section, PROGRAM, concat!("cellwire ", env!("CARGO_PKG_VERSION")).as_bytes())?;
+    option(&mut section, END, &[])?;
+    let mut interface: Vec<u8> = [LINK_RAW_IP, 0].into_iter().flat_map(u32::to_le_bytes).collect(); // packets of any length
+    option(&mut interface, DESCRIPTION, about.as_bytes())?;
+    option(&mut interface, RESOLUTION, &[NANOSECONDS])?;
+    option(&mut interface, OFFSET, &[0; 8])?;
+    option(&mut interface, END, &[])?;
+    Ok([block(0x0A0D_0D0A, &section)?, block(1, &interface)?].concat())
 }
 
-fn block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
+fn packet_block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
     let at = u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?;
     let length = u32::try_from(packet.len())?;
-    let mut block = EnhancedPacketBlock {
-        block_type: 0,
-        block_len1: 0,
-        if_id: 0,
-        ts_high: low(at >> 32),
-        ts_low: low(at),
-        caplen: length,
-        origlen: length,
-        data: packet,
-        options: Vec::new(),
-        block_len2: 0,
-    };
-    block.to_vec().map_err(unwritten)
+    // The interface, the time, and the lengths as captured and on the line.
+    let mut body = Vec::with_capacity(packet.len() + 24);
+    body.extend([0, low(at >> 32), low(at), length, length].into_iter().flat_map(u32::to_le_bytes));
+    body.extend(packet);
+    block(6, &body)
+}
+
+/// Appends an option of a block: its code, its length and its value.
+fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) -> Result<()> {
+    body.extend(code.to_le_bytes());
+    body.extend(u16::try_from(value.len())?.to_le_bytes());
+    body.extend(value);
+    body.resize(body.len().next_multiple_of(4), 0);
+    Ok(())
+}
+
+/// A block of pcapng: its type, its length, its padded body and its length again.
+fn block(kind: u32, body: &[u8]) -> Result<Vec<u8>> {
+    let padded = body.len().next_multiple_of(4);
+    let length = u32::try_from(padded + 12)?.to_le_bytes();
+    let mut block = Vec::with_capacity(padded + 12);
+    block.extend(kind.to_le_bytes());
+    block.extend(length);
+    block.extend(body);
+    block.resize(padded + 8, 0);
+    block.extend(length);
+    Ok(block)
 }
 
 /// The lower half.
 fn low(number: u64) -> u32 {
     let [.., a, b, c, d] = number.to_be_bytes();
     u32::from_be_bytes([a, b, c, d])
-}
-
-fn unwritten(error: impl core::fmt::Debug) -> anyhow::Error {
-    anyhow!("cannot write a block of the capture: {error:?}")
 }

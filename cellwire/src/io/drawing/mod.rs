@@ -1,19 +1,19 @@
 //! Pictures for machines that draw lines: an SVG file to lines, and lines to an SVG file.
 
+mod arcs;
 mod paths;
+mod reader;
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, ensure};
-use kurbo::{Affine, PathEl, Point as CurvePoint};
-use usvg::roxmltree::{Document, Node, ParsingOptions};
+use kurbo::{Affine, Point as CurvePoint, Size};
 
 use crate::io::files;
 use crate::io::output::remark;
-use paths::Outlines;
+pub use reader::{Drawing, Tool, refuse_dxf};
 
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
 const BUILT_IN: &str = include_str!("../../../assets/robot.svg");
@@ -21,18 +21,8 @@ const BUILT_IN: &str = include_str!("../../../assets/robot.svg");
 /// How far a line may be from the curve that it approximates, in millimetres on the sheet.
 const TOLERANCE: f64 = 0.05;
 
-/// The bytes of the largest file that is read.
-const MAX_BYTES: u64 = 32 << 20;
-/// The elements of a drawing, with those that `use` repeats.
-const MAX_ELEMENTS: u64 = 1_000_000;
-/// How deep its elements are nested.
-const MAX_DEPTH: u32 = 256;
 /// The lines of a drawing.
 const MAX_LINES: usize = 1_000_000;
-/// The sides of a view box, in its own units.
-const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
-/// No curve goes further than this many sheets.
-const MAX_SHEETS: f64 = 100.0;
 
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -88,9 +78,9 @@ impl Picture {
     pub fn from_file(path: &Path, sheet: Point, allow: bool) -> Result<Self> {
         let mut data = Vec::new();
         File::open(path)
-            .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut data))
+            .and_then(|file| file.take(reader::MAX_BYTES + 1).read_to_end(&mut data))
             .with_context(|| format!("cannot read the drawing {}", path.display()))?;
-        ensure!(data.len() as u64 <= MAX_BYTES, "the drawing {} is larger than 32 MiB", path.display());
+        refuse_dxf(path, &data)?;
         let read = Self::from_svg(&data, sheet, allow);
         let (picture, left_out) =
             read.map_err(|error| anyhow!("the drawing {} {error:#}", path.display()))?;
@@ -102,65 +92,31 @@ impl Picture {
 
     /// The picture, and what is left out of it.
     fn from_svg(data: &[u8], sheet: Point, allow: bool) -> Result<(Self, String)> {
-        let text = core::str::from_utf8(data).context("is not an SVG file: its text is not UTF-8")?;
-        let document =
-            Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
-                .context("is not an SVG file")?;
-        let elements = Elements::new(&document).count(document.root_element(), 0);
-        ensure!(
-            elements <= MAX_ELEMENTS,
-            "has more than {MAX_ELEMENTS} elements, including those repeated by `use`, or is nested deeper than {MAX_DEPTH}"
-        );
-        let tree = usvg::Tree::from_xmltree(&document, &options()).context("is not an SVG file")?;
-        let outlines = Outlines::of(&document, &tree)?;
-        let left_out = outlines.left_out();
+        let drawing = Drawing::read(data, Tool::Pen)?;
+        let left_out = &drawing.left_out;
         ensure!(
             allow || left_out.is_empty(),
             "has {left_out}: convert them to paths and lines, or skip them with `kawasaki draw --allow`"
         );
-        let mut path = outlines.path;
-        let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
-        ensure!(
-            VIEW_BOX.contains(&width) && VIEW_BOX.contains(&height),
-            "has a view box of {width} by {height}: each side must be {} to {}",
-            VIEW_BOX.start(),
-            VIEW_BOX.end()
-        );
-        let scale = (f64::from(sheet.x) / width).min(f64::from(sheet.y) / height);
-        let (left, top) =
-            ((f64::from(sheet.x) - width * scale) / 2.0, (f64::from(sheet.y) - height * scale) / 2.0);
-        path.apply_affine(Affine::new([scale, 0.0, 0.0, scale, left, top]));
-        let furthest = MAX_SHEETS * f64::from(sheet.x.max(sheet.y));
-        let is_near = |p: CurvePoint| p.x.abs() <= furthest && p.y.abs() <= furthest;
-        ensure!(
-            path.elements().iter().flat_map(points).all(is_near),
-            "has lines beyond {MAX_SHEETS} sheets: check the view box"
-        );
+        let size = Size::new(sheet.x.into(), sheet.y.into());
+        let page = drawing.page;
+        let scale = (size.width / page.width).min(size.height / page.height);
+        let margin = (size - page * scale) / 2.0;
+        let placed = Affine::scale(scale).then_translate(margin.to_vec2());
         // A picture may extend beyond its view box, outside of which nothing is visible.
+        let visible = size.to_rect().inflate(0.5, 0.5);
         let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
-        let (mut start, mut last) = (CurvePoint::ZERO, CurvePoint::ZERO);
-        let mut line = |from: CurvePoint, to: CurvePoint| {
-            if let Some((from, to)) = within(from, to, sheet) {
-                pen.go(from, false);
-                pen.go(to, true);
-            }
-        };
-        kurbo::flatten(path, TOLERANCE * 100.0, |element| match element {
-            PathEl::MoveTo(p) => (start, last) = (p, p),
-            PathEl::LineTo(p) => {
-                line(last, p);
-                last = p;
-            }
-            PathEl::ClosePath => {
-                line(last, start);
-                last = start;
-            }
-            PathEl::QuadTo(..) | PathEl::CurveTo(..) => {} // flattened: there are none
-        });
+        let on_sheet =
+            |p: CurvePoint| Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) };
+        drawing.lines(placed, visible, TOLERANCE * 100.0, |_, from, to| {
+            pen.go(on_sheet(from), false);
+            pen.go(on_sheet(to), true);
+            ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
+            Ok(())
+        })?;
         pen.trim();
-        ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
         ensure!(!pen.lines.is_empty(), "has no outlines to draw: convert text to paths first");
-        Ok((Self { lines: pen.lines, sheet }, left_out))
+        Ok((Self { lines: pen.lines, sheet }, drawing.left_out))
     }
 
     /// How many of the lines are drawn.
@@ -215,7 +171,7 @@ struct Pen {
 
 impl Pen {
     fn go(&mut self, to: Point, draws: bool) {
-        if to == self.at || self.lines.len() > MAX_LINES {
+        if to == self.at {
             return;
         }
         let from = self.at;
@@ -237,80 +193,6 @@ impl Pen {
             self.lines.pop();
         }
     }
-}
-
-/// The drawing itself is read and no other file: what it refers to is left out.
-fn options() -> usvg::Options<'static> {
-    let mut options = usvg::Options::default();
-    options.image_href_resolver.resolve_string = Box::new(|_, _| None);
-    options
-}
-
-/// How many elements there are when every `use` is followed.
-struct Elements<'a, 'input> {
-    by_id: HashMap<&'a str, Node<'a, 'input>>,
-    counted: HashMap<Node<'a, 'input>, u64>,
-}
-
-impl<'a, 'input> Elements<'a, 'input> {
-    fn new(document: &'a Document<'input>) -> Self {
-        let by_id = document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
-        Self { by_id, counted: HashMap::new() }
-    }
-
-    fn count(&mut self, node: Node<'a, 'input>, depth: u32) -> u64 {
-        if depth > MAX_DEPTH {
-            return u64::MAX;
-        }
-        if let Some(count) = self.counted.get(&node) {
-            return *count;
-        }
-        // An element that refers to itself is not drawn.
-        self.counted.insert(node, 0);
-        let mut count = 1_u64;
-        for child in node.children().filter(Node::is_element) {
-            count = count.saturating_add(self.count(child, depth + 1));
-        }
-        let target = node.attributes().find(|a| a.name() == "href").and_then(|a| a.value().strip_prefix('#'));
-        if node.tag_name().name() == "use"
-            && let Some(target) = target.and_then(|id| self.by_id.get(id).copied())
-        {
-            count = count.saturating_add(self.count(target, depth + 1));
-        }
-        self.counted.insert(node, count);
-        count
-    }
-}
-
-fn points(element: &PathEl) -> impl Iterator<Item = CurvePoint> + use<> {
-    let points = match *element {
-        PathEl::MoveTo(a) | PathEl::LineTo(a) => [Some(a), None, None],
-        PathEl::QuadTo(a, b) => [Some(a), Some(b), None],
-        PathEl::CurveTo(a, b, c) => [Some(a), Some(b), Some(c)],
-        PathEl::ClosePath => [None; 3],
-    };
-    points.into_iter().flatten()
-}
-
-/// The part of a line that is on the sheet.
-fn within(from: CurvePoint, to: CurvePoint, sheet: Point) -> Option<(Point, Point)> {
-    let way = to - from;
-    let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
-    for (at, step, most) in [(from.x, way.x, f64::from(sheet.x)), (from.y, way.y, f64::from(sheet.y))] {
-        if step == 0.0 {
-            if !(-0.5..=most + 0.5).contains(&at) {
-                return None;
-            }
-            continue;
-        }
-        let (a, b) = (-at / step, (most - at) / step);
-        (enters, leaves) = (enters.max(a.min(b)), leaves.min(a.max(b)));
-    }
-    let on_sheet = |share: f64| {
-        let p = from + way * share;
-        Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) }
-    };
-    (enters <= leaves).then(|| (on_sheet(enters), on_sheet(leaves)))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "clamped to the sheet right after; `as` saturates")]

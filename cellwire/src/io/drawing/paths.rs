@@ -7,11 +7,13 @@ use kurbo::{Affine, BezPath, PathEl, Point, Shape as _};
 use usvg::roxmltree::{Document, Node};
 use usvg::tiny_skia_path::PathSegment;
 
-use super::MAX_LINES;
+use super::reader::Tool;
+use super::{MAX_LINES, arcs};
 
-/// Outlines in the units of the view box, and what else the drawing shows.
+/// Outlines in pixels of the page, and what else the drawing shows.
 pub(super) struct Outlines {
     pub(super) path: BezPath,
+    tool: Tool,
     others: BTreeMap<&'static str, usize>,
 }
 
@@ -20,8 +22,8 @@ impl Outlines {
     ///
     /// # Errors
     /// When its dashes are more than any machine draws.
-    pub(super) fn of(document: &Document<'_>, tree: &usvg::Tree) -> Result<Self> {
-        let mut outlines = Self { path: BezPath::new(), others: BTreeMap::new() };
+    pub(super) fn of(document: &Document<'_>, tree: &usvg::Tree, tool: Tool) -> Result<Self> {
+        let mut outlines = Self { path: BezPath::new(), tool, others: BTreeMap::new() };
         outlines.texts(document);
         outlines.group(tree.root())?;
         Ok(outlines)
@@ -82,6 +84,10 @@ impl Outlines {
         if group.opacity().get() == 0.0 {
             return Ok(());
         }
+        if self.tool == Tool::Laser && group.opacity().get() < 1.0 {
+            self.add("translucent group");
+            return Ok(());
+        }
         // The clip of a drawing to its own view box is that of the sheet.
         for (is, what) in [
             (group.clip_path().is_some(), "clip"),
@@ -105,10 +111,19 @@ impl Outlines {
     fn path(&mut self, path: &usvg::Path) -> Result<()> {
         let stroke = path.stroke().filter(|stroke| stroke.opacity().get() > 0.0);
         let fill = path.fill().filter(|fill| fill.opacity().get() > 0.0);
-        let outline: BezPath = path.data().segments().map(element).collect();
-        // A fill without an area shows nothing.
-        if stroke.is_none() && (fill.is_none() || !has_area(&outline)) {
-            return Ok(());
+        let outline = arcs::refine(path.data().segments().map(element));
+        match (self.tool, stroke) {
+            // A fill without an area shows nothing.
+            (_, None) if fill.is_none() || !has_area(&outline) => return Ok(()),
+            (Tool::Laser, None) => {
+                self.add("unstroked shape");
+                return Ok(());
+            }
+            (Tool::Laser, Some(stroke)) if stroke.opacity().get() < 1.0 => {
+                self.add("translucent stroke");
+                return Ok(());
+            }
+            _ => {}
         }
         let dashes = stroke.and_then(|stroke| Some((stroke.dasharray()?, stroke.dashoffset())));
         let outline = match dashes {

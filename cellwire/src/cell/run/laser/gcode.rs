@@ -43,7 +43,8 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Program> {
     let Route { feed, power, instructions, .. } = machine.route;
     let given = [(Coordinate::F, feed > 0.0), (Coordinate::S, power.is_some())];
     let lost = given.into_iter().filter(|(value, is_given)| *is_given && !mapping.values.contains(value));
-    Ok(Program { instructions, not_carried: lost.map(|(value, _)| value).collect() })
+    let not_carried = lost.map(|(value, _)| value).collect();
+    Ok(Program { instructions, not_carried, warnings: Vec::new() })
 }
 
 /// What is wrong with a program, line by line.

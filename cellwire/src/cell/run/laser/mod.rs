@@ -1,12 +1,12 @@
 //! Runs a program on a laser robot: every instruction once, and what became of each is kept in a journal.
 
 mod csv;
-mod dxf;
 mod gcode;
 mod program;
 mod route;
 mod run;
 mod settings;
+mod svg;
 
 pub use program::Program;
 pub use route::Instruction;

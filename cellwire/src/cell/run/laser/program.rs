@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use laser_eb90::{Class, HostConfig, timing};
 
 use super::route::{Instruction, MAX_INSTRUCTIONS};
 use super::settings::{Coordinate, Mapping};
-use super::{csv, dxf, gcode};
+use super::{csv, gcode, svg};
+use crate::io::drawing::refuse_dxf;
 use crate::io::input;
 use crate::io::sheet;
 
@@ -22,20 +23,29 @@ pub struct Program {
     pub instructions: Vec<Instruction>,
     /// What the program gives, and the floats of its instructions do not have: feed or power.
     pub not_carried: Vec<Coordinate>,
+    /// The parts of a drawing that are not cut as they are drawn.
+    pub warnings: Vec<String>,
 }
 
 impl Program {
-    /// Reads a program: `.csv` of instructions, `.dxf`, or else G-code.
+    /// Reads a program: `.csv` of instructions, an SVG drawing (`.svg`, or text that begins with `<`), or G-code. A drawing that cannot be
+    /// cut as it is drawn is refused; with `allow` it has warnings.
     ///
     /// # Errors
-    /// When the file cannot be read, or has what no instruction can be made of, with the line.
-    pub fn read(file: &Path, mapping: &Mapping, host: &HostConfig) -> Result<Self> {
+    /// When the file cannot be read, is a DXF drawing, or has what no instruction can be made of, with the line.
+    pub fn read(file: &Path, mapping: &Mapping, host: &HostConfig, allow: bool) -> Result<Self> {
+        let data = input::bytes(file)?;
+        refuse_dxf(file, &data)?;
         let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
-        let all = |instructions| Self { instructions, not_carried: Vec::new() };
         let program = match kind.as_str() {
-            "csv" => csv::read(&input::text(file)?, mapping).map(all),
-            "dxf" => dxf::read(&input::bytes(file)?, mapping).map(all),
-            _ => gcode::read(&input::text(file)?, mapping),
+            "csv" => csv::read(&input::decode(file, data)?, mapping).map(Self::of),
+            kind if kind == "svg" || is_markup(&data) => {
+                let read = svg::read(&data, mapping, allow);
+                let (instructions, warnings) =
+                    read.map_err(|error| anyhow!("the drawing {} {error:#}", file.display()))?;
+                Ok(Self { warnings, ..Self::of(instructions) })
+            }
+            _ => gcode::read(&input::decode(file, data)?, mapping),
         };
         let program = program.with_context(|| file.display().to_string())?;
         let instructions = &program.instructions;
@@ -51,6 +61,10 @@ impl Program {
             ensure!(values.len() <= 60, "line {line}: more floats than fit a frame");
         }
         Ok(program)
+    }
+
+    fn of(instructions: Vec<Instruction>) -> Self {
+        Self { instructions, not_carried: Vec::new(), warnings: Vec::new() }
     }
 
     /// A number that programs of other instructions do not have: FNV-1a of all words and floats.
@@ -106,6 +120,11 @@ impl Program {
         ensure!(!route.is_empty(), "no instruction has X and Y: nothing can be drawn");
         sheet::write_route(file, &route, ["cut", "moved"])
     }
+}
+
+fn is_markup(data: &[u8]) -> bool {
+    let data = data.strip_prefix("\u{feff}".as_bytes()).unwrap_or(data);
+    data.trim_ascii_start().starts_with(b"<")
 }
 
 /// Where an instruction of a path leads.

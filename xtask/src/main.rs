@@ -135,10 +135,9 @@ impl Workspace {
     }
 
     fn testkit(&self, program: &str, arguments: impl IntoIterator<Item: Into<String>>) -> Result<()> {
-        let run =
-            ["run", "-q", "--release", "-p", "testkit", "--features", "programs", "--bin", program, "--"];
-        let run = run.map(String::from);
-        self.cargo(run.into_iter().chain(arguments.into_iter().map(Into::into)))
+        let run = ["run", "-q", "--profile", "proof", "-p", "testkit"].into_iter();
+        let run = run.chain(["--features", "programs", "--bin", program, "--"]).map(String::from);
+        self.cargo(run.chain(arguments.into_iter().map(Into::into)))
     }
 
     /// Whether a package is a link's crate: the reference has its specification.

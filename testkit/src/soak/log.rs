@@ -25,7 +25,12 @@ impl Log {
 
 /// How many transmissions each end, A and B, has made so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Mark(pub(super) usize, pub(super) usize);
+pub struct Mark(
+    /// The transmissions that end A had made.
+    pub usize,
+    /// The transmissions that end B had made.
+    pub usize,
+);
 
 impl Mark {
     /// After them all.

@@ -37,7 +37,7 @@ pub struct Drawing {
     pub page: Size,
     /// Whether the file gives both sides of its page in a unit of length: mm, cm, in, pt or pc.
     pub is_physical: bool,
-    /// The visible elements that the tool cannot follow, as text; empty if there are none.
+    /// The visible elements that the tool cannot follow, as text; empty if it follows every element.
     pub left_out: String,
     path: BezPath,
 }

@@ -2,6 +2,7 @@
 
 use core::iter;
 
+use arbitrary::Arbitrary;
 use bytes::{Buf, BytesMut};
 use cellwire_links::codec::{self, Found};
 use cellwire_links::link::{Accepted, Link};
@@ -10,12 +11,57 @@ use cellwire_links::vectors::{Outcome, Vector, vectors};
 use robot_session::contract::Rng;
 use robot_session::tokio::Codec;
 use serde_json::{Map, Value, json};
-use testkit::contract::{Objects, change};
+use testkit::contract::{Change, Objects};
 use testkit::reference_file;
 use tokio_util::codec::Decoder as _;
 
+use crate::{Bytes, Target};
+
+/// A stream of any bytes that a side of the link sends.
+#[derive(Debug, Arbitrary)]
+struct Stream {
+    settings: Settings,
+    /// Read by tokio's codec, not by the decoder.
+    is_framed: bool,
+    /// The bytes in each read, less one.
+    size: u8,
+    bytes: Bytes,
+}
+
+/// A message of the vectors, with changes.
+#[derive(Debug, Arbitrary)]
+struct Message {
+    vector: u16,
+    /// The settings in place of those of the vector, as in [`Settings`].
+    others: u8,
+    /// Where the bytes of the message are cut, modulo their number.
+    cut: u8,
+    changes: Vec<Change>,
+}
+
+/// A side and its settings, each counted on from the first again after the last.
+#[derive(Debug, Clone, Copy, Arbitrary)]
+struct Settings {
+    /// Those that vectors are written with.
+    place: u8,
+    /// Other values of the settings, by the digits of this number; 0 for none.
+    others: u8,
+}
+
+/// The decoder of each side.
+pub(crate) fn decoder(link: &'static Link) -> Target {
+    let codecs = Codecs::of(link);
+    Target::new(codecs.streams(), move |stream| codecs.stream(&stream))
+}
+
+/// The messages of each side.
+pub(crate) fn message(link: &'static Link) -> Target {
+    let codecs = Codecs::of(link);
+    Target::new(codecs.messages(), move |message| codecs.message(&message))
+}
+
 /// The codecs of a link.
-pub(crate) struct Codecs {
+struct Codecs {
     link: &'static Link,
     /// What the vectors are written with: a side, and its settings.
     known: Vec<(&'static str, Map<String, Value>)>,
@@ -33,7 +79,7 @@ struct Way {
 }
 
 impl Codecs {
-    pub(crate) fn of(link: &'static Link) -> Self {
+    fn of(link: &'static Link) -> Self {
         let mut known: Vec<_> = link.sides.iter().map(|side| (*side, Map::new())).collect();
         let vectors = vectors(reference_file(&format!("vectors/{}.json", link.name))).unwrap().into_iter();
         let vectors = vectors.map(|vector| {
@@ -58,9 +104,10 @@ impl Codecs {
         Self { link, known, vectors, settings: settings.collect() }
     }
 
-    /// What a vector is written with, and other settings by the digits of `others`, whose values are 0 for what it is.
-    fn way(&self, place: usize, mut others: usize) -> Way {
-        let (side, mut settings) = self.known[place % self.known.len()].clone();
+    /// A side with its settings.
+    fn way(&self, Settings { place, others }: Settings) -> Way {
+        let (side, mut settings) = self.known[usize::from(place) % self.known.len()].clone();
+        let mut others = usize::from(others);
         for (name, values) in &self.settings {
             if let Some(other) = (others % (values.len() + 1)).checked_sub(1) {
                 insert(&mut settings, name, values[other].clone()).unwrap();
@@ -70,9 +117,9 @@ impl Codecs {
         Way { link: self.link, side, settings }
     }
 
-    /// The streams of the vectors, alone and all of one way.
-    pub(crate) fn streams(&self) -> Vec<Vec<u8>> {
-        let input = |place: usize, stream: &[u8]| [&[place as u8, 0, 7], stream].concat();
+    /// The streams of the vectors, alone and all of one way, as bytes of a [`Stream`].
+    fn streams(&self) -> Vec<Vec<u8>> {
+        let input = |place: usize, stream: &[u8]| [&[place as u8, 0, 0, 6], stream].concat();
         let alone = self.vectors.iter().map(|(place, vector)| input(*place, &vector.bytes));
         let all = (0..self.known.len()).map(|place| {
             let of = self.vectors.iter().filter(|(at, _)| *at == place);
@@ -81,30 +128,29 @@ impl Codecs {
         alone.chain(all).collect()
     }
 
-    /// Every message of the vectors, with changes.
-    pub(crate) fn changes(&self) -> Vec<Vec<u8>> {
+    /// Every message of the vectors with changes, as bytes of a [`Message`].
+    fn messages(&self) -> Vec<Vec<u8>> {
         let of = |number: usize| {
-            [&(number as u16).to_le_bytes()[..], &[0], &crate::bytes(number as u64, 30)].concat()
+            [&(number as u16).to_le_bytes()[..], &[0], &Rng::new(number as u64).bytes(40)].concat()
         };
         (0..self.vectors.len()).map(of).collect()
     }
 
-    /// Three bytes choose the side with its settings, and how the stream is read; the rest is the stream. How it is read changes nothing,
-    /// every byte is in one item, what is accepted is written as it was read or as the link says, and what follows the end is read.
-    pub(crate) fn stream(&self, data: &[u8]) {
-        let [place, others, how, stream @ ..] = data else { return };
-        let way = self.way((*place).into(), (*others).into());
-        let Some(next) = self.good(&way, (*place).into()) else { return };
-        let size = usize::from(how & 0x7F).max(1);
+    /// How a stream is read changes nothing, every byte is in one item, what is accepted is written as it was read or as the link says,
+    /// and what follows the end is read.
+    fn stream(&self, Stream { settings, is_framed, size, bytes: Bytes(stream) }: &Stream) {
+        let way = self.way(*settings);
+        let Some(next) = self.good(&way, settings.place.into()) else { return };
+        let size = usize::from(*size) + 1;
         let whole = way.items(&[stream], &next);
-        if how & 0x80 == 0 {
+        if *is_framed {
+            let contents: Vec<_> = whole.iter().map(|item| item.content.clone()).collect();
+            assert_eq!(way.framed(stream, size), contents, "tokio's codec, and the decoder");
+        } else {
             let pieces: Vec<_> = stream.chunks(size).collect();
             let pieces = way.items(&pieces, &next);
             let (pieces, whole) = (pieces.iter().map(placed), whole.iter().map(placed));
             assert!(pieces.clone().eq(whole.clone()), "cut: {pieces:?}, and {whole:?}");
-        } else {
-            let contents: Vec<_> = whole.iter().map(|item| item.content.clone()).collect();
-            assert_eq!(way.framed(stream, size), contents, "tokio's codec, and the decoder");
         }
         for (from, length, content) in whole.iter().map(placed) {
             assert!(length > 0, "the decoder makes no progress at byte {from}");
@@ -124,31 +170,35 @@ impl Codecs {
         of.filter_map(|message| codec.encode(message).ok()).next()
     }
 
-    /// Three bytes choose a vector and other settings, the rest how its message is changed: what can be written is read back the same,
-    /// less of it is nothing, and anything else is refused.
-    pub(crate) fn message(&self, data: &[u8]) {
-        let [low, high, others, choices @ ..] = data else { return };
-        let (place, vector) =
-            &self.vectors[usize::from(u16::from_le_bytes([*low, *high])) % self.vectors.len()];
-        let (way, mut choices) = (self.way(*place, (*others).into()), Rng::of(choices));
-        let Some(codec) = way.codec() else { return };
+    /// A message with changes: what can be written is read back the same, less of it is nothing, and anything else is refused.
+    fn message(&self, Message { vector, others, cut, changes }: &Message) {
+        let (place, vector) = &self.vectors[usize::from(*vector) % self.vectors.len()];
+        let way = self.way(Settings { place: *place as u8, others: *others });
+        if way.codec().is_none() {
+            return;
+        }
         // As these settings show it, where they read its bytes.
         let shown = way.items(&[&vector.bytes], &[]).into_iter().find_map(|item| item.content.ok());
         let Some(mut message) = shown.map(|json| parsed(&json)).or(vector.message.clone()) else { return };
-        let cut = choices.below(256);
-        while !choices.is_spent() {
-            change(&mut message, &mut choices);
-        }
+        changes.iter().for_each(|change| change.apply(&mut message));
+        way.check_message(&message, (*cut).into());
+    }
+}
+
+impl Way {
+    /// What can be written is read back the same, one behind the other, and less of it is nothing.
+    fn check_message(&self, message: &Value, cut: usize) {
+        let Some(codec) = self.codec() else { return };
         let Ok(bytes) = codec.encode(message.clone()) else { return };
         let read = |count| {
-            let items = way.items(&[&bytes.repeat(count)], &[]);
+            let items = self.items(&[&bytes.repeat(count)], &[]);
             let is_it = |(_, length, content): (usize, usize, &Result<String, String>)| {
                 let Ok(read) = content.as_ref().map(|json| parsed(json)) else { return false };
                 // With a list of another length it may be shown under another key.
                 let mut keys = read.as_object().into_iter().flat_map(Map::keys);
                 let is_other = keys.any(|key| message.get(key).is_none());
                 let is_same =
-                    same(&message, &read) || is_other && codec.encode(read).is_ok_and(|it| it == bytes);
+                    same(message, &read) || is_other && codec.encode(read).is_ok_and(|it| it == bytes);
                 length == bytes.len() && is_same
             };
             let is_read = items.len() == count && items.iter().map(placed).all(is_it);
@@ -157,12 +207,10 @@ impl Codecs {
         };
         // Where nothing but the end of the stream says how long it is, nothing may follow.
         let _ = read(1) && read(3);
-        let part = way.items(&[&bytes[..cut % bytes.len()]], &[]);
+        let part = self.items(&[&bytes[..cut % bytes.len()]], &[]);
         assert!(part.iter().all(|item| item.at_end), "{part:?}, of {bytes:02X?}");
     }
-}
 
-impl Way {
     fn codec(&self) -> Option<Box<dyn codec::Codec>> {
         (self.link.codec)(self.side, &self.settings).ok()
     }

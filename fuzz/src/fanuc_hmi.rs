@@ -2,14 +2,27 @@
 
 use core::time::Duration;
 
+use arbitrary::Arbitrary;
 use cellwire_motion::dpm::{Axis, Config, Modifier};
 use cellwire_motion::{Observation, Quaternion, Tracker};
 use fanuc_hmi_modbus::assignment::{self, Slots};
-use fanuc_hmi_modbus::{Signal, Table, TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
-/// A listing of assignments, and the place of every signal: what a slot prints is read back the same.
-pub(crate) fn assignment(data: &[u8]) {
-    let text = String::from_utf8_lossy(data);
+use crate::Bytes;
+
+/// A block of telemetry, and what the user of DPM asks for after it.
+#[derive(Debug, Arbitrary)]
+pub(crate) struct Sample {
+    registers: [u16; 37],
+    /// The time until the next block, in milliseconds.
+    pause: u8,
+    /// The speeds for DPM, in mm/s and degrees/s.
+    speeds: [f32; 6],
+}
+
+/// A listing of assignments: what a slot prints is read back the same.
+pub(crate) fn assignment(Bytes(data): Bytes) {
+    let text = String::from_utf8_lossy(&data);
     let slots = match Slots::parse(&text) {
         Ok(slots) => slots,
         Err(error) => return assert!((1..=text.lines().count()).contains(&error.line)),
@@ -33,27 +46,16 @@ pub(crate) fn assignment(data: &[u8]) {
         let taken: usize = all.iter().map(|found| found.pdu_range().len()).sum();
         assert!(taken <= 16_384, "no two overlap");
     }
-    for address in data.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])) {
-        for table in [Table::Coils, Table::DiscreteInputs, Table::InputRegisters, Table::HoldingRegisters] {
-            if let Some(signal) = Signal::at(table, address) {
-                assert_eq!(signal.place(), Some((table, address)));
-            }
-        }
-    }
 }
 
-/// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit
-/// quaternions that follow one another, and no offset passes a limit.
-pub(crate) fn motion(data: &[u8]) {
+/// Blocks of telemetry, and speeds for DPM: whatever the registers hold, orientations are unit quaternions that follow one another, and
+/// no offset passes a limit.
+pub(crate) fn motion(blocks: Vec<Sample>) {
     let axis = Some(Axis::new(0.001));
     let mut modifier = Modifier::new(Config::new([axis; 6])).unwrap();
     let (mut tracker, mut before, mut now) = (Tracker::new(), None::<Quaternion>, Duration::ZERO);
     let (mut samples, mut path) = (0, [0i64; 6]);
-    for bytes in data.chunks_exact(74) {
-        let mut registers = [0u16; 37];
-        for (register, word) in registers.iter_mut().zip(bytes.chunks_exact(2)) {
-            *register = u16::from_be_bytes([word[0], word[1]]);
-        }
+    for Sample { registers, pause, speeds } in blocks {
         let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
         match tracker.push(&block) {
             Observation::Sample(sample) => {
@@ -67,11 +69,9 @@ pub(crate) fn motion(data: &[u8]) {
             Observation::Repeated => {}
             _ => before = None,
         }
-        now += Duration::from_millis((block.life_counter % 32).into());
-        let [x, y, z] = block.velocity.map(f64::from);
-        let [w, p, r] = block.position.map(f64::from);
-        let refused = modifier.demand(now, [x, y, z, w, p, r]).is_err();
-        assert_eq!(refused, ![x, y, z, w, p, r].iter().all(|speed| speed.is_finite()));
+        now += Duration::from_millis(pause.into());
+        let refused = modifier.demand(now, speeds.map(f64::from)).is_err();
+        assert_eq!(refused, !speeds.iter().all(|speed| speed.is_finite()));
         let offsets = modifier.next_period(now);
         for (path, count) in path.iter_mut().zip(offsets.counts) {
             *path += i64::from(count);

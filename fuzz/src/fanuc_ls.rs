@@ -1,11 +1,36 @@
 //! LS programs: the reader over any text, and trajectories made into programs by any step.
 
+use arbitrary::Arbitrary;
 use cellwire_motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
 use fanuc_ls::{CommentRule, Document, Encoding, Instruction, Program, Rules, Target};
 
+use crate::Bytes;
+
+/// A table of joint positions, and the way to resample it.
+#[derive(Debug, Arbitrary)]
+pub(crate) struct Table {
+    sampling: By,
+    is_speed_in_tenths: bool,
+    /// The step, in sixteenths of a mm, degree or second, less one.
+    step: u8,
+    csv: Bytes,
+}
+
+#[derive(Debug, Arbitrary)]
+enum By {
+    Distance,
+    Angle,
+    Time,
+    /// Up to a number of eighths more than the step.
+    Translation(u8),
+    Rotation(u8),
+    Either(u8),
+}
+
 /// The bytes of an LS file. What reads is written as it was, and an edit is read as what was set. What can be written as
 /// values reads back as them, and is written the same again.
-pub(crate) fn program(data: &[u8]) {
+pub(crate) fn program(Bytes(data): Bytes) {
+    let data = data.as_slice();
     let placed = |text: &str, (line, column, offset): (usize, usize, usize)| {
         assert!(text.is_char_boundary(offset), "a finding has a place in the text");
         assert!(line <= text.matches('\n').count() + 1 && column >= 1);
@@ -52,21 +77,20 @@ pub(crate) fn program(data: &[u8]) {
     assert_eq!(again.application, program.application);
 }
 
-/// Three bytes say how, the rest is the table.
-pub(crate) fn trajectory(data: &[u8]) {
-    let [how, step, range, table @ ..] = data else { return };
-    let Ok(trajectory) = Trajectory::from_csv(&String::from_utf8_lossy(table)) else { return };
-    let by =
-        [Acceleration::Translation, Acceleration::Rotation, Acceleration::Either][usize::from(how / 8 % 3)];
-    let step = (f64::from(*step) + 1.0) / 16.0;
-    let sampling = match how % 4 {
-        0 => Sampling::Distance(step),
-        1 => Sampling::Angle(step),
-        2 => Sampling::Time(step),
-        _ => Sampling::Dynamic { min: step, max: step + f64::from(*range) / 8.0, by },
-    };
-    let mut resampling = Resampling::new(sampling);
-    resampling.speed = if how & 4 == 0 { SpeedStep::Whole } else { SpeedStep::Tenth };
+/// A trajectory as a program: it can be written and read, and begins and ends where the table does.
+pub(crate) fn trajectory(Table { sampling, is_speed_in_tenths, step, csv: Bytes(csv) }: Table) {
+    let Ok(trajectory) = Trajectory::from_csv(&String::from_utf8_lossy(&csv)) else { return };
+    let step = (f64::from(step) + 1.0) / 16.0;
+    let dynamic = |range, by| Sampling::Dynamic { min: step, max: step + f64::from(range) / 8.0, by };
+    let mut resampling = Resampling::new(match sampling {
+        By::Distance => Sampling::Distance(step),
+        By::Angle => Sampling::Angle(step),
+        By::Time => Sampling::Time(step),
+        By::Translation(range) => dynamic(range, Acceleration::Translation),
+        By::Rotation(range) => dynamic(range, Acceleration::Rotation),
+        By::Either(range) => dynamic(range, Acceleration::Either),
+    });
+    resampling.speed = if is_speed_in_tenths { SpeedStep::Tenth } else { SpeedStep::Whole };
     let made = resampling.program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
     let Ok((program, report)) = made else { return };
     assert_eq!(program.positions.len(), report.moves + 1);

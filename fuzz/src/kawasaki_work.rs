@@ -3,10 +3,20 @@
 use core::time::Duration;
 use std::sync::LazyLock;
 
+use arbitrary::Arbitrary;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Charset, Dialect, Fields, Job, JobKind, LargeRobot, Message, RobotConfig, Role, Text, Unfit, Work,
 };
+
+use crate::Bytes;
+
+/// The fields of a job as they are written, and where the message is cut.
+#[derive(Debug, Arbitrary)]
+pub(crate) struct Written {
+    cut: u8,
+    fields: Bytes,
+}
 
 /// Too long to be compared at once.
 const WORDY: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
@@ -47,10 +57,9 @@ impl Work for Mixed {
 
 /// A job's own fields, whatever they are: read when they are expected and the general way, whole and cut in two, they are the same
 /// job or none, and what is queued is written and read again as it is.
-pub(crate) fn work(data: &[u8]) {
-    let Some((&cut, fields)) = data.split_first() else { return };
+pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
     let message = |name: &str| {
-        let data = [b"50$1$", fields].concat();
+        let data = [b"50$1$", fields.as_slice()].concat();
         [format!("<{name}${}#", data.len()).as_bytes(), &data, b"#>"].concat()
     };
     let queue = |dialect: Dialect<'static>, wire: &[u8], cut: usize| {

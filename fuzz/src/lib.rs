@@ -1,87 +1,85 @@
-//! The bodies of the fuzz targets: each takes the fuzzer's bytes and panics when an oracle fails. Those of the links come from their
-//! table: of each a decoder and its messages, and every end.
+//! The fuzz targets. Each has a program of one line in `fuzz_targets`; its body is here. The targets of the links come from the table
+//! of links: a decoder, messages, and every end.
 //!
-//! The oracles are not only "no panic": decode(encode(x)) = x, any chunking gives the same items, an accepted message encodes to
-//! the same bytes, a session keeps the contract.
+//! A target's input is a type with a derived [`Arbitrary`]. Its body panics when an oracle fails. The oracles are more than "no panic":
+//! decode(encode(x)) = x, any chunking gives the same items, an accepted message encodes to the same bytes, a session keeps the contract.
 
 mod codec;
 mod fanuc_hmi;
 mod fanuc_ls;
 mod kawasaki_work;
+#[doc(hidden)]
+pub mod program;
+#[cfg(test)]
+mod tests;
 
+use core::fmt::{self, Debug, Formatter};
 use std::path::Path;
-use std::rc::Rc;
+use std::{fs, io};
 
+use arbitrary::{Arbitrary, Result, Unstructured};
 use cellwire_links::LINKS;
-use codec::Codecs;
-use robot_session::contract::{Rng, scripted};
-use testkit::contract::Held;
-
-/// What a target does with an input.
-pub type Body = dyn Fn(&[u8]);
+use cellwire_links::end::EndRow;
+use cellwire_links::link::Link;
+use robot_session::contract::{Rng, Script, scripted};
+use testkit::contract::{Call, Held, Piece};
 
 /// A target.
 pub struct Target {
-    /// Its name.
-    pub name: String,
-    /// Inputs to begin with, beside those of its folder in `fuzz/corpus`.
-    pub seeds: Vec<Vec<u8>>,
-    /// Its body.
-    pub body: Box<Body>,
+    seeds: Vec<Vec<u8>>,
+    run: Box<dyn Fn(&[u8])>,
+    show: fn(&[u8]) -> String,
 }
 
-/// The body of a target that no link has.
-type Other = fn(&[u8]);
+impl Target {
+    /// A target with the body `run`. `seeds` are inputs to begin with, beside the files in `seeds/<target>`.
+    fn new<I: for<'a> Arbitrary<'a> + Debug>(seeds: Vec<Vec<u8>>, run: impl Fn(I) + 'static) -> Self {
+        let read = |data: &[u8]| I::arbitrary(&mut Unstructured::new(data));
+        Self {
+            seeds,
+            run: Box::new(move |data| {
+                let _ = read(data).map(&run); // too few bytes are no value
+            }),
+            show: |data| format!("{:#?}", I::arbitrary(&mut Unstructured::new(data))),
+        }
+    }
 
-/// Those targets: their seeds are in their folders.
-const OTHERS: [(&str, Other); 5] = [
-    ("fanuc_hmi_modbus_assignment", fanuc_hmi::assignment),
-    ("fanuc_hmi_modbus_motion", fanuc_hmi::motion),
-    ("fanuc_ls_program", fanuc_ls::program),
-    ("fanuc_ls_trajectory", fanuc_ls::trajectory),
-    ("kawasaki_msg_work", kawasaki_work::work),
-];
+    /// Runs the body on an input.
+    ///
+    /// # Panics
+    /// When an oracle fails.
+    pub fn run(&self, data: &[u8]) {
+        (self.run)(data);
+    }
 
-/// Every target.
-pub fn targets() -> impl Iterator<Item = Target> {
-    let of = |(name, body): (&str, Other)| Target {
-        name: name.to_owned(),
-        seeds: Vec::new(),
-        body: Box::new(body),
-    };
-    let links = LINKS.iter().flat_map(|link| {
+    /// The value that an input is read as, as text.
+    pub fn show(&self, data: &[u8]) -> String {
+        (self.show)(data)
+    }
+}
+
+/// Makes a target.
+pub type Make = Box<dyn Fn() -> Target>;
+
+/// Every target by its name.
+pub fn targets() -> impl Iterator<Item = (String, Make)> {
+    let others: [(&str, fn() -> Target); 5] = [
+        ("fanuc_hmi_modbus_assignment", || Target::new(Vec::new(), fanuc_hmi::assignment)),
+        ("fanuc_hmi_modbus_motion", || Target::new(Vec::new(), fanuc_hmi::motion)),
+        ("fanuc_ls_program", || Target::new(Vec::new(), fanuc_ls::program)),
+        ("fanuc_ls_trajectory", || Target::new(Vec::new(), fanuc_ls::trajectory)),
+        ("kawasaki_msg_work", || Target::new(Vec::new(), kawasaki_work::work)),
+    ];
+    let others = others.into_iter().map(|(name, make)| (name.to_owned(), Box::new(make) as Make));
+    others.chain(LINKS.iter().flat_map(|link| {
         let name = |of: &str| format!("{}_{of}", link.name.replace('-', "_"));
-        let decoder = Rc::new(Codecs::of(link));
-        let message = Rc::clone(&decoder);
-        let codecs = [
-            Target {
-                name: name("decoder"),
-                seeds: decoder.streams(),
-                body: Box::new(move |data| decoder.stream(data)),
-            },
-            Target {
-                name: name("message"),
-                seeds: message.changes(),
-                body: Box::new(move |data| message.message(data)),
-            },
+        let codecs: [(String, Make); 2] = [
+            (name("decoder"), Box::new(|| codec::decoder(link))),
+            (name("message"), Box::new(|| codec::message(link))),
         ];
-        let ends = link.ends.iter().map(move |row| {
-            let held = Held::of(link, row);
-            Target {
-                name: name(row.name),
-                seeds: (0..64).map(|seed| bytes(seed, 500)).collect(),
-                body: Box::new(move |data| scripted(&held, data)),
-            }
-        });
+        let ends = link.ends.iter().map(move |row| (name(row.name), Box::new(|| end(link, row)) as Make));
         codecs.into_iter().chain(ends)
-    });
-    OTHERS.into_iter().map(of).chain(links)
-}
-
-/// How many bytes of a seed.
-fn bytes(seed: u64, count: usize) -> Vec<u8> {
-    let mut rng = Rng::new(seed);
-    (0..count).map(|_| rng.below(256) as u8).collect()
+    }))
 }
 
 /// The target of a name.
@@ -89,56 +87,43 @@ fn bytes(seed: u64, count: usize) -> Vec<u8> {
 /// # Panics
 /// When there is none.
 pub fn target(name: &str) -> Target {
-    targets().find(|target| target.name == name).unwrap_or_else(|| panic!("there is no target {name}"))
+    let (_, make) = targets().find(|(known, _)| known == name).unwrap_or_else(|| panic!("no target {name}"));
+    make()
 }
 
-/// Writes the seeds of every target into its folder in this one.
+/// An end, held to the contract of sessions.
+fn end(link: &Link, row: &EndRow) -> Target {
+    let held = Held::of(link, row);
+    let seeds = (0..64).map(|seed| Rng::new(seed).bytes(500)).collect();
+    Target::new(seeds, move |script: Script<Piece, Call>| scripted(&held, &script))
+}
+
+/// The inputs to begin with of a target, by name: those that are made, and the files in its folder of `seeds`.
 ///
 /// # Errors
-/// When a file cannot be written.
-pub fn write_seeds(folder: &Path) -> std::io::Result<()> {
-    for target in targets() {
-        let folder = folder.join(&target.name);
-        std::fs::create_dir_all(&folder)?;
-        for (number, seed) in target.seeds.iter().enumerate() {
-            std::fs::write(folder.join(number.to_string()), seed)?;
-        }
+/// When a file cannot be read.
+pub fn seeds(name: &str, target: &Target) -> io::Result<Vec<(String, Vec<u8>)>> {
+    let made = target.seeds.iter().enumerate().map(|(number, seed)| (format!("seed-{number}"), seed.clone()));
+    let mut all: Vec<_> = made.collect();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("seeds").join(name);
+    for file in folder.is_dir().then(|| fs::read_dir(folder)).transpose()?.into_iter().flatten() {
+        let file = file?;
+        all.push((file.file_name().to_string_lossy().into(), fs::read(file.path())?));
     }
-    Ok(())
+    Ok(all)
 }
 
-#[cfg(test)]
-mod tests {
-    use std::fs;
-    use std::path::Path;
+/// All bytes that are left of an input.
+struct Bytes(Vec<u8>);
 
-    use super::{Target, targets};
-
-    fn corpus() -> &'static Path {
-        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/corpus"))
+impl Arbitrary<'_> for Bytes {
+    fn arbitrary(u: &mut Unstructured<'_>) -> Result<Self> {
+        Ok(Self(u.bytes(u.len())?.into()))
     }
+}
 
-    #[test]
-    fn every_target_holds_over_its_corpus() {
-        for Target { name, mut seeds, body } in targets().filter(|target| {
-            target.name.starts_with(&std::env::var("LINK").unwrap_or_default().replace('-', "_"))
-        }) {
-            for input in fs::read_dir(corpus().join(&name)).into_iter().flatten() {
-                seeds.push(fs::read(input.unwrap().path()).unwrap());
-            }
-            assert!(!seeds.is_empty(), "{name} has no corpus");
-            for seed in seeds {
-                println!("{name}: {}", seed.escape_ascii()); // shown when the target panics
-                body(&seed);
-            }
-        }
-    }
-
-    #[test]
-    fn every_corpus_has_a_target() {
-        for folder in fs::read_dir(corpus()).unwrap() {
-            let folder = folder.unwrap().file_name();
-            assert!(targets().any(|target| *target.name == *folder), "{} is no target", folder.display());
-        }
+impl Debug for Bytes {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "b\"{}\"", self.0.escape_ascii())
     }
 }

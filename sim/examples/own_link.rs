@@ -176,7 +176,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
 #[cfg(test)]
 mod tests {
     use cellwire_sim::{Fault, Peer, Script, Settings as _};
-    use robot_session::contract::{Happened, Rng, Subject};
+    use robot_session::contract::{Happened, Subject};
 
     use super::*;
 
@@ -235,16 +235,19 @@ mod tests {
 
     impl Subject for Weighs {
         type Session = Asker;
+        /// The number of the answer, if it is not the one that is asked for.
+        type Input = Option<u8>;
+        type Call = ();
 
         fn session(&self, _: usize, _: bool) -> Asker {
             Asker::default()
         }
 
-        fn input(&self, asker: &Asker, _: usize, rng: &mut Rng) -> Vec<u8> {
-            encode(if rng.chance(0.8) { asker.number } else { 0 }, 1250).into_bytes()
+        fn input(&self, asker: &Asker, _: usize, other: &Option<u8>) -> Vec<u8> {
+            encode(other.unwrap_or(asker.number), 1250).into_bytes()
         }
 
-        fn call(&self, asker: &mut Asker, _: usize, _: Duration, _: &mut Rng) -> Option<String> {
+        fn call(&self, asker: &mut Asker, _: usize, _: Duration, (): &()) -> Option<String> {
             Some(format!("ask: {}", asker.ask()))
         }
 

@@ -32,7 +32,10 @@ pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
     link.insert("links/Cargo.toml", "    \"val2-alter/arbitrary", &format!("    \"{name}/arbitrary\","))?;
     link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
     link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;
-    println!("{name}/, links/src/{}/ and the reference's inputs are made.", link.name[1]);
+    for target in ["decoder", "message", "host", "device"] {
+        link.fuzz(&format!("{}_{target}", link.name[1]))?;
+    }
+    println!("{name}/, links/src/{}/, the fuzz targets and the reference's inputs are made.", link.name[1]);
     println!(
         "Next: cargo xtask bless {name}, cargo xtask check {name}, and CONTRIBUTING, \"Adding a link\"."
     );
@@ -62,6 +65,18 @@ impl NewLink<'_> {
             fs::write(&place, self.renamed(&text)).with_context(|| place.display().to_string())?;
         }
         Ok(())
+    }
+
+    /// Adds the program of a fuzz target.
+    fn fuzz(&self, target: &str) -> Result<()> {
+        let file = format!("fuzz_targets/{target}.rs");
+        let program = format!("#![cfg_attr(fuzzing, no_main)]\ncellwire_fuzz::target!({target});\n");
+        fs::write(self.root.join("fuzz").join(&file), program).with_context(|| file.clone())?;
+        let manifest = self.root.join("fuzz/Cargo.toml");
+        let bin =
+            format!("name = \"{target}\"\npath = \"{file}\"\ntest = false\ndoc = false\nbench = false\n");
+        let text = fs::read_to_string(&manifest)? + "\n[[bin]]\n" + &bin;
+        fs::write(&manifest, text).with_context(|| manifest.display().to_string())
     }
 
     fn renamed(&self, text: &str) -> String {

@@ -5,7 +5,7 @@
 //!
 //! ```
 //! # use std::time::Duration;
-//! # use robot_session::{Session, contract::{self, Rng, Subject}};
+//! # use robot_session::{Session, contract::{self, Subject}};
 //! # #[derive(Debug)] enum Event { Received(u8) }
 //! # struct Link(bool, Option<u8>);
 //! # impl Session for Link {
@@ -27,13 +27,15 @@
 //!
 //! impl Subject for OfMyLink {
 //!     type Session = Link;
+//!     type Input = u8; // any type that implements `arbitrary::Arbitrary`
+//!     type Call = ();
 //!
 //!     fn session(&self, _configuration: usize, _is_endless: bool) -> Link {
 //!         Link(false, None)
 //!     }
 //!
-//!     fn input(&self, _: &Link, _configuration: usize, rng: &mut Rng) -> Vec<u8> {
-//!         vec![rng.below(256) as u8]
+//!     fn input(&self, _: &Link, _configuration: usize, byte: &u8) -> Vec<u8> {
+//!         vec![*byte]
 //!     }
 //! }
 //!
@@ -52,11 +54,13 @@ mod chunking;
 mod decoder;
 mod driven;
 mod rng;
+mod script;
 mod session;
 mod subject;
 
 pub use chunking::{after_a_cut, chunkings};
 pub use decoder::{Item, decode, decoder, decoder_where};
 pub use rng::Rng;
+pub use script::Script;
 pub use session::{scripted, session};
 pub use subject::{Happened, Subject};

@@ -6,8 +6,11 @@ use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
+use arbitrary::Unstructured;
+
 use super::driven::{Done, Driven, MOST};
-use super::{Happened, Rng, Subject};
+use super::script::{Caller, Step, all};
+use super::{Happened, Rng, Script, Subject};
 use crate::Session;
 
 /// Holds a session to the contract, on `seeds` random strings of calls; each takes one of its configurations, in turn.
@@ -16,63 +19,30 @@ use crate::Session;
 /// When the session breaks a rule.
 pub fn session(subject: &impl Subject, seeds: u64) {
     for seed in 0..seeds {
-        let configuration = (seed % subject.configurations() as u64) as usize;
-        let (is_careless, ends) = (seed.is_multiple_of(4), seed.is_multiple_of(3));
+        let bytes = Rng::new(seed).bytes(1000);
+        let mut steps = all(&mut Unstructured::new(&bytes)).unwrap();
+        steps.truncate(60);
+        let mut script = Script {
+            configuration: (seed % subject.configurations() as u64) as u16,
+            is_endless: false,
+            is_careless: seed.is_multiple_of(4),
+            ends: seed.is_multiple_of(3),
+            caller: Caller::Often,
+            steps,
+        };
         for is_endless in [false, true] {
-            let script =
-                Script { configuration, is_endless, is_careless, ends, steps: 60, choices: Rng::new(seed) };
-            compare(subject, &script, &Caller::OTHERS);
+            script.is_endless = is_endless;
+            compare(subject, &script, &Caller::ALL);
         }
     }
 }
 
-/// Holds a session to the contract, on the string of calls that these bytes choose: for a fuzzer.
+/// Holds a session to the contract, on a string of calls: for a fuzzer, which draws it as an [`Arbitrary`](arbitrary::Arbitrary) value.
 ///
 /// # Panics
 /// When the session breaks a rule.
-pub fn scripted(subject: &impl Subject, bytes: &[u8]) {
-    let mut choices = Rng::of(bytes);
-    let configuration = choices.below(subject.configurations());
-    let how = choices.below(256);
-    let is = |bit: u32| how >> bit & 1 == 1;
-    let (is_endless, is_careless, ends, steps) = (is(0), is(1) && is(2), is(3), bytes.len());
-    let script = Script { configuration, is_endless, is_careless, ends, steps, choices };
-    compare(subject, &script, &[Caller::OTHERS[(how >> 4) % Caller::OTHERS.len()]]);
-}
-
-/// A string of calls.
-#[derive(Debug)]
-struct Script {
-    configuration: usize,
-    /// Each timeout of the configuration is the longest that is allowed.
-    is_endless: bool,
-    /// Bytes also come without a connection. Each such call may be reported, so pieces are not the same there.
-    is_careless: bool,
-    /// Time comes to its end.
-    ends: bool,
-    /// How many there are at most.
-    steps: usize,
-    choices: Rng,
-}
-
-/// Ways to call a session that must make no difference.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Caller {
-    Plain,
-    /// Asks for the timeout, and handles it, more often than it must.
-    Often,
-    /// First with a buffer that is too small.
-    SmallBuffer,
-    /// Input byte by byte.
-    Pieces,
-    /// The loop over `embedded-io`.
-    Polls,
-    /// The loop over `embedded-io-async`.
-    Awaits,
-}
-
-impl Caller {
-    const OTHERS: [Self; 5] = [Self::Often, Self::SmallBuffer, Self::Pieces, Self::Polls, Self::Awaits];
+pub fn scripted<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>) {
+    compare(subject, script, &[script.caller]);
 }
 
 /// How many are endless.
@@ -82,13 +52,13 @@ const MANY: usize = 10_000;
 const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
 
 /// Does the same in other ways, which must make no difference.
-fn compare<U: Subject>(subject: &U, script: &Script, callers: &[Caller]) {
-    let once = run(subject, script, Caller::Plain);
+fn compare<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, callers: &[Caller]) {
+    let once = run(subject, script, None);
     for caller in callers {
         if *caller == Caller::Pieces && script.is_careless {
             continue;
         }
-        let other = run(subject, script, *caller);
+        let other = run(subject, script, Some(*caller));
         if *caller == Caller::Pieces && once.dropped + other.dropped > 0 {
             continue;
         }
@@ -99,13 +69,14 @@ fn compare<U: Subject>(subject: &U, script: &Script, callers: &[Caller]) {
     }
 }
 
-fn run<U: Subject>(subject: &U, script: &Script, caller: Caller) -> Trace {
-    let Script { configuration, is_careless, ends, .. } = *script;
-    let mut rng = script.choices.clone();
-    let session = subject.session(configuration, script.is_endless);
+/// The calls by a caller; `None` is the plain one.
+fn run<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, caller: Option<Caller>) -> Trace {
+    let configuration = usize::from(script.configuration) % subject.configurations();
     let mut run = Run {
         subject,
-        session,
+        session: subject.session(configuration, script.is_endless),
+        configuration,
+        is_careless: script.is_careless,
         caller,
         watch: subject.watch(),
         connected: false,
@@ -113,45 +84,32 @@ fn run<U: Subject>(subject: &U, script: &Script, caller: Caller) -> Trace {
         driven: Driven::default(),
     };
     let mut now = Duration::ZERO;
-    for _ in 0..script.steps {
-        if rng.is_spent() {
-            break;
-        }
-        match rng.below(16) {
-            0 => run.connection(now, true),
-            1 if rng.chance(0.3) => run.connection(now, false),
-            2..7 => {
-                if let Some(result) = subject.call(&mut run.session, configuration, now, &mut rng) {
-                    (run.watch)(Happened::Called(&result));
-                    run.all.push(result);
-                }
+    for step in &script.steps {
+        match step {
+            Step::Call(call) => run.call(now, call),
+            Step::Input(input) => {
+                let bytes = subject.input(&run.session, configuration, input);
+                run.arrive(now, bytes);
             }
-            kind @ 7..12 => {
-                let mut bytes = subject.input(&run.session, configuration, &mut rng);
-                if kind == 11 {
-                    bytes = (0..rng.below(80)).map(|_| rng.below(256) as u8).collect();
+            Step::Corrupt(input, bit) => {
+                let mut bytes = subject.input(&run.session, configuration, input);
+                let at = usize::from(*bit).checked_rem(8 * bytes.len());
+                if let Some(at) = at {
+                    bytes[at / 8] ^= 1 << (at % 8);
                 }
-                if rng.chance(0.2) && !bytes.is_empty() {
-                    let at = rng.below(bytes.len());
-                    bytes[at] ^= 1 << rng.below(8);
-                }
-                bytes.truncate(U::Session::MAX_INPUT.min(MOST));
-                if (run.connected && run.session.wants_input()) || is_careless {
-                    let in_pieces = caller == Caller::Pieces && subject.may_be_cut(configuration, &bytes);
-                    run.input(now, bytes, in_pieces);
-                }
+                run.arrive(now, bytes);
             }
-            12 => {
-                let due = run.session.poll_timeout().filter(|at| *at < LATEST || ends);
+            Step::Noise(bytes) => run.arrive(now, bytes.clone()),
+            Step::Connected => run.connection(now, true),
+            Step::Disconnected => run.connection(now, false),
+            Step::Transmitted => run.session.handle_transmitted(now),
+            Step::Deadline => {
+                let due = run.session.poll_timeout().filter(|at| *at < LATEST || script.ends);
                 now = due.unwrap_or(now).clamp(now, LATEST);
             }
-            13 => {
-                let step = rng.log_uniform(Duration::from_micros(10), Duration::from_secs(100));
-                now = now.saturating_add(step).min(LATEST);
-            }
-            14 if ends && rng.chance(0.1) => now = LATEST,
-            15 => run.session.handle_transmitted(now),
-            _ => {}
+            Step::Later(time) => now = now.saturating_add(*time).min(LATEST),
+            Step::End if script.ends => now = LATEST,
+            Step::End => {}
         }
         run.drain(now);
     }
@@ -178,7 +136,9 @@ struct Trace {
 struct Run<'a, U: Subject, W> {
     subject: &'a U,
     session: U::Session,
-    caller: Caller,
+    configuration: usize,
+    is_careless: bool,
+    caller: Option<Caller>,
     watch: W,
     connected: bool,
     all: Vec<String>,
@@ -199,16 +159,30 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         (self.watch)(Happened::Connection);
     }
 
-    fn input(&mut self, now: Duration, bytes: Vec<u8>, in_pieces: bool) {
+    fn call(&mut self, now: Duration, call: &U::Call) {
+        if let Some(result) = self.subject.call(&mut self.session, self.configuration, now, call) {
+            (self.watch)(Happened::Called(&result));
+            self.all.push(result);
+        }
+    }
+
+    /// Bytes arrive, if they may.
+    fn arrive(&mut self, now: Duration, mut bytes: Vec<u8>) {
+        bytes.truncate(U::Session::MAX_INPUT.min(MOST));
+        if !((self.connected && self.session.wants_input()) || self.is_careless) {
+            return;
+        }
         if self.connected {
             bytes.iter().for_each(|byte| (self.watch)(Happened::Byte(*byte)));
         }
         match self.caller {
             // A driver reads nothing that is not wanted.
-            Caller::Polls | Caller::Awaits if self.connected && self.session.wants_input() => {
+            Some(Caller::Polls | Caller::Awaits) if self.connected && self.session.wants_input() => {
                 self.driven.received = bytes;
             }
             _ => {
+                let in_pieces = self.caller == Some(Caller::Pieces)
+                    && self.subject.may_be_cut(self.configuration, &bytes);
                 let size = if in_pieces { 1 } else { bytes.len().max(1) };
                 bytes.chunks(size).for_each(|piece| self.session.handle_input(now, piece));
             }
@@ -235,8 +209,8 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
             let before = self.all.len();
             self.session.handle_timeout(now);
             match self.caller {
-                Caller::Polls => self.driven.poll(&mut self.session, now),
-                Caller::Awaits => self.driven.turn(&mut self.session, now),
+                Some(Caller::Polls) => self.driven.poll(&mut self.session, now),
+                Some(Caller::Awaits) => self.driven.turn(&mut self.session, now),
                 _ => self.poll(now),
             }
             for done in core::mem::take(&mut self.driven.done) {
@@ -246,7 +220,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
                 }
             }
             let is_due = self.session.poll_timeout().is_some_and(|at| at <= now);
-            if self.caller == Caller::Often {
+            if self.caller == Some(Caller::Often) {
                 let _ = self.session.poll_timeout();
                 self.session.handle_timeout(now);
                 self.session.handle_timeout(now);
@@ -270,7 +244,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
             assert!(self.all.len() < begin + MANY, "{name}: events without end: {:?}", self.all.last());
         }
         loop {
-            if self.caller == Caller::SmallBuffer {
+            if self.caller == Some(Caller::SmallBuffer) {
                 // A message may be short enough for any longer one.
                 let length = self.session.poll_transmit(now, &mut []);
                 assert_eq!(length, None, "{name}: a transmission without bytes");

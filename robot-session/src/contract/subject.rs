@@ -6,7 +6,8 @@ use std::format;
 use std::string::String;
 use std::vec::Vec;
 
-use super::Rng;
+use arbitrary::Arbitrary;
+
 use crate::Session;
 
 /// What a session does, or what is done with it.
@@ -26,10 +27,14 @@ pub enum Happened<'a, E> {
 
 /// A session that is held to the contract: how it is made, what its peer may send, and what its user may call.
 ///
-/// Random choices are those of the [`Rng`]: what is made of equal choices on equal sessions must be equal.
+/// Inputs and calls are drawn at random, as values that `arbitrary` derives: equal values on equal sessions must do the same.
 pub trait Subject {
     /// The session, with what its user keeps beside it.
     type Session: Session<Event: Debug>;
+    /// The choice of an input: a message, an index into a table, `()` if there is one input.
+    type Input: for<'a> Arbitrary<'a> + Debug;
+    /// The choice of a call; `()` if there is one call or none.
+    type Call: for<'a> Arbitrary<'a> + Debug;
 
     /// Its name in messages.
     fn name(&self) -> &str {
@@ -44,8 +49,8 @@ pub trait Subject {
     /// A new session with a configuration. With `is_endless`, each of its timeouts is the longest that is allowed.
     fn session(&self, configuration: usize, is_endless: bool) -> Self::Session;
 
-    /// What the peer may send at once: most of it valid. Longer input than [`Session::MAX_INPUT`] is cut there.
-    fn input(&self, session: &Self::Session, configuration: usize, rng: &mut Rng) -> Vec<u8>;
+    /// The bytes of an input, which arrive at once: most of them valid. Longer input than [`Session::MAX_INPUT`] is cut there.
+    fn input(&self, session: &Self::Session, configuration: usize, input: &Self::Input) -> Vec<u8>;
 
     /// Makes one of the user's calls, valid or not, and returns its name and result as text. `None`: there are no calls.
     fn call(
@@ -53,7 +58,7 @@ pub trait Subject {
         _session: &mut Self::Session,
         _configuration: usize,
         _now: Duration,
-        _rng: &mut Rng,
+        _call: &Self::Call,
     ) -> Option<String> {
         None
     }

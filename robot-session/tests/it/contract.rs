@@ -6,7 +6,8 @@ use core::time::Duration;
 use std::panic::catch_unwind;
 
 use crate::common::{Asker, Event, Line, Lines, TooLong};
-use robot_session::contract::{self, Rng, Subject};
+use arbitrary::{Arbitrary as _, Unstructured};
+use robot_session::contract::{self, Rng, Script, Subject};
 use robot_session::{Decoder, EventQueue, Session};
 
 /// What a broken decoder does wrong.
@@ -194,6 +195,8 @@ struct OfTheToy<const FAULT: u8>;
 
 impl<const FAULT: u8> Subject for OfTheToy<FAULT> {
     type Session = Sloppy<FAULT>;
+    type Input = u8;
+    type Call = u8;
 
     fn session(&self, _: usize, is_endless: bool) -> Sloppy<FAULT> {
         let mut asker = Asker::new(&[]);
@@ -201,12 +204,12 @@ impl<const FAULT: u8> Subject for OfTheToy<FAULT> {
         Sloppy { asker, connected: false, sent: 0, is_deaf: Cell::new(false) }
     }
 
-    fn input(&self, _: &Sloppy<FAULT>, _: usize, rng: &mut Rng) -> Vec<u8> {
-        format!("{}\n", rng.below(100)).into()
+    fn input(&self, _: &Sloppy<FAULT>, _: usize, number: &u8) -> Vec<u8> {
+        format!("{}\n", number % 100).into()
     }
 
-    fn call(&self, session: &mut Sloppy<FAULT>, _: usize, _: Duration, rng: &mut Rng) -> Option<String> {
-        let request = rng.below(100).to_string();
+    fn call(&self, session: &mut Sloppy<FAULT>, _: usize, _: Duration, number: &u8) -> Option<String> {
+        let request = (number % 100).to_string();
         session.asker.requests.push_back(request.clone());
         Some(request)
     }
@@ -225,20 +228,20 @@ fn each_broken_rule_of_a_session_is_found() {
     assert!(fault(&OfTheToy::<TAKES_A_SMALL_BUFFER>).is_some());
 }
 
-/// Whether strings of calls that bytes choose, as those of a fuzzer do, find a fault.
-fn is_found_by_bytes<const FAULT: u8>() -> bool {
+/// Whether scripts that are read from a fuzzer's bytes find a fault.
+fn is_found_by_scripts<const FAULT: u8>() -> bool {
     (0..60).any(|seed| {
-        let mut rng = Rng::new(seed);
-        let bytes: Vec<u8> = (0..100).flat_map(|_| rng.next_u64().to_be_bytes()).collect();
-        catch_unwind(|| contract::scripted(&OfTheToy::<FAULT>, &bytes)).is_err()
+        let bytes = Rng::new(seed).bytes(800);
+        let script = Script::arbitrary(&mut Unstructured::new(&bytes)).unwrap();
+        catch_unwind(|| contract::scripted(&OfTheToy::<FAULT>, &script)).is_err()
     })
 }
 
 #[test]
-fn each_broken_rule_of_a_session_is_found_by_bytes() {
-    assert!(!is_found_by_bytes::<0>());
-    assert!(is_found_by_bytes::<IS_DEAF_WHEN_IT_WAITS>());
-    assert!(is_found_by_bytes::<TAKES_A_SMALL_BUFFER>());
+fn each_broken_rule_of_a_session_is_found_by_scripts() {
+    assert!(!is_found_by_scripts::<0>());
+    assert!(is_found_by_scripts::<IS_DEAF_WHEN_IT_WAITS>());
+    assert!(is_found_by_scripts::<TAKES_A_SMALL_BUFFER>());
 }
 
 #[test]
@@ -316,13 +319,15 @@ struct OfReads<'a> {
 
 impl<'a> Subject for OfReads<'a> {
     type Session = Reads<'a>;
+    type Input = u8;
+    type Call = ();
 
     fn session(&self, _: usize, _: bool) -> Reads<'a> {
         Reads { events: EventQueue::new(), timeouts: 0, called: How::default(), log: self.log }
     }
 
-    fn input(&self, _: &Reads<'_>, _: usize, rng: &mut Rng) -> Vec<u8> {
-        vec![7; 1 + rng.below(8)]
+    fn input(&self, _: &Reads<'_>, _: usize, length: &u8) -> Vec<u8> {
+        vec![7; 1 + usize::from(length % 8)]
     }
 
     fn dropped_notices(&self, dropped: &u64) -> u64 {
@@ -356,5 +361,5 @@ fn a_session_has_its_type_as_its_name_and_no_calls_and_drops_nothing_unless_its_
     assert_eq!(toy.dropped_notices(&toy.session(0, false).statistics()), 0);
     let log = RefCell::default();
     let reads = OfReads { tells: true, log: &log };
-    assert_eq!(reads.call(&mut reads.session(0, false), 0, Duration::ZERO, &mut Rng::new(1)), None);
+    assert_eq!(reads.call(&mut reads.session(0, false), 0, Duration::ZERO, &()), None);
 }

@@ -1,13 +1,67 @@
 //! Values that are nearly right.
 
+use arbitrary::Arbitrary;
 use serde_json::Value;
 
-use robot_session::contract::Rng;
+/// A change of a value in one place: a leaf becomes another of its kind, a list longer or shorter.
+#[derive(Debug, Clone, Arbitrary)]
+pub struct Change {
+    /// The place among all values, counted on from the first again after the last.
+    place: u16,
+    /// The rule by which a number is replaced.
+    how: u8,
+    /// The number, the text, or the length of the list.
+    bits: u64,
+}
 
-/// Changes a value in one place: a leaf becomes another of its kind, a list longer or shorter.
-pub fn change(value: &mut Value, rng: &mut Rng) {
-    let place = rng.below(places(value));
-    visit(value, place, &mut |value| replace(value, rng));
+impl Change {
+    /// Changes a value.
+    pub fn apply(&self, value: &mut Value) {
+        let place = usize::from(self.place) % places(value);
+        visit(value, place, &mut |value| self.replace(value));
+    }
+
+    fn replace(&self, value: &mut Value) {
+        let [first, second, third, text @ ..] = self.bits.to_le_bytes().map(usize::from);
+        *value = match core::mem::take(value) {
+            Value::Bool(value) => (!value).into(),
+            Value::Number(number) if number.is_f64() => self.real(number.as_f64().unwrap_or_default()).into(),
+            Value::Number(number) => self.whole(number.as_i64().unwrap_or_default()).into(),
+            Value::Null => self.whole(0).into(),
+            Value::String(old) => {
+                let mut new: Vec<char> = old.chars().collect();
+                let from = first % (new.len() + 1);
+                let to = from + second % (new.len() - from + 1);
+                new.splice(from..to, text.map(|byte| char::from(byte as u8)).into_iter().take(third % 6));
+                String::from_iter(new).into()
+            }
+            Value::Array(values) => {
+                let length = if values.is_empty() { 0 } else { first % (2 * values.len() + 2) };
+                values.iter().cycle().take(length).cloned().collect()
+            }
+            object => object,
+        };
+    }
+
+    fn whole(&self, number: i64) -> i64 {
+        match self.how % 5 {
+            0 => number.wrapping_add(i64::from(self.bits as i8)),
+            1 => (self.bits as u8).into(),
+            2 => (self.bits as u16).into(),
+            3 => (self.bits as i32).into(),
+            _ => self.bits.cast_signed(),
+        }
+    }
+
+    /// A number that has so few digits that 32 bits hold it.
+    fn real(&self, number: f64) -> f64 {
+        let number = match self.how % 3 {
+            0 => number + f64::from(self.bits as i8) / 1000.0,
+            1 => f64::from(self.bits as i32) / 1000.0,
+            _ => f64::from(self.bits as i8) * 10f64.powi((self.bits >> 8) as i32 & 31),
+        };
+        serde_json::from_str(&serde_json::to_string(&(number as f32)).unwrap()).unwrap()
+    }
 }
 
 /// The values in a value, itself among them.
@@ -30,47 +84,4 @@ fn visit(value: &mut Value, place: usize, act: &mut impl FnMut(&mut Value)) -> O
         Value::Object(values) => values.values_mut().try_fold(left, |left, value| visit(value, left, act)),
         _ => Some(left),
     }
-}
-
-fn replace(value: &mut Value, rng: &mut Rng) {
-    *value = match core::mem::take(value) {
-        Value::Bool(value) => (!value).into(),
-        Value::Number(number) if number.is_f64() => real(number.as_f64().unwrap_or_default(), rng).into(),
-        Value::Number(number) => whole(number.as_i64().unwrap_or_default(), rng).into(),
-        Value::Null => whole(0, rng).into(),
-        Value::String(text) => {
-            let mut text: Vec<char> = text.chars().collect();
-            let from = rng.below(text.len() + 1);
-            let to = from + rng.below(text.len() - from + 1);
-            text.splice(from..to, (0..rng.below(8)).map(|_| char::from(rng.below(256) as u8)));
-            String::from_iter(text).into()
-        }
-        Value::Array(values) => {
-            let length = rng.below(2 * values.len() + 2);
-            values.iter().cycle().take(if values.is_empty() { 0 } else { length }).cloned().collect()
-        }
-        object => object,
-    };
-}
-
-fn whole(number: i64, rng: &mut Rng) -> i64 {
-    let bits = rng.next_u64();
-    match rng.below(5) {
-        0 => number.wrapping_add(i64::from(bits as i8)),
-        1 => (bits as u8).into(),
-        2 => (bits as u16).into(),
-        3 => (bits as i32).into(),
-        _ => bits.cast_signed(),
-    }
-}
-
-/// A number that has so few digits that 32 bits hold it.
-fn real(number: f64, rng: &mut Rng) -> f64 {
-    let bits = rng.next_u64();
-    let number = match rng.below(3) {
-        0 => number + f64::from(bits as i8) / 1000.0,
-        1 => f64::from(bits as i32) / 1000.0,
-        _ => f64::from(bits as i8) * 10f64.powi((bits >> 8) as i32 & 31),
-    };
-    serde_json::from_str(&serde_json::to_string(&(number as f32)).unwrap()).unwrap()
 }

@@ -2,13 +2,14 @@
 
 use core::time::Duration;
 
+use arbitrary::Arbitrary;
 use cellwire_links::Link;
 use cellwire_links::end::{By, EndRow, Make, Once};
 use cellwire_links::vectors::unhex;
-use robot_session::contract::{Happened, Rng, Subject};
+use robot_session::contract::{Happened, Subject};
 use serde_json::{Map, Value, json};
 
-use super::change;
+use super::Change;
 use super::open::Open;
 use super::tabled::Tabled;
 use crate::reference;
@@ -22,6 +23,17 @@ pub struct Story {
     pub inputs: Vec<Vec<u8>>,
     /// What its user may call, and with what.
     pub calls: Vec<(String, Value)>,
+}
+
+/// An input or a call of a story, by its number. Four of five are of the story of the session, the others of any story.
+#[derive(Debug, Clone, Copy, Arbitrary)]
+pub struct Piece(u16);
+
+/// A call of a story, with changes of its argument.
+#[derive(Debug, Clone, Arbitrary)]
+pub struct Call {
+    piece: Piece,
+    changes: Vec<Change>,
 }
 
 /// An end, and what is done with it.
@@ -86,20 +98,21 @@ impl Held {
         endless
     }
 
-    /// One of what a story has; of all stories now and then, or where it has none.
-    fn pick<'a, T>(&'a self, rng: &mut Rng, story: usize, of: fn(&Story) -> &[T]) -> Option<&'a T> {
-        let own = of(&self.stories[story]);
-        if !own.is_empty() && rng.chance(0.8) {
-            return own.get(rng.below(own.len()));
+    /// The input or call of a piece; `None` if no story has any.
+    fn pick<'a, T>(&'a self, Piece(number): Piece, story: usize, of: fn(&Story) -> &[T]) -> Option<&'a T> {
+        let (own, number) = (of(&self.stories[story]), usize::from(number));
+        if !own.is_empty() && !number.is_multiple_of(5) {
+            return own.get(number / 5 % own.len());
         }
         let count = self.stories.iter().map(|story| of(story).len()).sum();
-        let place = rng.below(count);
-        self.stories.iter().flat_map(of).nth(place)
+        self.stories.iter().flat_map(of).nth((number / 5).checked_rem(count)?)
     }
 }
 
 impl Subject for Held {
     type Session = Tabled;
+    type Input = Piece;
+    type Call = Call;
 
     fn name(&self) -> &str {
         &self.name
@@ -115,18 +128,16 @@ impl Subject for Held {
         Tabled((self.make)(endless.as_ref().unwrap_or(config), None).unwrap())
     }
 
-    fn input(&self, end: &Tabled, story: usize, rng: &mut Rng) -> Vec<u8> {
-        let mut bytes = self.pick(rng, story, |story| &story.inputs).unwrap().clone();
+    fn input(&self, end: &Tabled, story: usize, piece: &Piece) -> Vec<u8> {
+        let mut bytes = self.pick(*piece, story, |story| &story.inputs).unwrap().clone();
         bytes.truncate(end.0.max_input());
         bytes
     }
 
-    fn call(&self, end: &mut Tabled, story: usize, now: Duration, rng: &mut Rng) -> Option<String> {
-        let (name, argument) = self.pick(rng, story, |story| &story.calls)?;
+    fn call(&self, end: &mut Tabled, story: usize, now: Duration, call: &Call) -> Option<String> {
+        let (name, argument) = self.pick(call.piece, story, |story| &story.calls)?;
         let mut argument = argument.clone();
-        if rng.chance(0.2) {
-            change(&mut argument, rng);
-        }
+        call.changes.iter().for_each(|change| change.apply(&mut argument));
         // What the state does not allow is refused, and changes nothing.
         let result = end.0.call(now, name, &argument).ok();
         Some(format!("{name}: {result:?}"))

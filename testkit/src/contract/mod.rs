@@ -1,17 +1,17 @@
 //! Decoders and ends of the table as what [`robot_session::contract`] holds to the contract.
 
 mod change;
-#[cfg(feature = "links")]
+#[cfg(feature = "contract")]
 mod held;
-#[cfg(feature = "links")]
+#[cfg(feature = "contract")]
 mod objects;
-#[cfg(feature = "links")]
+#[cfg(feature = "contract")]
 mod open;
-#[cfg(feature = "links")]
+#[cfg(feature = "contract")]
 mod tabled;
 
-pub use change::change;
-#[cfg(feature = "links")]
-pub use held::{Held, Story};
-#[cfg(feature = "links")]
+pub use change::Change;
+#[cfg(feature = "contract")]
+pub use held::{Call, Held, Piece, Story};
+#[cfg(feature = "contract")]
 pub use objects::Objects;

@@ -14,8 +14,9 @@ use criterion::{Criterion, Throughput};
 fn main() {
     let mut criterion = Criterion::default()
         .sample_size(30)
-        .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_millis(1200))
+        .nresamples(10_000)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_secs(1))
         .configure_from_args();
     links::LINKS.iter().for_each(|link| time(&mut criterion, link));
     criterion.final_summary();

@@ -76,11 +76,12 @@ fn encode(rounds: u64) {
 }
 
 fn answer(rounds: u64) {
-    let mut host = Host::new(HostConfig::default()).expect("the defaults work");
+    let config = HostConfig::default();
+    let mut host = Host::new(config).expect("the defaults work");
     let (pose, mut out, mut now) = (packet().pose, [0; Host::MAX_TRANSMIT], Duration::ZERO);
     host.handle_connected(now);
     for _ in 0..rounds {
-        now += timing::CYCLE;
+        now += config.interval;
         host.set_pose(now, black_box(pose));
         host.handle_input(now, black_box(&[ENQ]));
         assert!(black_box(host.poll_transmit(now, black_box(&mut out))).is_some());

@@ -1,38 +1,42 @@
-//! The harness of the `budgets` bench: instruction counts by callgrind and timing budgets, in tables with their goals; and
-//! functions that it shares with `peers`.
+//! The rows of the benches `budgets` and `codecs`, and the harness of `budgets`: instruction counts by callgrind and timing budgets, in
+//! tables with their goals.
 //!
-//! A count is exact and the same on a busy machine: the bench starts itself under callgrind for N and for 2N rounds and
+//! A count is exact and the same on a busy computer: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
+
+mod row;
 
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
+use serde::Serialize;
+
+pub use row::{Count, Run, Timing};
+
+/// The file of the last counts, which `budgets -- --write` writes and `reference write` reads.
+const RESULTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/results.json");
 
 /// The measurements of one link.
 pub struct Link {
     /// The crate's name.
     pub name: &'static str,
-    /// Instruction counts.
+    /// Instruction counts of its codec and its sessions.
     pub counts: &'static [Count],
     /// Goals that follow from other rows.
     pub ratios: &'static [Ratio],
+    /// The rows of its decoders.
+    pub streams: &'static [Stream],
     /// Timing budgets, from the crate's `timing` functions.
     pub budgets: fn() -> Vec<Budget>,
 }
 
-/// One row of instruction counts.
-pub struct Count {
-    /// What is counted, as the table prints it.
-    pub what: &'static str,
-    /// The goal, in instructions for each unit; `None` for a peer or a row without a goal.
-    pub goal: Option<f64>,
-    /// The units that one round handles: 1 for "each operation", the bytes of the input for "each byte".
-    pub units: f64,
-    /// `"op"` or `"byte"`.
-    pub unit: &'static str,
-    /// Prepares, then does the work `rounds` times; all input and output passes `black_box`.
-    pub run: fn(rounds: u64),
+/// The rows of a decoder: valid frames and noise, in one piece and byte by byte.
+pub struct Stream {
+    /// Instruction counts.
+    pub counts: [Count; 7],
+    /// The goals of noise, byte by byte.
+    pub ratios: [Ratio; 2],
 }
 
 /// The goal of a row that is this many times the sum of other rows of its link, as they were counted in the same run; if the row has
@@ -59,42 +63,40 @@ pub struct Budget {
     pub source: &'static str,
 }
 
-/// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that was not
-/// measured, is a failure.
-pub fn main(links: &[Link]) -> ExitCode {
-    let mut args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    let check = args.iter().position(|a| a == "--check").map(|at| args.remove(at)).is_some();
-    if let [flag, link, row, rounds] = args.as_slice()
-        && flag == "--count"
-    {
-        let count =
-            links.iter().find(|l| l.name == link).and_then(|l| l.counts.get(row.parse::<usize>().ok()?));
-        let (Some(count), Ok(rounds)) = (count, rounds.parse()) else { panic!("no such row: {args:?}") };
-        (count.run)(rounds);
-        return ExitCode::SUCCESS;
+/// A row as it was counted, in the table and in the file of results.
+#[derive(Clone, Copy, Serialize)]
+struct Counted {
+    link: &'static str,
+    what: &'static str,
+    each: &'static str,
+    measured: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    goal: Option<f64>,
+}
+
+impl Link {
+    /// All rows of instruction counts, in the order of the table.
+    pub fn rows(&self) -> impl Iterator<Item = &'static Count> + use<> {
+        self.counts.iter().chain(self.streams.iter().flat_map(|stream| &stream.counts))
     }
-    let filter = args.first().map_or("", String::as_str);
-    let chosen: Vec<&Link> = links.iter().filter(|l| l.name.contains(filter)).collect();
-    if chosen.is_empty() {
-        let names: Vec<_> = links.iter().map(|l| l.name).collect();
-        eprintln!("no link is called {filter:?}; there are {}", names.join(", "));
-        return ExitCode::from(2);
+
+    fn count(&self) -> Vec<Counted> {
+        let rows: Vec<(&Count, f64)> =
+            self.rows().enumerate().map(|(row, count)| (count, measure(self.name, row, count))).collect();
+        let ratios: Vec<&Ratio> =
+            self.ratios.iter().chain(self.streams.iter().flat_map(|stream| &stream.ratios)).collect();
+        let counted = |(count, measured): &(&Count, f64)| {
+            let goals = ratios.iter().filter(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
+            Counted {
+                link: self.name,
+                what: count.what,
+                each: count.each,
+                measured: *measured,
+                goal: goals.chain(count.goal).reduce(f64::max),
+            }
+        };
+        rows.iter().map(counted).collect()
     }
-    let valgrind =
-        Command::new("valgrind").arg("--version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
-    let mut missed = Vec::new();
-    if valgrind {
-        println!("{}", count_table(&chosen, &mut missed));
-    } else {
-        missed.push("nothing was counted".into());
-        println!("No instruction counts: valgrind is not installed (Debian: apt-get install valgrind).");
-    }
-    println!("{}", budget_table(&chosen, &mut missed));
-    if check && !missed.is_empty() {
-        eprintln!("missed: {}", missed.join("; "));
-        return ExitCode::FAILURE;
-    }
-    ExitCode::SUCCESS
 }
 
 impl Ratio {
@@ -107,25 +109,75 @@ impl Ratio {
     }
 }
 
-fn count_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
-    let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
-    for link in links {
-        let rows = link.counts.iter().enumerate();
-        let rows: Vec<(&Count, f64)> =
-            rows.map(|(row, count)| (count, measure(link.name, row) / count.units)).collect();
-        for (count, measured) in &rows {
-            let ratios = link.ratios.iter().filter(|ratio| ratio.what == count.what);
-            let goal = ratios.map(|ratio| ratio.goal(&rows)).chain(count.goal).reduce(f64::max);
-            let (goal, verdict) = match goal {
-                Some(goal) if *measured > goal => {
-                    missed.push(format!("{}: {}", link.name, count.what));
-                    (number(goal), "MISSED")
-                }
-                Some(goal) => (number(goal), "met"),
-                None => ("–".into(), ""),
-            };
-            table.add_row([link.name, count.what, count.unit, &number(*measured), &goal, verdict]);
+/// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that was not
+/// measured, is a failure. With `--write` the counts are written to the file of results; they must be those of all links.
+pub fn main(links: &[Link]) -> ExitCode {
+    let mut args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    if let [flag, link, row, rounds] = args.as_slice()
+        && flag == "--count"
+    {
+        let link = links.iter().find(|l| l.name == link);
+        let count = link.and_then(|link| link.rows().nth(row.parse().ok()?));
+        let (Some(count), Ok(rounds)) = (count, rounds.parse()) else { panic!("no such row: {args:?}") };
+        count.run.once(rounds);
+        return ExitCode::SUCCESS;
+    }
+    let mut flag = |name| args.iter().position(|a| a == name).map(|at| args.remove(at)).is_some();
+    let (check, write) = (flag("--check"), flag("--write"));
+    let filter = args.first().map_or("", String::as_str);
+    let chosen: Vec<&Link> = links.iter().filter(|l| l.name.contains(filter)).collect();
+    if chosen.is_empty() {
+        let names: Vec<_> = links.iter().map(|l| l.name).collect();
+        eprintln!("no link is called {filter:?}; there are {}", names.join(", "));
+        return ExitCode::from(2);
+    }
+    if write && chosen.len() < links.len() {
+        eprintln!("--write needs the counts of all links: leave out {filter:?}");
+        return ExitCode::from(2);
+    }
+    let valgrind =
+        Command::new("valgrind").arg("--version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
+    let mut missed = Vec::new();
+    if valgrind {
+        let rows: Vec<Counted> = chosen.iter().flat_map(|link| link.count()).collect();
+        println!("{}", count_table(&rows, &mut missed));
+        if write {
+            std::fs::write(RESULTS, results(&rows)).expect("the file of results can be written");
         }
+    } else {
+        missed.push("nothing was counted".into());
+        println!("No instruction counts: valgrind is not installed (Debian: apt-get install valgrind).");
+    }
+    println!("{}", budget_table(&chosen, &mut missed));
+    if (check && !missed.is_empty()) || (write && !valgrind) {
+        eprintln!("missed: {}", missed.join("; "));
+        return ExitCode::FAILURE;
+    }
+    ExitCode::SUCCESS
+}
+
+/// The file of results: a row a line, its numbers to a hundredth.
+fn results(rows: &[Counted]) -> String {
+    let hundredths = |x: f64| (x * 100.0).round() / 100.0;
+    let line = |row: &Counted| {
+        let (measured, goal) = (hundredths(row.measured), row.goal.map(hundredths));
+        serde_json::to_string(&Counted { measured, goal, ..*row }).expect("plain values")
+    };
+    format!("[\n{}\n]\n", rows.iter().map(line).collect::<Vec<_>>().join(",\n"))
+}
+
+fn count_table(rows: &[Counted], missed: &mut Vec<String>) -> Table {
+    let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
+    for Counted { link, what, each, measured, goal } in rows {
+        let (goal, verdict) = match goal {
+            Some(goal) if measured > goal => {
+                missed.push(format!("{link}: {what}"));
+                (number(*goal), "MISSED")
+            }
+            Some(goal) => (number(*goal), "met"),
+            None => ("–".into(), ""),
+        };
+        table.add_row([link, what, each, &*number(*measured), &goal, verdict]);
     }
     right_align(&mut table, &[3, 4]);
     table
@@ -153,11 +205,10 @@ fn budget_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
     table
 }
 
-/// The instructions of one round: (Ir(2N) − Ir(N)) / N.
-fn measure(link: &str, row: usize) -> f64 {
-    const ROUNDS: u64 = 500;
-    let (once, twice) = (collect(link, row, ROUNDS), collect(link, row, 2 * ROUNDS));
-    (twice - once) as f64 / ROUNDS as f64
+/// The instructions of one unit of a row: (Ir(2N) − Ir(N)) / N, by the units of a round.
+fn measure(link: &str, row: usize, count: &Count) -> f64 {
+    let (once, twice) = (collect(link, row, count.rounds), collect(link, row, 2 * count.rounds));
+    (twice - once) as f64 / count.rounds as f64 / count.units
 }
 
 fn collect(link: &str, row: usize, rounds: u64) -> i64 {

@@ -100,8 +100,8 @@ impl Workspace {
         let (packages, has_data) =
             if packages.is_empty() { self.changed(&members)? } else { (packages, false) };
         self.cargo(["fmt", "--all", "--check"])?;
-        if has_data {
-            // The pages have figures of BENCHMARKS.md, the reference what the code does.
+        if has_data || packages.iter().any(|package| package == "benches") {
+            // The pages have figures of benches/results.json, the reference what the code does.
             self.cargo(["run", "-q", "-p", "reference", "--", "check"])?;
         }
         if packages.is_empty() {

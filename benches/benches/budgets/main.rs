@@ -1,27 +1,9 @@
-//! `cargo bench -p benches --bench budgets [-- [LINK] [--check]]`: instruction counts and timing budgets with their goals.
-//! One file per link.
+//! `cargo bench -p benches --bench budgets [-- [LINK] [--check] [--write]]`: instruction counts and timing budgets with their goals.
+//! `--write` writes the counts to `benches/results.json`, from which `cargo run -p reference -- write` fills the tables of the pages.
 
-mod fanuc_hmi_modbus;
-mod fanuc_ls;
-mod isra_ball;
-mod kawasaki_msg;
-mod laser_eb90;
-mod mmacell_proto;
-mod streams;
-mod val2_alter;
-mod val2_viewer;
-mod work_queue;
+#[path = "../links/mod.rs"]
+mod links;
 
 fn main() -> std::process::ExitCode {
-    benches::main(&[
-        fanuc_hmi_modbus::LINK,
-        fanuc_ls::LINK,
-        isra_ball::LINK,
-        kawasaki_msg::LINK,
-        laser_eb90::LINK,
-        mmacell_proto::LINK,
-        val2_alter::LINK,
-        val2_viewer::LINK,
-        work_queue::LINK,
-    ])
+    benches::main(links::LINKS)
 }

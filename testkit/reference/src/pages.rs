@@ -1,5 +1,5 @@
-//! The tables of a crate's page that are made: every field of its configurations from the code, and what it costs from what was
-//! measured last (`.ci/size`, and the counts in BENCHMARKS.md); and the figures of the first page, from the same counts.
+//! The tables of a crate's page that are made: every field of its configurations from the code, and its costs from the last results
+//! of `.ci/size` and of the bench `budgets`; and the figures of the first page, from the same counts.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use cellwire_links::LINKS;
+use serde::Deserialize;
 use serde_json::Value;
 
 const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
@@ -14,7 +15,7 @@ const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -
 const FIGURES: &str = "<!-- Figures, written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
 
-/// The work on the first page: the link, and what BENCHMARKS.md calls it.
+/// The work on the first page: the link, and the name of the row.
 const SHOWN: [(&str, &str); 5] = [
     ("fanuc-hmi-modbus", "decode a reply of 38 registers, copy them"),
     ("val2-alter", "turn-around: decode a 36-byte request, limit six axes, encode six values"),
@@ -31,12 +32,29 @@ const OTHERS: [(&str, &str); 4] = [
     ("robot-work-queue", "work-queue"),
 ];
 
+/// A row of `benches/results.json`: the instructions of one piece of work.
+#[derive(Deserialize)]
+struct Count {
+    link: String,
+    what: String,
+    /// `op`, `job` or `byte`.
+    each: String,
+    measured: f64,
+}
+
+impl Count {
+    fn instructions(&self) -> String {
+        if self.measured < 20.0 { format!("{:.2}", self.measured) } else { format!("{:.0}", self.measured) }
+    }
+}
+
 /// The page of each crate.
 pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)>> {
     let defaults: Value = serde_json::from_str(defaults)?;
     let fields = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
     let sizes = std::fs::read_to_string(root.join("testkit/reference/inputs/sizes.txt"))?;
-    let counts = std::fs::read_to_string(root.join("BENCHMARKS.md"))?;
+    let counts = std::fs::read_to_string(root.join("benches/results.json"))?;
+    let counts: Vec<Count> = serde_json::from_str(&counts).context("benches/results.json")?;
     let page = |(name, folder): (&str, &str)| {
         let path = root.join(folder).join("README.md");
         let mut page = std::fs::read_to_string(&path)?;
@@ -55,29 +73,18 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
     pages.chain([Ok((first, text))]).collect()
 }
 
-/// A row of the counts: link, what is counted, for each what, and how many instructions.
-fn row(line: &str) -> Option<[&str; 4]> {
-    match line.split('|').map(str::trim).collect::<Vec<_>>()[..] {
-        [_, link, what, each, count, ..] if ["op", "byte", "job"].contains(&each) => {
-            Some([link, what, each, count])
-        }
-        _ => None,
-    }
-}
-
 /// The table of the first page: each work with its instructions, and those of other crates, whose rows follow it.
-fn figures(counts: &str) -> Result<String> {
+fn figures(counts: &[Count]) -> Result<String> {
     let mut table =
         "| link | work | instructions | other crates, same work |\n| --- | --- | ---: | --- |\n".to_owned();
     for (link, work) in SHOWN {
-        let mut rows = counts.lines().filter_map(row).skip_while(|row| row[..2] != [link, work]);
-        let [_, _, each, count] =
-            rows.next().with_context(|| format!("BENCHMARKS.md has no {link}: {work}"))?;
-        let peers = rows.take_while(|[_, what, ..]| what.starts_with(['…', '–']));
-        let peers = peers.filter_map(|[_, what, _, count]| Some(format!("{} {count}", peer(what)?)));
-        let each = if each == "byte" { " a byte" } else { "" };
-        let _ =
-            writeln!(table, "| {link} | {work} | {count}{each} | {} |", peers.collect::<Vec<_>>().join(", "));
+        let mut rows = counts.iter().skip_while(|row| (&*row.link, &*row.what) != (link, work));
+        let row = rows.next().with_context(|| format!("benches/results.json has no {link}: {work}"))?;
+        let peers = rows.take_while(|row| row.what.starts_with(['…', '–']));
+        let peers = peers.filter_map(|row| Some(format!("{} {}", peer(&row.what)?, row.instructions())));
+        let each = if row.each == "byte" { " a byte" } else { "" };
+        let (count, peers) = (row.instructions(), peers.collect::<Vec<_>>().join(", "));
+        let _ = writeln!(table, "| {link} | {work} | {count}{each} | {peers} |");
     }
     Ok(table)
 }
@@ -90,7 +97,7 @@ fn put(page: &str, begin: &str, table: &str) -> Result<String> {
 }
 
 /// The bytes of each end, and the instructions of what an end does in normal operation.
-fn costs(name: &str, sizes: &str, counts: &str) -> String {
+fn costs(name: &str, sizes: &str, counts: &[Count]) -> String {
     let mut table = String::new();
     let ends: BTreeMap<&str, (&str, &str)> = sizes
         .lines()
@@ -107,13 +114,9 @@ fn costs(name: &str, sizes: &str, counts: &str) -> String {
         table += "\n";
     }
     let mut instructions = String::new();
-    for line in counts.lines() {
-        if let Some([link, what, each, count]) = row(line)
-            && link == name
-            && is_own(what)
-        {
-            let _ = writeln!(instructions, "| {what} | {} | {count} |", each.replace("op", "time"));
-        }
+    for row in counts.iter().filter(|row| row.link == name && is_own(&row.what)) {
+        let (what, each) = (&row.what, row.each.replace("op", "time"));
+        let _ = writeln!(instructions, "| {what} | {each} | {} |", row.instructions());
     }
     if !instructions.is_empty() {
         table += "| instructions | for each | |\n| --- | --- | ---: |\n";

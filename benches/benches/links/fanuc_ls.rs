@@ -1,36 +1,28 @@
+//! fanuc-ls: the source's listing, read and written; and the kinematics of its arm.
+
 use std::hint::black_box;
 
-use benches::{Budget, Count, Link};
+use benches::{Count, Link, Timing};
 use cellwire_motion::{Arm, Kinematics};
 use fanuc_ls::{Document, Program, Rules};
 
 const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");
-/// A const divides by it: the length as the table wants it.
-const BYTES: f64 = TEXT.len() as f64;
 
-pub const LINK: Link = Link {
+pub(super) const LINK: Link = Link {
     name: "fanuc-ls",
     counts: &[
-        Count {
-            what: "read the source's listing as it is",
-            goal: Some(25.0),
-            units: BYTES,
-            unit: "byte",
-            run: document,
-        },
-        Count { what: "read it as values", goal: Some(25.0), units: BYTES, unit: "byte", run: read },
-        Count {
-            what: "… by hand: its numbers alone",
-            goal: None,
-            units: BYTES,
-            unit: "byte",
-            run: numbers_by_hand,
-        },
-        Count { what: "write the values", goal: Some(25.0), units: BYTES, unit: "byte", run: write },
-        Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
+        Count::byte("read the source's listing as it is", TEXT.len(), document)
+            .goal(25.0)
+            .timed("decode-document", Timing::OURS),
+        Count::byte("read it as values", TEXT.len(), read).goal(25.0).timed("decode", Timing::OURS),
+        Count::byte("… by hand: its numbers alone", TEXT.len(), numbers_by_hand)
+            .timed("decode", "by hand, its numbers alone"),
+        Count::byte("write the values", TEXT.len(), write).goal(25.0).timed("encode", Timing::OURS),
+        Count::op("forward kinematics", forward),
     ],
     ratios: &[],
-    budgets: || -> Vec<Budget> { Vec::new() },
+    streams: &[],
+    budgets: Vec::new,
 };
 
 fn document(rounds: u64) {

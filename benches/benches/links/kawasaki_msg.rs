@@ -3,10 +3,12 @@
 mod by_hand;
 mod exchange;
 
+use core::any::Any;
 use core::hint::black_box;
 use core::time::Duration;
+use std::time::Instant;
 
-use benches::{Budget, Count, Link, Ratio};
+use benches::{Budget, Count, Link, Ratio, Timing};
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
     Charset, Decoder, Dialect, Fields, Job, JobKind, Limits, Line, Message, Packet, Point, Robot,
@@ -14,25 +16,27 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-use crate::streams;
-
-pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, ratios: RATIOS, budgets };
+use super::streams::{self, Decoding};
 
 /// The goals of each packet are ratios to the loop by hand for its one layout: the link carries 31 packets a second, and one grammar
 /// for every table and every layout is worth more than their speed.
-const RATIOS: &[Ratio] = &[
-    streams::RATIOS[0],
-    streams::RATIOS[1],
-    Ratio { what: streams::VALID, times: 2.5, of: &[streams::LIMIT.what] },
-    Ratio { what: exchange::BY_SESSION, times: 2.0, of: &[exchange::BY_CODEC] },
-    Ratio { what: QUEUE_LINES, times: 3.0, of: &[QUEUE_LINES_BY_HAND] },
-    Ratio { what: QUEUE_PALLETS, times: 3.0, of: &[QUEUE_PALLETS_BY_HAND] },
-    Ratio { what: QUEUE_SHORT, times: 5.0, of: &[QUEUE_SHORT_BY_HAND] },
-    Ratio { what: FIND, times: 2.0, of: &[FIND_BY_HAND] },
-    Ratio { what: BUILD_LINES, times: 2.0, of: &[BUILD_LINES_BY_HAND] },
-    Ratio { what: BUILD_PALLETS, times: 2.0, of: &[BUILD_PALLETS_BY_HAND] },
-    Ratio { what: BUILD_SHORT, times: 3.0, of: &[BUILD_SHORT_BY_HAND] },
-];
+pub(super) const LINK: Link = Link {
+    name: "kawasaki-msg",
+    counts: COUNTS,
+    ratios: &[
+        Ratio { what: streams::NAMES.bytes, times: 2.5, of: &[streams::NAMES.by_hand] },
+        Ratio { what: exchange::BY_SESSION, times: 2.0, of: &[exchange::BY_CODEC] },
+        Ratio { what: QUEUE_LINES, times: 3.0, of: &[QUEUE_LINES_BY_HAND] },
+        Ratio { what: QUEUE_PALLETS, times: 3.0, of: &[QUEUE_PALLETS_BY_HAND] },
+        Ratio { what: QUEUE_SHORT, times: 5.0, of: &[QUEUE_SHORT_BY_HAND] },
+        Ratio { what: FIND, times: 2.0, of: &[FIND_BY_HAND] },
+        Ratio { what: BUILD_LINES, times: 2.0, of: &[BUILD_LINES_BY_HAND] },
+        Ratio { what: BUILD_PALLETS, times: 2.0, of: &[BUILD_PALLETS_BY_HAND] },
+        Ratio { what: BUILD_SHORT, times: 3.0, of: &[BUILD_SHORT_BY_HAND] },
+    ],
+    streams: &[streams::rows::<Lines>()],
+    budgets,
+};
 
 const QUEUE_LINES: &str = "a packet of lines: parsed, checked, queued";
 const QUEUE_LINES_BY_HAND: &str = "… lines by a loop by hand";
@@ -49,68 +53,84 @@ const BUILD_PALLETS_BY_HAND: &str = "… pallet moves built by a loop by hand";
 const BUILD_SHORT: &str = "a packet of the shortest jobs, built";
 const BUILD_SHORT_BY_HAND: &str = "… the shortest built by a loop by hand";
 
-/// The jobs that fit a packet of 4096 bytes, and its bytes: see `the_packet`.
+/// The jobs that fit a packet of 4096 bytes, and the bytes of each packet: `packet` makes them.
 const JOBS: u16 = 98;
-const BYTES: f64 = 4071.0;
-const PALLET_BYTES: f64 = 4052.0;
-const SHORT_BYTES: f64 = 4091.0;
+const BYTES: usize = 4071;
+const PALLET_BYTES: usize = 4052;
+const SHORT_BYTES: usize = 4091;
 
 /// The shortest jobs, of 16 bytes each, are nearly all table and machine.
 const COUNTS: &[Count] = &[
-    per_byte(QUEUE_LINES, None, BYTES, queue_lines),
-    per_byte(QUEUE_LINES_BY_HAND, None, BYTES, |rounds| by_hand::queue::<Line>(rounds, packet(line))),
-    per_byte(QUEUE_PALLETS, None, PALLET_BYTES, queue_pallets),
-    per_byte(QUEUE_PALLETS_BY_HAND, None, PALLET_BYTES, |rounds| {
-        by_hand::queue::<PalletMove>(rounds, packet(pallet_move));
-    }),
-    per_byte(QUEUE_SHORT, None, SHORT_BYTES, queue_short),
-    per_byte(QUEUE_SHORT_BY_HAND, None, SHORT_BYTES, |rounds| by_hand::queue::<Short>(rounds, packet(short))),
-    per_byte(FIND, None, BYTES, find_messages),
-    per_byte(FIND_BY_HAND, None, BYTES, find_by_hand),
-    per_byte("the longest message, received byte by byte", Some(200.0), 4096.0, grow_a_message),
-    per_byte(BUILD_LINES, None, BYTES, |rounds| build_packets(rounds, line)),
-    per_byte(BUILD_LINES_BY_HAND, None, BYTES, |rounds| build_by_hand(rounds, line)),
-    per_byte(BUILD_PALLETS, None, PALLET_BYTES, |rounds| build_packets(rounds, pallet_move)),
-    per_byte(BUILD_PALLETS_BY_HAND, None, PALLET_BYTES, |rounds| build_by_hand(rounds, pallet_move)),
-    per_byte(BUILD_SHORT, None, SHORT_BYTES, |rounds| build_packets(rounds, short)),
-    per_byte(BUILD_SHORT_BY_HAND, None, SHORT_BYTES, |rounds| build_by_hand(rounds, short)),
-    streams::valid(BYTES, |rounds| {
-        streams::push(rounds, Decoder::new(Charset::Ascii), &packet(line).0, JOBS.into())
-    }),
-    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-        streams::push_whole(rounds, Decoder::new(Charset::Ascii), &streams::noise())
-    }),
-    streams::noisy_bytes(streams::RANDOM, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise())
-    }),
-    streams::noisy(streams::WORST_WHOLE, |rounds| {
-        streams::push_whole(rounds, Decoder::new(Charset::Ascii), &worst())
-    }),
-    streams::noisy_bytes(streams::WORST, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst())
-    }),
-    streams::LIMIT,
-    per_exchange(exchange::BY_SESSION, exchange::by_session),
-    per_exchange(exchange::BY_CODEC, exchange::by_codec),
+    queued(QUEUE_LINES, BYTES, |rounds| queue(rounds, line, BYTES)).timed("queue-lines", Timing::OURS),
+    queued(QUEUE_LINES_BY_HAND, BYTES, |rounds| by_hand::queue::<Line>(rounds, packet(line)))
+        .timed("queue-lines", Timing::BY_HAND),
+    queued(QUEUE_PALLETS, PALLET_BYTES, |rounds| queue(rounds, pallet_move, PALLET_BYTES))
+        .timed("queue-pallets", Timing::OURS),
+    queued(QUEUE_PALLETS_BY_HAND, PALLET_BYTES, |rounds| {
+        by_hand::queue::<PalletMove>(rounds, packet(pallet_move))
+    })
+    .timed("queue-pallets", Timing::BY_HAND),
+    queued(QUEUE_SHORT, SHORT_BYTES, |rounds| queue(rounds, short, SHORT_BYTES))
+        .timed("queue-shortest", Timing::OURS),
+    queued(QUEUE_SHORT_BY_HAND, SHORT_BYTES, |rounds| by_hand::queue::<Short>(rounds, packet(short)))
+        .timed("queue-shortest", Timing::BY_HAND),
+    Count::byte(FIND, BYTES, find_messages).timed("decode", Timing::OURS),
+    Count::byte(FIND_BY_HAND, BYTES, find_by_hand).timed("decode", Timing::BY_HAND),
+    Count::byte("the longest message, received byte by byte", 4096, grow_a_message).goal(200.0),
+    Count::byte(BUILD_LINES, BYTES, |rounds| build_packets(rounds, line)).timed("encode-lines", Timing::OURS),
+    Count::byte(BUILD_LINES_BY_HAND, BYTES, |rounds| build_by_hand(rounds, line))
+        .timed("encode-lines", Timing::BY_HAND),
+    Count::byte(BUILD_PALLETS, PALLET_BYTES, |rounds| build_packets(rounds, pallet_move))
+        .timed("encode-pallets", Timing::OURS),
+    Count::byte(BUILD_PALLETS_BY_HAND, PALLET_BYTES, |rounds| build_by_hand(rounds, pallet_move))
+        .timed("encode-pallets", Timing::BY_HAND),
+    Count::byte(BUILD_SHORT, SHORT_BYTES, |rounds| build_packets(rounds, short))
+        .timed("encode-shortest", Timing::OURS),
+    Count::byte(BUILD_SHORT_BY_HAND, SHORT_BYTES, |rounds| build_by_hand(rounds, short))
+        .timed("encode-shortest", Timing::BY_HAND),
+    Count::op(exchange::BY_SESSION, exchange::by_session)
+        .rounds(exchange::RECORDED / 2)
+        .timed("pc", Timing::OURS),
+    Count::op(exchange::BY_CODEC, exchange::by_codec)
+        .rounds(exchange::RECORDED / 2)
+        .timed("pc", "the codec alone"),
+    Count::op("a robot's exchange: 98 jobs reported, a packet of lines queued", exchange::by_robot)
+        .rounds(exchange::RECORDED / 2)
+        .timed("robot", Timing::OURS),
 ];
 
-const fn per_exchange(what: &'static str, run: fn(u64)) -> Count {
-    Count { what, goal: None, units: 1.0 / exchange::ROUNDS, unit: "op", run }
+/// The queues that are prepared, for twice the packets that are counted.
+const QUEUES: usize = 32;
+
+const fn queued(what: &'static str, bytes: usize, run: fn(u64) -> (Duration, Box<dyn Any>)) -> Count {
+    Count::byte_prepared(what, bytes, QUEUES as u64 / 2, run)
 }
 
-const fn per_byte(what: &'static str, goal: Option<f64>, units: f64, run: fn(u64)) -> Count {
-    Count { what, goal, units, unit: "byte", run }
-}
+struct Lines;
 
-/// The longest message, all of it marks, but for its last byte.
-fn worst() -> Vec<u8> {
-    let mut noise = b"<X$1015#".to_vec();
-    noise.resize(streams::NOISE, b'$');
-    noise
+impl Decoding for Lines {
+    type Decoder = Decoder;
+    const LEN: usize = BYTES;
+    const FRAMES: usize = JOBS as usize;
+
+    fn decoder() -> Decoder {
+        Decoder::new(Charset::Ascii)
+    }
+
+    fn valid() -> Vec<u8> {
+        packet(line).0
+    }
+
+    /// The longest message, all of it marks, but for its last byte.
+    fn worst() -> Vec<u8> {
+        let mut noise = b"<X$1015#".to_vec();
+        noise.resize(streams::NOISE, b'$');
+        noise
+    }
 }
 
 fn budgets() -> Vec<Budget> {
-    let job = BYTES as usize / usize::from(JOBS);
+    let job = BYTES / usize::from(JOBS);
     vec![
         Budget {
             what: format!("2000 jobs of {job} bytes, one exchange a packet"),
@@ -127,38 +147,31 @@ fn budgets() -> Vec<Budget> {
     ]
 }
 
-fn queue_lines(rounds: u64) {
-    queue(rounds, line, BYTES);
-}
-
-fn queue_pallets(rounds: u64) {
-    queue(rounds, pallet_move, PALLET_BYTES);
-}
-
-fn queue_short(rounds: u64) {
-    queue(rounds, short, SHORT_BYTES);
-}
-
 /// Robots in an order, each with an empty queue: a packet is the same for all, whatever its numbers.
-fn queue<W: Work + Send + 'static>(rounds: u64, work: impl Fn(u16) -> W, bytes: f64) {
-    const MOST: usize = 1000;
+fn queue<W: Work + Send + 'static>(
+    rounds: u64,
+    work: impl Fn(u16) -> W,
+    bytes: usize,
+) -> (Duration, Box<dyn Any>) {
     let (packet, jobs) = packet(work);
-    assert_eq!(packet.len() as f64, bytes);
-    let mut robots: Vec<_> = (0..MOST).map(|_| robot::<W>()).collect();
-    assert!(rounds <= MOST as u64);
-    for (robot, _) in robots.iter_mut().take(rounds as usize) {
+    assert_eq!(packet.len(), bytes);
+    let mut robots: Vec<_> = (0..QUEUES).map(|_| robot::<W>()).collect();
+    let used = robots.get_mut(..rounds as usize).expect("no more rounds than robots");
+    let start = Instant::now();
+    for (robot, _) in &mut *used {
         robot.handle_input(Duration::from_millis(32), black_box(&packet));
-        black_box(&robot);
+        black_box(robot);
     }
-    for (robot, _) in robots.iter().take(rounds as usize) {
+    let time = start.elapsed();
+    for (robot, _) in used {
         assert_eq!(robot.queued(), u32::from(jobs));
     }
-    core::mem::forget(robots); // dropping what is queued is no part of it
+    (time, Box::new(robots))
 }
 
 fn find_messages(rounds: u64) {
     let (packet, jobs) = packet(line);
-    assert_eq!((jobs, packet.len() as f64), (JOBS, BYTES));
+    assert_eq!((jobs, packet.len()), (JOBS, BYTES));
     let mut decoder = Decoder::new(Charset::Ascii);
     for _ in 0..rounds {
         assert_eq!(decoder.push(black_box(&packet)), packet.len());

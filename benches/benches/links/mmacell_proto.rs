@@ -1,14 +1,16 @@
+//! mmacell-proto: a status of 50 characters, a motion, and both ends of STA.
+
 use core::time::Duration;
 use std::hint::black_box;
 
-use benches::{Count, Link, Ratio};
+use benches::{Count, Link, Ratio, Timing};
 use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::robot_session::{Encode as _, Session as _};
 use mmacell_proto::{
     Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Line, Mode, Reply, RobotPose,
 };
 
-use crate::streams;
+use super::streams::{self, Decoding};
 
 const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
@@ -20,58 +22,61 @@ const STA_WRITTEN: &str = "write STA";
 const DEVICE: &str = "device: receive STA, send the status";
 const CENTRAL: &str = "central: send STA, receive the status";
 
-pub const LINK: Link = Link {
+pub(super) const LINK: Link = Link {
     name: "mmacell-proto",
     counts: &[
-        Count {
-            what: "50 characters: the end found, the status read",
-            goal: Some(220.0),
-            units: 1.0,
-            unit: "op",
-            run: find_and_parse,
-        },
-        Count {
-            what: "… by hand, eight characters at a time",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: by_hand,
-        },
-        Count { what: "of that, the status", goal: None, units: 1.0, unit: "op", run: parse },
-        Count { what: STATUS_READ, goal: None, units: 1.0, unit: "op", run: stream },
-        Count { what: STATUS_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_status },
-        Count { what: STA_READ, goal: None, units: 1.0, unit: "op", run: stream_command },
-        Count { what: STA_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_command },
-        Count { what: "parse a robot's motion", goal: None, units: 1.0, unit: "op", run: parse_motion },
-        Count { what: "encode a robot's motion", goal: None, units: 1.0, unit: "op", run: encode },
-        Count { what: DEVICE, goal: None, units: 1.0, unit: "op", run: serve },
-        Count { what: CENTRAL, goal: None, units: 1.0, unit: "op", run: ask },
-        streams::valid(STATUS.len() as f64, |rounds| {
-            streams::push(rounds, Decoder::new(Dialect::STRICT), STATUS, 1)
-        }),
-        streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-            streams::push_whole(rounds, Decoder::new(Dialect::STRICT), &streams::noise())
-        }),
-        streams::noisy_bytes(streams::RANDOM, |rounds| {
-            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise())
-        }),
-        streams::noisy(streams::WORST_WHOLE, |rounds| {
-            streams::push_whole(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"))
-        }),
-        streams::noisy_bytes(streams::WORST, |rounds| {
-            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"))
-        }),
-        streams::LIMIT,
+        Count::op("50 characters: the end found, the status read", find_and_parse).goal(220.0).timed_bytes(
+            "decode",
+            Timing::OURS,
+            STATUS.len(),
+        ),
+        Count::op("… by hand, eight characters at a time", by_hand).timed_bytes(
+            "decode",
+            Timing::BY_HAND,
+            STATUS.len(),
+        ),
+        Count::op("of that, the status", parse),
+        Count::op(STATUS_READ, stream),
+        Count::op(STATUS_WRITTEN, write_status).timed_bytes("encode", Timing::OURS, STATUS.len()),
+        Count::op(STA_READ, stream_command),
+        Count::op(STA_WRITTEN, write_command),
+        Count::op("parse a robot's motion", parse_motion).timed_bytes(
+            "decode-motion",
+            Timing::OURS,
+            MOVE.len(),
+        ),
+        Count::op("encode a robot's motion", encode).timed_bytes("encode-motion", Timing::OURS, MOVE.len()),
+        Count::op(DEVICE, serve).timed("device", Timing::OURS),
+        Count::op(CENTRAL, ask).timed("central", Timing::OURS),
     ],
     ratios: &[
         Ratio { what: DEVICE, times: 2.0, of: &[STA_READ, STATUS_WRITTEN] },
         Ratio { what: CENTRAL, times: 2.0, of: &[STA_WRITTEN, STATUS_READ] },
-        streams::RATIOS[0],
-        streams::RATIOS[1],
     ],
+    streams: &[streams::rows::<Replies>()],
     // The source gives no figure to keep: a reply comes "immediately" (§3).
     budgets: Vec::new,
 };
+
+struct Replies;
+
+impl Decoding for Replies {
+    type Decoder = Decoder;
+    const LEN: usize = STATUS.len();
+    const FRAMES: usize = 1;
+
+    fn decoder() -> Decoder {
+        Decoder::new(Dialect::STRICT)
+    }
+
+    fn valid() -> Vec<u8> {
+        STATUS.to_vec()
+    }
+
+    fn worst() -> Vec<u8> {
+        streams::repeated(b"\r")
+    }
+}
 
 #[inline(always)]
 fn status(line: Line<'_>) {

@@ -5,61 +5,69 @@ mod by_hand;
 use std::hint::black_box;
 use std::time::Duration;
 
-use benches::{Budget, Count, Link, Ratio};
+use benches::{Budget, Count, Link, Ratio, Timing};
 use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
-    Accumulation, Decoder, ErrorCode, Frame, Framing, Host, HostConfig, HostMessage, Limiter, Limits,
-    Message, Motion, MotionPhase, Reply, RobotMessage, SegmentStatus, Transform, timing,
+    Accumulation, Controller, ControllerConfig, ControllerEvent, Decoder, ErrorCode, Frame, Framing, Host,
+    HostConfig, HostMessage, Limiter, Limits, Message, Motion, MotionPhase, Reply, RobotMessage,
+    SegmentStatus, StartCode, Transform, timing,
 };
 
-use crate::streams;
+use super::streams::{self, Decoding};
 
-pub const LINK: Link = Link {
+pub(super) const LINK: Link = Link {
     name: "val2-alter",
-    counts: COUNTS,
-    ratios: &[
-        Ratio { what: SESSION, times: 2.5, of: &[STREAM] },
-        Ratio { what: streams::RANDOM, times: 3.0, of: &[streams::RANDOM_WHOLE] },
-        Ratio { what: streams::WORST, times: 3.0, of: &[streams::WORST_WHOLE] },
+    counts: &[
+        Count::op("turn-around: decode a 36-byte request, limit six axes, encode six values", turn_around)
+            .goal(350.0)
+            .timed_bytes("turn-around", Timing::OURS, REQUEST.len() + REPLY_LEN),
+        Count::op("… by hand, 16 bytes at a time", |rounds| by_hand::turn(&REQUEST, TARGET, rounds))
+            .timed_bytes("turn-around", Timing::BY_HAND, REQUEST.len() + REPLY_LEN),
+        Count::op("the same with every DLE that can be: 64 bytes in, 33 out", worst_turn_around)
+            .goal(900.0)
+            .timed_bytes("turn-around-stuffed", Timing::OURS, 64 + 33),
+        Count::op("… by hand, byte by byte", |rounds| {
+            by_hand::turn(&worst_request(), [0x1010; 6], rounds);
+        })
+        .timed_bytes("turn-around-stuffed", Timing::BY_HAND, 64 + 33),
+        Count::op(STREAM, stream),
+        Count::op(SESSION, session).timed("host", Timing::OURS),
+        Count::op("controller: send the request, receive the reply", control)
+            .timed("controller", Timing::OURS),
+        Count::op("decode a request: its frame, its message", decode).timed_bytes(
+            "decode",
+            Timing::OURS,
+            REQUEST.len(),
+        ),
+        Count::op("encode a reply of six values", encode).timed_bytes("encode", Timing::OURS, REPLY_LEN),
     ],
+    ratios: &[Ratio { what: SESSION, times: 2.5, of: &[STREAM] }],
+    streams: &[streams::rows::<Requests>()],
     budgets,
 };
 
 const STREAM: &str = "the same from a stream, through the decoder";
 const SESSION: &str = "the same through the host session, with its deadline and its events";
 
-const COUNTS: &[Count] = &[
-    row("turn-around: decode a 36-byte request, limit six axes, encode six values", Some(350.0), turn_around),
-    row("… by hand, 16 bytes at a time", None, |rounds| by_hand::turn(&REQUEST, TARGET, rounds)),
-    row("the same with every DLE that can be: 64 bytes in, 33 out", Some(900.0), worst_turn_around),
-    row("… by hand, byte by byte", None, |rounds| by_hand::turn(&worst_request(), [0x1010; 6], rounds)),
-    row(STREAM, None, stream),
-    row(SESSION, None, session),
-    streams::valid(REQUEST.len() as f64, |rounds| streams::push(rounds, decoder(), &REQUEST, 1)),
-    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-        streams::push_whole(rounds, decoder(), &streams::noise());
-    }),
-    streams::noisy_bytes(streams::RANDOM, |rounds| {
-        streams::push_noise(rounds, decoder(), &streams::noise());
-    }),
-    streams::noisy(streams::WORST_WHOLE, |rounds| {
-        streams::push_whole(rounds, decoder(), &streams::repeated(WORST));
-    }),
-    streams::noisy_bytes(streams::WORST, |rounds| {
-        streams::push_noise(rounds, decoder(), &streams::repeated(WORST));
-    }),
-    streams::LIMIT,
-];
+struct Requests;
 
-const fn row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
-    Count { what, goal, units: 1.0, unit: "op", run }
-}
+impl Decoding for Requests {
+    type Decoder = Decoder<RobotMessage>;
+    const LEN: usize = REQUEST.len();
+    const FRAMES: usize = 1;
 
-/// Start marks: each begins a frame that becomes too long.
-const WORST: &[u8] = &[0x10, 0x10, 0x02];
+    fn decoder() -> Decoder<RobotMessage> {
+        Decoder::new(Framing::DEFAULT)
+    }
 
-fn decoder() -> Decoder<RobotMessage> {
-    Decoder::new(Framing::DEFAULT)
+    fn valid() -> Vec<u8> {
+        REQUEST.to_vec()
+    }
+
+    /// Start marks: each begins a frame that becomes too long.
+    fn worst() -> Vec<u8> {
+        streams::repeated(&[0x10, 0x10, 0x02])
+    }
 }
 
 /// 30 data bytes without a DLE: 36 bytes on the line.
@@ -69,6 +77,8 @@ const REQUEST: [u8; 36] = [
     0x03, 0xD2,
 ];
 const START: [u8; 8] = [0x10, 0x10, 0x02, 0xA0, 0x17, 0x10, 0x03, 0xB7];
+/// A reply of six values without a DLE.
+const REPLY_LEN: usize = 20;
 const TARGET: [i16; 6] = [80, -80, 0, 182, -182, 5];
 
 fn turn_around(rounds: u64) {
@@ -109,7 +119,7 @@ fn turn(request: &[u8], target: [i16; 6], rounds: u64) {
 }
 
 fn stream(rounds: u64) {
-    let mut decoder = decoder();
+    let mut decoder = Requests::decoder();
     let mut limiter = Limiter::new(black_box(Limits::GENTLE));
     let mut out = [0; Frame::MAX_LEN];
     for _ in 0..rounds {
@@ -135,6 +145,51 @@ fn session(rounds: u64) {
         host.set_target(now, black_box(TARGET));
         black_box(host.poll_event().expect("a standard message"));
         black_box(host.poll_transmit(now, black_box(&mut out)).expect("a reply"));
+    }
+}
+
+/// The controller's cycle: a request, and a reply in its window.
+fn control(rounds: u64) {
+    let mut controller = Controller::new(ControllerConfig::default()).expect("it can work");
+    let accepted = encoded(HostMessage::StartReply(StartCode::Accept));
+    let reply = encoded(HostMessage::Reply(Reply::all(TARGET)));
+    assert_eq!(reply.len(), REPLY_LEN);
+    let on_the_line = timing::transmission_time(REQUEST.len() + REPLY_LEN, timing::BAUD);
+    let (mut out, mut now) = ([0; Frame::MAX_LEN], Duration::ZERO);
+    controller.handle_connected(now);
+    controller.start(now).expect("no ALTER runs");
+    controller.poll_transmit(now, &mut out).expect("the start message");
+    controller.handle_input(now + on_the_line, &accepted);
+    assert_eq!(controller.poll_event(), Some(ControllerEvent::Started));
+    for _ in 0..rounds {
+        now += timing::CYCLE;
+        controller.set_transform(black_box(Transform([2; 12])));
+        assert_eq!(controller.poll_transmit(now, black_box(&mut out)), Some(REQUEST.len()));
+        controller.handle_input(now + on_the_line, black_box(&reply));
+        assert!(matches!(black_box(controller.poll_event()), Some(ControllerEvent::Reply { .. })));
+    }
+}
+
+fn encoded(message: HostMessage) -> Vec<u8> {
+    let mut out = [0; Frame::MAX_LEN];
+    let length = message.encode(Framing::DEFAULT, &mut out).expect("it fits");
+    out[..length].to_vec()
+}
+
+/// In two steps: a second caller of `decode_frame` would keep the compiler from inlining it into the turn-around.
+fn decode(rounds: u64) {
+    for _ in 0..rounds {
+        let request: &[u8] = black_box(&REQUEST);
+        let Ok(Some((frame, _))) = Frame::decode(request, Framing::DEFAULT) else { panic!("a good frame") };
+        black_box(&RobotMessage::decode(frame.data(), Framing::DEFAULT)).expect("a good request");
+    }
+}
+
+fn encode(rounds: u64) {
+    let mut out = [0; Frame::MAX_LEN];
+    for _ in 0..rounds {
+        let reply = HostMessage::Reply(Reply::all(black_box(TARGET)));
+        assert_eq!(reply.encode(Framing::DEFAULT, black_box(&mut out)), Ok(REPLY_LEN));
     }
 }
 

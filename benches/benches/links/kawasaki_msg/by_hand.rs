@@ -1,11 +1,14 @@
 //! What a packet of jobs takes in a loop that is written by hand for one layout and one table of messages, with the checks of the
 //! general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet. Byte after byte.
 
+use core::any::Any;
 use core::hint::black_box;
+use core::time::Duration;
+use std::time::Instant;
 
 use robot_work_queue::{Reader, Writer};
 
-use super::{JobKind, Line, PalletMove, Point, Short};
+use super::{JobKind, Line, PalletMove, Point, QUEUES, Short};
 
 const BEGIN: &[u8] = b"<Tyo$";
 
@@ -181,18 +184,20 @@ fn queue_packet<W: Layout>(
     next - first
 }
 
-pub(super) fn queue<W: Layout>(rounds: u64, (packet, jobs): (Vec<u8>, u16)) {
-    const MOST: usize = 1000;
+pub(super) fn queue<W: Layout>(rounds: u64, (packet, jobs): (Vec<u8>, u16)) -> (Duration, Box<dyn Any>) {
     type Ends<W> = (Writer<'static, Job<W>>, Reader<'static, Job<W>>);
     let mut queues: Vec<Ends<W::Queued>> =
-        (0..MOST).map(|_| robot_work_queue::boxed(256, 9999).expect("a queue")).collect();
-    for (writer, _) in queues.iter_mut().take(rounds as usize) {
+        (0..QUEUES).map(|_| robot_work_queue::boxed(256, 9999).expect("a queue")).collect();
+    let used = queues.get_mut(..rounds as usize).expect("no more rounds than queues");
+    let start = Instant::now();
+    for (writer, _) in used {
         assert_eq!(queue_packet::<W>(black_box(&packet), black_box((50, 1, 9999)), writer), jobs);
     }
+    let time = start.elapsed();
     let last = queues.first().and_then(|(_, reader)| reader.iter().last());
     assert!(last.is_some_and(|(_, job)| (job.order, job.number) == (50, jobs)));
     black_box(last.map(|(_, job)| &job.work));
-    core::mem::forget(queues); // dropping what is queued is no part of it
+    (time, Box::new(queues))
 }
 
 /// Builds packets as long as there is room; the bytes of the last one.

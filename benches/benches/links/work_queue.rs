@@ -1,7 +1,9 @@
+//! robot-work-queue: jobs in and out, in one thread, beside rtrb and a bare ring.
+
 use std::hint::black_box;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use benches::{Count, Link};
+use benches::{Count, Link, Timing};
 use robot_work_queue::{NoWake, Reader, WorkQueue, Writer, boxed};
 
 const CAPACITY: usize = 64;
@@ -13,40 +15,55 @@ const BATCH: usize = 16;
 /// Seven words, computed as by a decoder.
 type Job = [u64; 7];
 
-const fn row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
-    Count { what, goal, units: 1.0, unit: "op", run }
-}
-
-const fn batch_row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
-    Count { what, goal, units: BATCH as f64, unit: "job", run }
-}
-
 /// Queueing jobs and completing them, in one thread, and the same with another ring.
-pub const LINK: Link = Link {
+pub(super) const LINK: Link = Link {
     name: "robot-work-queue",
     counts: &[
         // The goals are rtrb's counts; 1.1 of them where the number of each job is checked.
-        row("queue and complete, u64, its number checked", Some(69.0), checked::<u64>),
-        row("– numbered by the queue", Some(63.0), |rounds| singly::<u64>(ours(), rounds)),
-        row("– the same in a static", Some(63.0), in_static),
-        row("– the same by rtrb", None, |rounds| singly::<u64>(rtrb(), rounds)),
-        row("– the limit: a bare ring with the same checks", None, |rounds| singly::<u64>(bare(), rounds)),
-        row("queue and complete, 56 bytes, its number checked", Some(93.0), checked::<Job>),
-        row("– numbered by the queue", Some(85.0), |rounds| singly::<Job>(ours(), rounds)),
-        row("– the same by rtrb", None, |rounds| singly::<Job>(rtrb(), rounds)),
-        row("– the limit: a bare ring with the same checks", None, |rounds| singly::<Job>(bare(), rounds)),
-        batch_row("batches of 16, u64", Some(16.0), |rounds| in_batches::<u64>(ours(), rounds)),
-        batch_row("– each job claimed by itself", None, claimed::<u64>),
-        batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<u64>(rtrb(), rounds)),
-        batch_row("– the limit: a bare ring", None, |rounds| in_batches::<u64>(bare(), rounds)),
-        batch_row("batches of 16, 56 bytes", Some(37.0), |rounds| in_batches::<Job>(ours(), rounds)),
-        batch_row("– each job claimed by itself", None, claimed::<Job>),
-        batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<Job>(rtrb(), rounds)),
-        batch_row("– the limit: a bare ring", None, |rounds| in_batches::<Job>(bare(), rounds)),
+        Count::op("queue and complete, u64, its number checked", checked::<u64>)
+            .goal(69.0)
+            .timed("u64", "cellwire, its number checked"),
+        Count::op("– numbered by the queue", |rounds| singly::<u64>(ours(), rounds))
+            .goal(63.0)
+            .timed("u64", Timing::OURS),
+        Count::op("– the same in a static", in_static).goal(63.0),
+        Count::op("– the same by rtrb", |rounds| singly::<u64>(rtrb(), rounds)).timed("u64", RTRB),
+        Count::op("– the limit: a bare ring with the same checks", |rounds| singly::<u64>(bare(), rounds))
+            .timed("u64", Timing::BY_HAND),
+        Count::op("queue and complete, 56 bytes, its number checked", checked::<Job>)
+            .goal(93.0)
+            .timed("56-bytes", "cellwire, its number checked"),
+        Count::op("– numbered by the queue", |rounds| singly::<Job>(ours(), rounds))
+            .goal(85.0)
+            .timed("56-bytes", Timing::OURS),
+        Count::op("– the same by rtrb", |rounds| singly::<Job>(rtrb(), rounds)).timed("56-bytes", RTRB),
+        Count::op("– the limit: a bare ring with the same checks", |rounds| singly::<Job>(bare(), rounds))
+            .timed("56-bytes", Timing::BY_HAND),
+        Count::job("batches of 16, u64", BATCH, |rounds| in_batches::<u64>(ours(), rounds))
+            .goal(16.0)
+            .timed("u64-batches", Timing::OURS),
+        Count::job("– each job claimed by itself", BATCH, claimed::<u64>)
+            .timed("u64-batches", "cellwire, each job claimed"),
+        Count::job("– chunks of 16 by rtrb", BATCH, |rounds| in_batches::<u64>(rtrb(), rounds))
+            .timed("u64-batches", RTRB),
+        Count::job("– the limit: a bare ring", BATCH, |rounds| in_batches::<u64>(bare(), rounds))
+            .timed("u64-batches", Timing::BY_HAND),
+        Count::job("batches of 16, 56 bytes", BATCH, |rounds| in_batches::<Job>(ours(), rounds))
+            .goal(37.0)
+            .timed("56-bytes-batches", Timing::OURS),
+        Count::job("– each job claimed by itself", BATCH, claimed::<Job>)
+            .timed("56-bytes-batches", "cellwire, each job claimed"),
+        Count::job("– chunks of 16 by rtrb", BATCH, |rounds| in_batches::<Job>(rtrb(), rounds))
+            .timed("56-bytes-batches", RTRB),
+        Count::job("– the limit: a bare ring", BATCH, |rounds| in_batches::<Job>(bare(), rounds))
+            .timed("56-bytes-batches", Timing::BY_HAND),
     ],
     ratios: &[],
+    streams: &[],
     budgets: Vec::new,
 };
+
+const RTRB: &str = "rtrb 0.4";
 
 /// What is queued.
 trait Payload: Copy {
@@ -277,10 +294,12 @@ fn checked<T: Payload>(rounds: u64) {
         let claim = writer.claim().expect("there is space");
         claim.commit_with(number, job).expect("the next number");
     }
-    let mut ring = boxed::<T>(black_box(CAPACITY), black_box(MAX_NUMBER)).expect("a good capacity");
-    assert!(rounds < MAX_NUMBER.into(), "numbers do not wrap here: to count them should cost nothing");
-    for (number, seed) in (1..MAX_NUMBER).zip(0..rounds) {
-        queue(&mut ring.0, number, || T::make(seed));
-        ring.complete(execute);
+    // Numbers do not wrap here, because to count them should cost nothing: a new queue begins with number 1 again.
+    for first in (0..rounds).step_by(usize::from(MAX_NUMBER) - 1) {
+        let mut ring = boxed::<T>(black_box(CAPACITY), black_box(MAX_NUMBER)).expect("a good capacity");
+        for (number, seed) in (1..MAX_NUMBER).zip(first..rounds) {
+            queue(&mut ring.0, number, || T::make(seed));
+            ring.complete(execute);
+        }
     }
 }

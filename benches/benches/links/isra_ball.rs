@@ -1,43 +1,54 @@
+//! isra-ball: a packet of the ball, and both ends of a poll.
+
 use std::hint::black_box;
 use std::time::Duration;
 
-use benches::{Budget, Count, Link};
+use benches::{Budget, Count, Link, Timing};
 use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
-use isra_ball::{Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
+use isra_ball::{
+    Ball, BallConfig, BallEvent, Decoder, ENQ, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status,
+    timing,
+};
 
-use crate::streams;
+use super::streams::{self, Decoding};
 
 const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
 
-/// Heads of packets of 255 bytes, and nothing else.
-const WORST: &[u8] = &[0xFF, 0x01, 0xAA];
-
-pub const LINK: Link = Link {
+pub(super) const LINK: Link = Link {
     name: "isra-ball",
     counts: &[
-        Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
-        Count { what: "… by hand", goal: None, units: 1.0, unit: "op", run: decode_by_hand },
-        Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
-        Count { what: "host: poll, receive the packet", goal: None, units: 1.0, unit: "op", run: poll },
-        Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
-        streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1)),
-        streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-            streams::push_whole(rounds, Decoder::new(), &streams::noise())
-        }),
-        streams::noisy_bytes(streams::RANDOM, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::noise())
-        }),
-        streams::noisy(streams::WORST_WHOLE, |rounds| {
-            streams::push_whole(rounds, Decoder::new(), &streams::repeated(WORST))
-        }),
-        streams::noisy_bytes(streams::WORST, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST))
-        }),
-        streams::LIMIT,
+        Count::op("decode a packet", decode).goal(40.0).timed_bytes("decode", Timing::OURS, Packet::LEN),
+        Count::op("… by hand", decode_by_hand).timed_bytes("decode", Timing::BY_HAND, Packet::LEN),
+        Count::op("decode a packet from the stream", stream),
+        Count::op("host: poll, receive the packet", poll).timed("host", Timing::OURS),
+        Count::op("ball: new values, receive the poll, send the packet", answer).timed("ball", Timing::OURS),
+        Count::op("encode a packet", encode).timed_bytes("encode", Timing::OURS, Packet::LEN),
     ],
-    ratios: streams::RATIOS,
+    ratios: &[],
+    streams: &[streams::rows::<Packets>()],
     budgets,
 };
+
+struct Packets;
+
+impl Decoding for Packets {
+    type Decoder = Decoder;
+    const LEN: usize = Packet::LEN;
+    const FRAMES: usize = 1;
+
+    fn decoder() -> Decoder {
+        Decoder::new()
+    }
+
+    fn valid() -> Vec<u8> {
+        BYTES.to_vec()
+    }
+
+    /// Heads of packets of 255 bytes, and nothing else.
+    fn worst() -> Vec<u8> {
+        streams::repeated(&[0xFF, 0x01, 0xAA])
+    }
+}
 
 fn decode(rounds: u64) {
     for _ in 0..rounds {
@@ -95,6 +106,18 @@ fn poll(rounds: u64) {
         assert_eq!(host.poll_transmit(now, black_box(&mut out)), Some(1));
         host.handle_input(now + exchange, black_box(&BYTES));
         assert!(matches!(black_box(host.poll_event()), Some(HostEvent::Packet(_) | HostEvent::Old(_))));
+    }
+}
+
+fn answer(rounds: u64) {
+    let mut ball = Ball::new(BallConfig::default()).expect("the defaults work");
+    ball.handle_connected(Duration::ZERO);
+    let mut out = [0; Packet::LEN];
+    for _ in 0..rounds {
+        ball.measure(black_box([1, -2, 3]), black_box([-4, 5, -6]), black_box(Keys(0x81)));
+        ball.handle_input(Duration::ZERO, black_box(&[ENQ]));
+        assert_eq!(ball.poll_transmit(Duration::ZERO, black_box(&mut out)), Some(Packet::LEN));
+        assert!(matches!(black_box(ball.poll_event()), Some(BallEvent::Reply(_))));
     }
 }
 

@@ -3,22 +3,14 @@
 use core::time::Duration;
 use std::hint::black_box;
 
-use benches::{Budget, Count, Link, Ratio};
+use benches::{Budget, Count, Link, Ratio, Timing};
 use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
-use laser_eb90::{Decoder, Frame, Host, HostConfig, HostEvent, Item, MAX_PAYLOAD, Payload, Profile, timing};
+use laser_eb90::{
+    Controller, ControllerConfig, ControllerEvent, Decoder, Frame, Host, HostConfig, HostEvent, Instruction,
+    Item, MAX_PAYLOAD, Payload, Profile, timing,
+};
 
-use crate::streams;
-
-pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, ratios: RATIOS, budgets };
-
-const MOVE_WRITTEN: &str = "one move: built and written";
-const ECHO_READ: &str = "its echo from a stream, through the decoder";
-const HOST: &str = "host: submit the move, send it, receive its echo";
-const RATIOS: &[Ratio] = &[
-    Ratio { what: HOST, times: 2.0, of: &[MOVE_WRITTEN, ECHO_READ] },
-    streams::RATIOS[0],
-    streams::RATIOS[1],
-];
+use super::streams::{self, Decoding};
 
 const MOVE: u16 = 0x0160;
 const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];
@@ -27,73 +19,66 @@ const STUFFED: [f32; 6] = [100.0, -50.5, 18.0, 0.0, 90.0, -45.25];
 const BATCH_LEN: usize = 217;
 const ECHO_LEN: usize = 11;
 
-/// Heads, each with a tag and a byte that is not doubled.
-const WORST: &[u8] = &[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x90, 0x00];
+const MOVE_WRITTEN: &str = "one move: built and written";
+const ECHO_READ: &str = "its echo from a stream, through the decoder";
+const HOST: &str = "host: submit the move, send it, receive its echo";
 
-const COUNTS: &[Count] = &[
-    Count {
-        what: "217-byte batch: unstuffed, summed, 14 items by their types",
-        goal: Some(2.5),
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: |rounds| decode(rounds, &AXES, view),
-    },
-    Count {
-        what: "the same, and its 7 words and 42 floats read",
-        goal: Some(2.8),
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: |rounds| decode(rounds, &AXES, read),
-    },
-    Count {
-        what: "the same with a 90h to unstuff in each instruction",
-        goal: Some(6.0),
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: |rounds| decode(rounds, &STUFFED, read),
-    },
-    Count {
-        what: "… by hand, byte by byte",
-        goal: None,
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: |rounds| by_hand(rounds, &STUFFED),
-    },
-    Count {
-        what: "… by hand, without a byte to unstuff",
-        goal: None,
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: |rounds| by_hand(rounds, &AXES),
-    },
-    Count {
-        what: "the same from a stream, through the decoder",
-        goal: None,
-        units: BATCH_LEN as f64,
-        unit: "byte",
-        run: stream,
-    },
-    Count { what: MOVE_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_move },
-    Count { what: ECHO_READ, goal: None, units: 1.0, unit: "op", run: stream_echo },
-    Count { what: HOST, goal: None, units: 1.0, unit: "op", run: exchange },
-    Count { what: "217-byte batch: write", goal: None, units: BATCH_LEN as f64, unit: "byte", run: encode },
-    streams::valid(BATCH_LEN as f64, |rounds| {
-        streams::push(rounds, Decoder::new(&Profile::default()), &batch(&AXES), 1)
-    }),
-    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-        streams::push_whole(rounds, Decoder::new(&Profile::default()), &streams::noise())
-    }),
-    streams::noisy_bytes(streams::RANDOM, |rounds| {
-        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise())
-    }),
-    streams::noisy(streams::WORST_WHOLE, |rounds| {
-        streams::push_whole(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST))
-    }),
-    streams::noisy_bytes(streams::WORST, |rounds| {
-        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST))
-    }),
-    streams::LIMIT,
-];
+pub(super) const LINK: Link = Link {
+    name: "laser-eb90",
+    counts: &[
+        batch_row("217-byte batch: unstuffed, summed, 14 items by their types", |rounds| {
+            decode(rounds, &AXES, view);
+        })
+        .goal(2.5),
+        batch_row("the same, and its 7 words and 42 floats read", |rounds| decode(rounds, &AXES, read))
+            .goal(2.8)
+            .timed("decode", Timing::OURS),
+        batch_row("the same with a 90h to unstuff in each instruction", |rounds| {
+            decode(rounds, &STUFFED, read);
+        })
+        .goal(6.0)
+        .timed("decode-stuffed", Timing::OURS),
+        batch_row("… by hand, byte by byte", |rounds| by_hand(rounds, &STUFFED))
+            .timed("decode-stuffed", Timing::BY_HAND),
+        batch_row("… by hand, without a byte to unstuff", |rounds| by_hand(rounds, &AXES))
+            .timed("decode", Timing::BY_HAND),
+        batch_row("the same from a stream, through the decoder", stream),
+        Count::op(MOVE_WRITTEN, write_move),
+        Count::op(ECHO_READ, stream_echo),
+        Count::op(HOST, exchange).timed("host", Timing::OURS),
+        Count::op("controller: receive the move, queue it, send its echo", queue)
+            .timed("controller", Timing::OURS),
+        batch_row("217-byte batch: write", encode).timed("encode", Timing::OURS),
+    ],
+    ratios: &[Ratio { what: HOST, times: 2.0, of: &[MOVE_WRITTEN, ECHO_READ] }],
+    streams: &[streams::rows::<Batches>()],
+    budgets,
+};
+
+const fn batch_row(what: &'static str, run: fn(u64)) -> Count {
+    Count::byte(what, BATCH_LEN, run)
+}
+
+struct Batches;
+
+impl Decoding for Batches {
+    type Decoder = Decoder;
+    const LEN: usize = BATCH_LEN;
+    const FRAMES: usize = 1;
+
+    fn decoder() -> Decoder {
+        Decoder::new(&Profile::default())
+    }
+
+    fn valid() -> Vec<u8> {
+        batch(&AXES)
+    }
+
+    /// Heads, each with a tag and a byte that is not doubled.
+    fn worst() -> Vec<u8> {
+        streams::repeated(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x90, 0x00])
+    }
+}
 
 fn batch(axes: &[f32; 6]) -> Vec<u8> {
     let mut buffer = [0; MAX_PAYLOAD];
@@ -238,6 +223,41 @@ fn exchange(rounds: u64) {
         assert!(host.poll_transmit(now, black_box(&mut out)).is_some());
         host.handle_input(now + Duration::from_millis(20), black_box(&echo));
         assert!(matches!(host.poll_event(), Some(HostEvent::Done { .. })));
+    }
+}
+
+/// The six axes of a move, as a motion task gets them.
+struct Axes([f32; 6]);
+
+impl TryFrom<Instruction<'_>> for Axes {
+    type Error = ();
+
+    fn try_from(mut instruction: Instruction<'_>) -> Result<Self, ()> {
+        match instruction.parameters.next() {
+            Some(Ok(Item::F32(values))) => values.array().map(Self).ok_or(()),
+            _ => Err(()),
+        }
+    }
+}
+
+fn queue(rounds: u64) {
+    let (writer, mut jobs) = robot_work_queue::boxed::<Axes>(64, 9999).expect("a queue");
+    let mut controller = Controller::new(ControllerConfig::default(), writer).expect("the defaults work");
+    controller.handle_connected(Duration::ZERO);
+    let mut buffer = [0; MAX_PAYLOAD];
+    let mut payload = Payload::new(&mut buffer, &Profile::default());
+    payload.word(MOVE).and_then(|payload| payload.f32(&AXES)).expect("room");
+    let mut bytes = [0; Frame::MAX_LEN];
+    let length = payload.frame().expect("a move").encode(&mut bytes).expect("long enough");
+    let (mut out, mut now) = ([0; Frame::MAX_LEN], Duration::from_secs(60));
+    for _ in 0..rounds {
+        now += Duration::from_millis(50);
+        controller.handle_input(now, black_box(&bytes[..length]));
+        assert_eq!(controller.poll_event(), Some(ControllerEvent::Queued { count: 1 }));
+        assert_eq!(controller.poll_transmit(now + timing::TICK, black_box(&mut out)), Some(ECHO_LEN));
+        let job = jobs.take().expect("the move");
+        black_box(job.0);
+        job.complete();
     }
 }
 

@@ -2,7 +2,7 @@
 
 use core::iter;
 
-use arbitrary::Arbitrary;
+use arbitrary::{Arbitrary, Unstructured};
 use bytes::{Buf, BytesMut};
 use cellwire_links::codec::{self, Found};
 use cellwire_links::link::{Accepted, Link};
@@ -28,15 +28,25 @@ struct Stream {
     bytes: Bytes,
 }
 
-/// A message of the vectors, with changes.
+/// A message to write and to read again.
 #[derive(Debug, Arbitrary)]
 struct Message {
-    vector: u16,
-    /// The settings in place of those of the vector, as in [`Settings`].
-    others: u8,
     /// Where the bytes of the message are cut, modulo their number.
     cut: u8,
-    changes: Vec<Change>,
+    source: Source,
+}
+
+#[derive(Debug, Arbitrary)]
+enum Source {
+    /// A message of the vectors, with changes.
+    Vector {
+        vector: u16,
+        /// The settings in place of those of the vector, as in [`Settings`].
+        others: u8,
+        changes: Vec<Change>,
+    },
+    /// A value of the crate's own types.
+    Typed { settings: Settings, bytes: Bytes },
 }
 
 /// A side and its settings, each counted on from the first again after the last.
@@ -128,12 +138,17 @@ impl Codecs {
         alone.chain(all).collect()
     }
 
-    /// Every message of the vectors with changes, as bytes of a [`Message`].
+    /// Every message of the vectors with changes, and as many values of the crate's types, as bytes of a [`Message`].
     fn messages(&self) -> Vec<Vec<u8>> {
-        let of = |number: usize| {
-            [&(number as u16).to_le_bytes()[..], &[0], &Rng::new(number as u64).bytes(40)].concat()
+        let changed = |number: usize| {
+            let vector = (number as u16).to_le_bytes();
+            [&[0; 5][..], &vector, &[0], &Rng::new(number as u64).bytes(40)].concat()
         };
-        (0..self.vectors.len()).map(of).collect()
+        let typed = |number: usize| {
+            let bytes = Rng::new(number as u64).bytes(300);
+            [&[7, 0xFF, 0xFF, 0xFF, 0xFF, number as u8, 0], &bytes[..]].concat()
+        };
+        (0..self.vectors.len()).flat_map(|number| [changed(number), typed(number)]).collect()
     }
 
     /// How a stream is read changes nothing, every byte is in one item, what is accepted is written as it was read or as the link says,
@@ -170,18 +185,36 @@ impl Codecs {
         of.filter_map(|message| codec.encode(message).ok()).next()
     }
 
-    /// A message with changes: what can be written is read back the same, less of it is nothing, and anything else is refused.
-    fn message(&self, Message { vector, others, cut, changes }: &Message) {
-        let (place, vector) = &self.vectors[usize::from(*vector) % self.vectors.len()];
-        let way = self.way(Settings { place: *place as u8, others: *others });
+    /// What can be written is read back the same, less of it is nothing, and anything else is refused.
+    fn message(&self, Message { cut, source }: &Message) {
+        let (way, message) = match source {
+            Source::Vector { vector, others, changes } => self.changed(*vector, *others, changes),
+            Source::Typed { settings, bytes: Bytes(bytes) } => {
+                let way = self.way(*settings);
+                let made = |codec: Box<dyn codec::Codec>| codec.arbitrary(&mut Unstructured::new(bytes)).ok();
+                let message = way.codec().and_then(made);
+                (way, message)
+            }
+        };
+        if let Some(message) = message {
+            way.check_message(&message, (*cut).into());
+        }
+    }
+
+    /// A message of the vectors with changes, if the settings have it.
+    fn changed(&self, vector: u16, others: u8, changes: &[Change]) -> (Way, Option<Value>) {
+        let (place, vector) = &self.vectors[usize::from(vector) % self.vectors.len()];
+        let way = self.way(Settings { place: *place as u8, others });
         if way.codec().is_none() {
-            return;
+            return (way, None);
         }
         // As these settings show it, where they read its bytes.
         let shown = way.items(&[&vector.bytes], &[]).into_iter().find_map(|item| item.content.ok());
-        let Some(mut message) = shown.map(|json| parsed(&json)).or(vector.message.clone()) else { return };
-        changes.iter().for_each(|change| change.apply(&mut message));
-        way.check_message(&message, (*cut).into());
+        let mut message = shown.map(|json| parsed(&json)).or(vector.message.clone());
+        if let Some(message) = &mut message {
+            changes.iter().for_each(|change| change.apply(message));
+        }
+        (way, message)
     }
 }
 

@@ -24,10 +24,15 @@ use cellwire_links::link::Link;
 use robot_session::contract::{Rng, Script, scripted};
 use testkit::contract::{Call, Held, Piece};
 
+type Body = dyn Fn(&[u8]);
+
+/// A target that belongs to no link: its name, and how it is made.
+type Other = (&'static str, fn() -> Target);
+
 /// A target.
 pub struct Target {
     seeds: Vec<Vec<u8>>,
-    run: Box<dyn Fn(&[u8])>,
+    run: Box<Body>,
     show: fn(&[u8]) -> String,
 }
 
@@ -63,7 +68,7 @@ pub type Make = Box<dyn Fn() -> Target>;
 
 /// Every target by its name.
 pub fn targets() -> impl Iterator<Item = (String, Make)> {
-    let others: [(&str, fn() -> Target); 5] = [
+    let others: [Other; 5] = [
         ("fanuc_hmi_modbus_assignment", || Target::new(Vec::new(), fanuc_hmi::assignment)),
         ("fanuc_hmi_modbus_motion", || Target::new(Vec::new(), fanuc_hmi::motion)),
         ("fanuc_ls_program", || Target::new(Vec::new(), fanuc_ls::program)),

@@ -1,10 +1,9 @@
 //! Values as JSON.
 
-use std::io::{self, Write};
+use std::io::Write as _;
 
 use serde::Serialize;
 use serde_json::Value;
-use serde_json::ser::{CompactFormatter, Formatter};
 
 /// A value that is only ever made of numbers and names.
 pub fn value(value: impl Serialize) -> Value {
@@ -20,29 +19,27 @@ pub fn text(value: &impl Serialize) -> String {
     }
 }
 
-/// Appends a value as JSON in which every control character is escaped, those of a peer's text too: a terminal obeys none.
+/// Appends a value as JSON in which every control character is escaped, also those of a peer's text: no terminal executes one.
 ///
 /// # Errors
 /// When the value cannot be JSON.
 pub fn write(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()> {
-    value.serialize(&mut serde_json::Serializer::with_formatter(out, Escaping))
+    let begin = out.len();
+    serde_json::to_writer(&mut *out, value)?;
+    // JSON escapes the control characters below 20h. The others are 7Fh, and C2h with a second byte below A0h. Without an early end,
+    // the loop looks at many bytes at once.
+    let line = out.get(begin..).unwrap_or_default();
+    if line.iter().fold(false, |found, byte| found | (*byte == 0x7F) | (*byte == 0xC2)) {
+        escape(begin, out);
+    }
+    Ok(())
 }
 
-/// JSON itself escapes the characters below 20h only.
-struct Escaping;
-
-impl Formatter for Escaping {
-    fn write_string_fragment<W: ?Sized + Write>(&mut self, writer: &mut W, text: &str) -> io::Result<()> {
-        if text.bytes().all(|byte| (b' '..0x7F).contains(&byte)) {
-            return CompactFormatter.write_string_fragment(writer, text);
-        }
-        let mut rest = text;
-        while let Some((at, control)) = rest.char_indices().find(|(_, c)| c.is_control()) {
-            let (before, after) = rest.split_at(at);
-            CompactFormatter.write_string_fragment(writer, before)?;
-            write!(writer, "\\u{:04x}", u32::from(control))?;
-            rest = after.get(control.len_utf8()..).unwrap_or_default();
-        }
-        CompactFormatter.write_string_fragment(writer, rest)
+/// Escapes the control characters of the JSON from `begin` on.
+#[cold]
+fn escape(begin: usize, out: &mut Vec<u8>) {
+    let line = out.split_off(begin);
+    for c in String::from_utf8_lossy(&line).chars() {
+        let _ = if c.is_control() { write!(out, "\\u{:04x}", u32::from(c)) } else { write!(out, "{c}") }; // into a Vec
     }
 }

@@ -173,7 +173,7 @@ impl Party {
     }
 }
 
-fn trace(input: Box<dyn Read + Send>) -> Result<Conversation> {
+fn trace(input: Box<dyn Read>) -> Result<Conversation> {
     let mut lines = TraceLines::new(BufReader::new(input));
     let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();

@@ -53,7 +53,7 @@ impl SourceArgs {
     ///
     /// # Errors
     /// When it cannot be opened.
-    pub(super) fn open(&self) -> Result<Box<dyn BufRead + Send>> {
+    pub(super) fn open(&self) -> Result<Box<dyn BufRead>> {
         input::open(self.file.as_deref())
     }
 

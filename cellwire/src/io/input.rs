@@ -29,7 +29,7 @@ pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, 
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
+pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead>> {
     Ok(match path {
         Some(path) if path != Path::new("-") => {
             let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;

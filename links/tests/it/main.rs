@@ -6,6 +6,7 @@ mod arbitrary;
 mod asked;
 mod configs;
 mod explain;
+mod json;
 mod modbus_views;
 mod plants;
 mod rows;

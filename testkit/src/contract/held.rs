@@ -99,7 +99,7 @@ impl Held {
     }
 
     /// The input or call of a piece; `None` if no story has any.
-    fn pick<'a, T>(&'a self, Piece(number): Piece, story: usize, of: fn(&Story) -> &[T]) -> Option<&'a T> {
+    fn pick<T>(&self, Piece(number): Piece, story: usize, of: fn(&Story) -> &[T]) -> Option<&T> {
         let (own, number) = (of(&self.stories[story]), usize::from(number));
         if !own.is_empty() && !number.is_multiple_of(5) {
             return own.get(number / 5 % own.len());

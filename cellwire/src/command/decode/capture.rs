@@ -24,12 +24,7 @@ use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 ///
 /// # Errors
 /// When the input is no capture, or holds nothing for the link.
-pub(super) fn decode(
-    args: &Args,
-    reading: &Reading,
-    input: Box<dyn Read + Send>,
-    out: &mut Lines,
-) -> Result<()> {
+pub(super) fn decode(args: &Args, reading: &Reading, input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let (summary, found) = connections::read(input, reading, &mut Decoding::new(args, out))?;
     report(&summary);
     ensure!(

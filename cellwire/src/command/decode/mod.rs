@@ -4,8 +4,9 @@ mod capture;
 pub(super) mod hex;
 mod trace;
 
+use std::cell::RefCell;
 use std::io::{self, BufRead, BufWriter, Read, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::rc::Rc;
 
 use anyhow::{Context, Result, ensure};
 
@@ -44,19 +45,19 @@ pub fn run(args: &Args) -> Result<bool> {
         "--shadow needs both ends: use it with a capture, such as --format pcap"
     );
     let input = args.source.open()?;
-    let out = Arc::new(Mutex::new(BufWriter::with_capacity(CHUNK, io::stdout())));
-    let input = Box::new(Tied { input, out: Arc::clone(&out) });
+    let out = Rc::new(RefCell::new(BufWriter::with_capacity(CHUNK, io::stdout())));
+    let input = Box::new(Tied { input, out: Rc::clone(&out) });
     let mut out = Lines { out, clean: true };
     match (args.source.format, args.source.reading()) {
         (_, Some(reading)) => capture::decode(args, &reading, input, &mut out)?,
         (Format::Trace, None) => trace::decode(args, input, &mut out)?,
         (_, None) => decode_stream(args, input, &mut out)?,
     }
-    lock(&out.out).flush()?;
+    out.out.borrow_mut().flush()?;
     Ok(out.clean)
 }
 
-fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
+fn decode_stream(args: &Args, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let side = args.codec.side()?;
     let mut stream = args.codec.of.stream_of(side, 0)?;
     let mut hex = HexReader::default();
@@ -84,11 +85,8 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) 
     Ok(())
 }
 
-type Output = Arc<Mutex<BufWriter<io::Stdout>>>;
-
-fn lock(out: &Output) -> MutexGuard<'_, BufWriter<io::Stdout>> {
-    out.lock().unwrap_or_else(PoisonError::into_inner)
-}
+/// Standard output, shared by the lines and by the input that is tied to it.
+type Output = Rc<RefCell<BufWriter<io::Stdout>>>;
 
 /// Standard output, and whether every line so far was a message.
 struct Lines {
@@ -104,24 +102,24 @@ impl Lines {
     }
 
     fn line(&mut self, line: core::fmt::Arguments<'_>) -> Result<()> {
-        Ok(lock(&self.out).write_fmt(line)?)
+        Ok(self.out.borrow_mut().write_fmt(line)?)
     }
 
     fn write(&mut self, label: &str, item: Item<'_>) -> Result<()> {
         self.clean &= item.kind == Kind::Message;
-        Ok(item.write_line(label, &mut *lock(&self.out))?)
+        Ok(item.write_line(label, &mut *self.out.borrow_mut())?)
     }
 }
 
 /// The input. Before it may have to wait for bytes, the lines so far are written.
 struct Tied {
-    input: Box<dyn BufRead + Send>,
+    input: Box<dyn BufRead>,
     out: Output,
 }
 
 impl Read for Tied {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        lock(&self.out).flush()?;
+        self.out.borrow_mut().flush()?;
         self.input.read(buffer)
     }
 }

@@ -17,7 +17,7 @@ const MAX_LINE: u64 = 4096;
 ///
 /// # Errors
 /// When the input is no trace, with the number of the line.
-pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
+pub(super) fn decode(args: &Args, input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let mut lines = TraceLines::new(BufReader::new(input));
     let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let [sent, received] = sides(args, lines.next()?.and_then(parse_name).context(why)?)?;
@@ -58,13 +58,13 @@ fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
 
 /// The lines of a trace.
 pub(in crate::command) struct TraceLines {
-    input: BufReader<Box<dyn Read + Send>>,
+    input: BufReader<Box<dyn Read>>,
     text: String,
     number: u64,
 }
 
 impl TraceLines {
-    pub(in crate::command) fn new(input: BufReader<Box<dyn Read + Send>>) -> Self {
+    pub(in crate::command) fn new(input: BufReader<Box<dyn Read>>) -> Self {
         Self { input, text: String::new(), number: 0 }
     }
 

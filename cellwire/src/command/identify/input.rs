@@ -56,7 +56,7 @@ pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
     Ok(all)
 }
 
-fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
+fn stream(args: &Args, input: Box<dyn BufRead>) -> Result<Conversation> {
     let (mut bytes, mut hex) = (Vec::new(), HexReader::default());
     let mut input = input;
     loop {
@@ -84,7 +84,7 @@ fn stream(args: &Args, input: Box<dyn BufRead + Send>) -> Result<Conversation> {
     })
 }
 
-fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
+fn trace(args: &Args, input: Box<dyn Read>) -> Result<Conversation> {
     let mut lines = TraceLines::new(BufReader::new(input));
     let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
     let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
@@ -112,7 +112,7 @@ fn trace(args: &Args, input: Box<dyn Read + Send>) -> Result<Conversation> {
     Ok(Conversation { name, carrier: Carrier::Unknown, streams: vec![sent, received] })
 }
 
-fn capture(args: &Args, reading: &Reading, input: Box<dyn Read + Send>) -> Result<Vec<Conversation>> {
+fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<Conversation>> {
     let mut collecting = Collecting {
         from: args.from.as_deref(),
         conversations: Vec::new(),

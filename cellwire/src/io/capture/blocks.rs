@@ -54,7 +54,7 @@ pub(super) struct Frame<'a> {
 
 /// Reads block after block.
 pub(super) struct Blocks {
-    input: Box<dyn Read + Send>,
+    input: Box<dyn Read>,
     buffer: Vec<u8>,
     begin: usize,
     end: usize,
@@ -89,7 +89,7 @@ enum Parsed<'a> {
 }
 
 impl Blocks {
-    pub(super) fn new(input: Box<dyn Read + Send>) -> Result<Self> {
+    pub(super) fn new(input: Box<dyn Read>) -> Result<Self> {
         let form = Form::PcapNg { is_big: false, section: 0, interfaces: Vec::new() };
         let (buffer, begin, end) = (vec![0; CHUNK], 0, 0);
         let mut blocks = Self { input, buffer, begin, end, passed: 0, is_over: false, form };

@@ -1,6 +1,6 @@
 //! The connections of a capture: each direction separately, in order.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -64,12 +64,8 @@ pub trait Directions {
 ///
 /// # Errors
 /// When the input cannot be read or is not a capture, or those of `to`.
-pub fn read<D: Directions>(
-    input: Box<dyn Read + Send>,
-    reading: &Reading,
-    to: &mut D,
-) -> Result<(Summary, bool)> {
-    let mut table = Table { to, port: reading.port, connections: HashMap::new(), clock: 0, found: false };
+pub fn read<D: Directions>(input: Box<dyn Read>, reading: &Reading, to: &mut D) -> Result<(Summary, bool)> {
+    let mut table = Table { to, port: reading.port, connections: BTreeMap::new(), clock: 0, found: false };
     let summary = super::read(input, reading, |found| match found {
         Found::Packet(packet) => table.take(&packet),
         Found::Fault(number, fault) => table.to.fault(number, &fault),
@@ -79,7 +75,7 @@ pub fn read<D: Directions>(
 }
 
 /// Two ends, the lesser first; a serial line has none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Ends {
     Tcp(SocketAddr, SocketAddr),
     Udp(SocketAddr, SocketAddr),
@@ -110,7 +106,8 @@ struct Table<'a, D: Directions> {
     to: &'a mut D,
     /// The only port.
     port: Option<u16>,
-    connections: HashMap<Ends, Connection<D::Direction>>,
+    /// Most captures have few: a tree finds one sooner than a hash of its addresses.
+    connections: BTreeMap<Ends, Connection<D::Direction>>,
     /// Counts packets.
     clock: u64,
     /// Whether there was anything that is taken.

@@ -17,7 +17,7 @@ const BYTES_A_LINE: usize = 16;
 const SHIFT: usize = 4;
 
 pub(super) fn read(
-    input: BufReader<Box<dyn Read + Send>>,
+    input: BufReader<Box<dyn Read>>,
     mut take: impl FnMut(Found<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let (mut lines, mut dump) = (Lines::new(input), Dump { by_keeper: true, ..Dump::default() });
@@ -39,14 +39,14 @@ pub(super) fn read(
 
 /// The lines of a text.
 pub(super) struct Lines {
-    input: BufReader<Box<dyn Read + Send>>,
+    input: BufReader<Box<dyn Read>>,
     text: Vec<u8>,
     /// Of the last line, from 1.
     pub(super) number: u64,
 }
 
 impl Lines {
-    pub(super) fn new(input: BufReader<Box<dyn Read + Send>>) -> Self {
+    pub(super) fn new(input: BufReader<Box<dyn Read>>) -> Self {
         Self { input, text: Vec::new(), number: 0 }
     }
 
@@ -162,7 +162,7 @@ mod tests {
 
     fn dump(text: &str) -> Vec<String> {
         let mut found = Vec::new();
-        let input: Box<dyn Read + Send> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
+        let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
         read(BufReader::new(input), |it| {
             found.push(match it {
                 Found::Packet(Packet { at, flow: Flow::Kept(_, by_keeper), payload, .. }) => {
@@ -196,7 +196,7 @@ mod tests {
     fn an_offset_that_is_not_the_next_is_said() {
         let found = dump("0000 01 02\n0008 03\n");
         assert!(found[1].contains("the offset is 8, expected 0 or 2"), "{found:?}");
-        let input: Box<dyn Read + Send> = Box::new(&b"nothing"[..]);
+        let input: Box<dyn Read> = Box::new(&b"nothing"[..]);
         assert!(read(BufReader::new(input), |_| Ok(())).is_err());
     }
 }

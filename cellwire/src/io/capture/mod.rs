@@ -72,7 +72,7 @@ pub enum Flow {
 }
 
 /// A line that was recorded at one of its ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Line {
     /// A port of a USB adapter.
     Usb {
@@ -159,7 +159,7 @@ pub struct Summary {
 /// # Errors
 /// When the input cannot be read or is not a capture, or whatever `take` returns.
 pub fn read(
-    input: Box<dyn Read + Send>,
+    input: Box<dyn Read>,
     reading: &Reading,
     take: impl FnMut(Found<'_>) -> Result<()>,
 ) -> Result<Summary> {
@@ -171,7 +171,7 @@ pub fn read(
 }
 
 fn read_packets(
-    input: Box<dyn Read + Send>,
+    input: Box<dyn Read>,
     adapter: Option<Adapter>,
     mut take: impl FnMut(Found<'_>) -> Result<()>,
 ) -> Result<Summary> {

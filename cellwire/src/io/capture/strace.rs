@@ -10,7 +10,7 @@ use super::hexdump::{Lines, time};
 use super::{Flow, Found, Line, Packet, Summary};
 
 pub(super) fn read(
-    input: BufReader<Box<dyn Read + Send>>,
+    input: BufReader<Box<dyn Read>>,
     only: Option<u32>,
     mut take: impl FnMut(Found<'_>) -> Result<()>,
 ) -> Result<Summary> {
@@ -206,7 +206,7 @@ mod tests {
 
     fn trace(text: &str, only: Option<u32>) -> Vec<String> {
         let mut found = Vec::new();
-        let input: Box<dyn Read + Send> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
+        let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
         read(BufReader::new(input), only, |it| {
             let Found::Packet(Packet { at, flow: Flow::Kept(line, by_keeper), payload, missing, .. }) = it
             else {

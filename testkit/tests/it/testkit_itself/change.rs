@@ -17,9 +17,7 @@ fn every_place_is_changed_and_keeps_its_kind() {
             if let (Some(other), Some(before)) = (other.pointer(place), value.pointer(place))
                 && other != before
             {
-                assert!(
-                    core::mem::discriminant(other) == core::mem::discriminant(before) || other.is_null()
-                );
+                assert!(core::mem::discriminant(other) == core::mem::discriminant(before) || other.is_null());
                 changed.insert(place);
             }
         }

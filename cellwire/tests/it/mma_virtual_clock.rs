@@ -137,7 +137,7 @@ fn a_long_run_keeps_no_more_than_a_short_one_and_is_judged_the_same() {
     let run = |most: usize| {
         let (mut judged, mut steps, mut others) = (Judged::default(), 0, 0);
         let faults = Faults { disconnect: 0.0005, ..Faults::TCP };
-        let (mut central, mut cell) = judged_run(200, 3, faults, true, |log, record| {
+        let (mut central, mut cell) = judged_run(480, 3, faults, true, |log, record| {
             if log.steps.len() >= most {
                 judged.go_on(log, record);
             }
@@ -156,7 +156,7 @@ fn a_long_run_keeps_no_more_than_a_short_one_and_is_judged_the_same() {
     };
     let (whole, steps, others) = run(usize::MAX);
     assert!(steps > 3 * MOST_STEPS && others > 1000, "{steps} steps, {others} others");
-    assert!(whole.0[0] > 200 && whole.0[1] > 0 && whole.2.0 == 200, "{whole:?}");
+    assert!(whole.0[0] > 480 && whole.0[1] > 0 && whole.2.0 == 480, "{whole:?}");
     let (pieces, steps, others) = run(MOST_STEPS);
     assert_eq!(pieces, whole);
     assert!(steps <= MOST_STEPS + 16 && others < MOST_STEPS / 4, "{steps} steps, {others} others");

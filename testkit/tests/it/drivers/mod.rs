@@ -259,13 +259,13 @@ fn a_dropped_future_loses_nothing() {
         let server = serve(far);
         let mut count = 0;
         // However busy the machine is, every reply comes.
-        let row = run_within(LONG, "its future dropped after 1 to 3 polls", kind, near, 20_000, || {
+        let row = run_within(LONG, "its future dropped after 1 to 3 polls", kind, near, 5_000, || {
             count += 1;
             Some(1 + rng.below(3) as u32)
         });
         row.check();
         println!("{count} dropped");
-        assert!(count >= 100_000 && row.caller.failed == 0, "{count} dropped");
+        assert!(count >= 25_000 && row.caller.failed == 0, "{count} dropped");
         server.join().unwrap();
     }
 }

@@ -2,7 +2,9 @@
 
 use arbitrary::Arbitrary;
 use cellwire_motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
-use fanuc_ls::{CommentRule, Document, Encoding, Instruction, Program, Rules, Target};
+use fanuc_ls::{
+    CommentRule, Document, Encoding, Finding, Instruction, Mistake, Problem, Program, Rules, Target,
+};
 
 use crate::Bytes;
 
@@ -97,7 +99,11 @@ pub(crate) fn trajectory(Table { sampling, is_speed_in_tenths, step, csv: Bytes(
     let (first, last) = (program.positions.first(), program.positions.last());
     let written = program.to_text(&Rules::default()).expect("what is made can be written");
     let again = Document::decode(&written).expect("what is written reads");
-    assert_eq!(again.findings(&Rules::default()), []);
+    // A joint of the table may be beyond every robot's: the check says so.
+    let is_of_table = |it: &Finding| matches!(it.problem, Problem::Mistake(Mistake::Joint { .. }));
+    let found: Vec<Finding> =
+        again.findings(&Rules::default()).into_iter().filter(|it| !is_of_table(it)).collect();
+    assert_eq!(found, []);
     assert_eq!(again.program().expect("it is understood").to_text(&Rules::default()), Ok(written));
     let rounded =
         |joints: [f64; 6]| joints.map(|joint| format!("{joint:.3}").parse().expect("it is a number"));

@@ -52,7 +52,7 @@ enum Source {
 /// A side and its settings, each counted on from the first again after the last.
 #[derive(Debug, Clone, Copy, Arbitrary)]
 struct Settings {
-    /// Those that vectors are written with.
+    /// The number of a side and settings that vectors are written with.
     place: u8,
     /// Other values of the settings, by the digits of this number; 0 for none.
     others: u8,
@@ -185,7 +185,7 @@ impl Codecs {
         of.filter_map(|message| codec.encode(message).ok()).next()
     }
 
-    /// What can be written is read back the same, less of it is nothing, and anything else is refused.
+    /// A message that can be written is read again as it was, a part of it is no message, and any other is refused.
     fn message(&self, Message { cut, source }: &Message) {
         let (way, message) = match source {
             Source::Vector { vector, others, changes } => self.changed(*vector, *others, changes),
@@ -219,7 +219,8 @@ impl Codecs {
 }
 
 impl Way {
-    /// What can be written is read back the same, one behind the other, and less of it is nothing.
+    /// Checks that a message that can be written is read again as it was, also three of them after one another, and that a part of it
+    /// is not a message.
     fn check_message(&self, message: &Value, cut: usize) {
         let Some(codec) = self.codec() else { return };
         let Ok(bytes) = codec.encode(message.clone()) else { return };

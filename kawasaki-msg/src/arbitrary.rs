@@ -38,7 +38,7 @@ impl Dialect<'_> {
     /// [`write`](Self::write), it is read again as the same.
     ///
     /// # Errors
-    /// Those of `u`.
+    /// The errors of `u`.
     pub fn arbitrary(&self, u: &mut Unstructured<'_>) -> Result<(Role, Params)> {
         let entries: Vec<&Entry<'_>> =
             self.entries().iter().filter(|entry| entry.role != Role::Job).collect();

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
 use proptest::test_runner::TestRunner;
 
-/// What programs are made of, each kind of it once.
+/// The kinds of parts that programs have, each once.
 #[derive(Default)]
 struct Kinds(BTreeSet<String>);
 

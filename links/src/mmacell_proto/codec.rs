@@ -42,7 +42,7 @@ pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dy
     Ok(codec(Decoder::new(dialect), side))
 }
 
-/// What one side sends: `parse`, `write` and `make` are of its messages.
+/// The messages of one side: how they are parsed, written and made.
 struct Side {
     dialect: Dialect,
     parse: fn(Line<'_>, &Dialect, &mut Vec<u8>) -> Kind,

@@ -1,4 +1,4 @@
-//! What the vectors are compared by, and read from.
+//! The comparison of objects with those of the vectors, and their hex digits.
 
 use cellwire_links::vectors::{includes, unhex};
 use serde_json::json;

@@ -45,7 +45,7 @@ fn nothing_is_lost_or_repeated_without_a_report(row: &Row, tally: &Tally) {
         return;
     }
     if name.contains("hostile ") {
-        // What it reports proves nothing, and some have no jobs.
+        // Reports of a hostile end prove nothing, and some have no jobs.
         let moved = faults.splits + faults.stalls + faults.merges;
         assert!(moved > 100 || name == "val2-alter/serial, hostile ends", "{name}: {faults:?}");
         return;

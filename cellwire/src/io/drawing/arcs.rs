@@ -2,7 +2,7 @@
 
 use kurbo::{Arc, BezPath, CubicBez, PathEl, Point, Vec2};
 
-/// How far the curves of a refined arc may be from it, as a share of its radius.
+/// The largest distance of the curves of a refined arc from the arc, as a share of its radius.
 const ACCURACY: f64 = 1e-5;
 
 /// Makes the arcs of a path accurate. The reader of SVG files converts circles and arcs to cubic curves, which may be 0.03 % of

@@ -122,6 +122,11 @@ pub trait End: Sized {
     /// [`Session::handle_transmitted`].
     fn transmitted(&mut self, _now: Duration) {}
 
+    /// [`Session::discards_after`].
+    fn discards_after(&self) -> Option<Duration> {
+        None
+    }
+
     /// The caller takes an event.
     #[inline]
     fn next_event(&mut self) -> Option<EventOf<Self>> {
@@ -337,6 +342,10 @@ impl<E: End> Session for E {
 
     fn poll_timeout(&self) -> Option<Duration> {
         self.core().machine.deadline()
+    }
+
+    fn discards_after(&self) -> Option<Duration> {
+        End::discards_after(self).filter(|after| *after < Duration::MAX)
     }
 
     fn statistics(&self) -> E::Statistics {

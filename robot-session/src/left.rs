@@ -25,6 +25,9 @@ pub(crate) struct Left {
     taken_at: Duration,
     /// For so long it may take none.
     stall: Duration,
+    /// No turn of this connection has begun.
+    #[cfg(feature = "std")]
+    pub(crate) is_new: bool,
     /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
     pub(crate) woken: bool,
 }
@@ -35,6 +38,8 @@ impl Left {
         end: 0,
         taken_at: Duration::ZERO,
         stall: STALL,
+        #[cfg(feature = "std")]
+        is_new: true,
         unannounced: false,
         #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
         unflushed: false,

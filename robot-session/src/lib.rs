@@ -63,7 +63,9 @@ pub use serialport;
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Received, Sent, Transport, drive, is_lost_datagram, now};
+pub use std_driver::{
+    Driver, Received, Sent, Transport, discard_unacknowledged, drive, is_lost_datagram, is_silence, now,
+};
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
 pub use turn::Clock;
 pub use unexpected::Unexpected;

@@ -69,6 +69,13 @@ pub trait Session {
     /// `None` if nothing happens without bytes, a call or a wake.
     fn poll_timeout(&self) -> Option<Duration>;
 
+    /// After this time a request that was sent has failed, and the peer must not receive it any more. Bytes that the peer has not
+    /// acknowledged by then are discarded, and the connection ends: the drivers set this limit on TCP connections. `None`: a late
+    /// delivery does no harm.
+    fn discards_after(&self) -> Option<Duration> {
+        None
+    }
+
     /// The counters.
     fn statistics(&self) -> Self::Statistics;
 }

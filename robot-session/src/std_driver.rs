@@ -36,6 +36,15 @@ pub trait Transport {
     /// The transport's own; a connection that is lost in the middle is one.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
 
+    /// From now on, bytes that the peer has not acknowledged after this time are discarded, and the connection ends. Called once for each
+    /// connection, with [`Session::discards_after`]. Only a connection that keeps bytes for a peer that cannot be reached can do that.
+    ///
+    /// # Errors
+    /// The transport's own.
+    fn discard_after(&mut self, _after: Duration) -> io::Result<()> {
+        Ok(())
+    }
+
     /// Waits until it takes bytes again after [a part](Sent::Part), and reads none: [`Wait::writable`] is that wait for all that has a
     /// socket. What has none is asked again after 5 ms.
     ///
@@ -169,6 +178,11 @@ impl<T: Transport> Driver<T> {
         keep: impl FnMut(&mut S) -> io::Result<()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
+        if core::mem::take(&mut self.left.is_new)
+            && let Some(after) = session.discards_after()
+        {
+            self.transport.discard_after(after)?;
+        }
         let turned = self.pass(session, wait, keep, handler);
         self.left.after(turned)
     }
@@ -277,6 +291,10 @@ impl<T: Transport + ?Sized> Transport for &mut T {
         (**self).send(bytes)
     }
 
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        (**self).discard_after(after)
+    }
+
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         (**self).wait_for_room(wait)
     }
@@ -305,9 +323,31 @@ impl Transport for TcpStream {
         }
     }
 
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        discard_unacknowledged(self, after)
+    }
+
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         wait.writable(&*self).map(drop)
     }
+}
+
+/// Bytes that the peer of a TCP connection has not acknowledged after this time are discarded, also when the program has ended, and the
+/// connection ends with [`ErrorKind::TimedOut`]. Without this, the system sends a request again for many minutes: a robot executes it when
+/// its cable is back. On Linux and Android; other systems have no such limit in milliseconds, and there this does nothing.
+///
+/// # Errors
+/// The system's.
+#[cfg(any(target_os = "linux", target_os = "android"))]
+pub fn discard_unacknowledged(stream: impl std::os::fd::AsFd, after: Duration) -> io::Result<()> {
+    let ms = u32::try_from(after.as_millis()).unwrap_or(u32::MAX).max(1); // 0 is the system's own limit
+    Ok(rustix::net::sockopt::set_tcp_user_timeout(stream, ms)?)
+}
+
+/// As above.
+#[cfg(not(any(target_os = "linux", target_os = "android")))]
+pub fn discard_unacknowledged<T>(_stream: T, _after: Duration) -> io::Result<()> {
+    Ok(())
 }
 
 /// Datagrams to and from the peer that the socket is connected to. A lost datagram and a missing peer are not errors.
@@ -370,9 +410,14 @@ fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
     sent
 }
 
-/// A read that ended because nothing came in time, or a signal did.
-pub(crate) fn is_silence(error: &io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+/// Whether a read or a write has ended because nothing came in time, or because a signal came. A TCP connection whose peer has acknowledged
+/// nothing in time ends with the system's own [`ErrorKind::TimedOut`]: that is none.
+pub fn is_silence(error: &io::Error) -> bool {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::Interrupted => true,
+        ErrorKind::TimedOut => cfg!(windows) || error.raw_os_error().is_none(),
+        _ => false,
+    }
 }
 
 /// What a UDP socket says of one datagram and not of itself: that it was not delivered, or was longer than any message. Systems have words of

@@ -73,6 +73,10 @@ impl<T: Transport> Transport for Traced<'_, T> {
         Ok(sent)
     }
 
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.transport.discard_after(after)
+    }
+
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         self.transport.wait_for_room(wait)
     }

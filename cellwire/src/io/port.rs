@@ -77,6 +77,13 @@ impl Transport for AnyPort {
         }
     }
 
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.discard_after(after),
+            Self::Tcp(stream) => stream.discard_after(after),
+        }
+    }
+
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         match self {
             Self::Serial(port) => port.wait_for_room(wait),

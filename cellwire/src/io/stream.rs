@@ -4,9 +4,7 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport, Wait};
-
-use crate::io::tcp::is_silence;
+use robot_session::{Received, Sent, Transport, Wait, is_silence};
 
 /// How many bytes wait for a peer that does not read, beside those that the system keeps.
 const UNSENT: usize = 64 * 1024;
@@ -78,6 +76,10 @@ impl Transport for Stream {
         self.unsent.extend_from_slice(bytes);
         self.flush()?;
         Ok(Sent::Buffered)
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.stream.discard_after(after)
     }
 }
 

@@ -101,13 +101,11 @@ pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
     Ok(stream)
 }
 
+/// When bytes are discarded that a peer has not acknowledged, where the link's own time is not known.
+pub const DISCARD_AFTER: Duration = Duration::from_secs(2);
+
 /// The default timeout of [`connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// Whether a read failed only because nothing arrived before its timeout, or because a signal interrupted it.
-pub fn is_silence(error: &io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
-}
 
 /// What a [`FaultyProxy`] has done so far.
 #[derive(Debug, Default)]

@@ -4,9 +4,9 @@ use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
+use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram, is_silence};
 
-use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
+use crate::io::tcp::{advise, warn_unless_loopback};
 
 /// Opens a non-blocking socket for the datagrams of any peer; a port alone is one of this machine's loopback
 /// address.

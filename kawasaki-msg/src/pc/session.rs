@@ -314,6 +314,10 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
 
     robot_session::core!(PcEvent::Unexpected);
 
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.core.config.silence)
+    }
+
     fn begin_input(&mut self, _now: Duration) -> bool {
         let is_connected = self.core.machine.is_connected();
         if !is_connected {

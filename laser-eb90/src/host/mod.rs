@@ -230,6 +230,10 @@ impl End for Host {
 
     robot_session::core!(HostEvent::Unexpected);
 
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.core.config.answer_timeout)
+    }
+
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         let frame = self.core.decoder.next_frame()?;
         let input = match frame.and_then(|frame| Instruction::single(frame.items())) {

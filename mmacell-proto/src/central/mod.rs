@@ -125,6 +125,10 @@ impl<P: Pose> End for Central<P> {
 
     robot_session::core!(CentralEvent::Unexpected);
 
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.core.config.timeout)
+    }
+
     #[inline]
     fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
         let line = self.core.decoder.next_frame()?;

@@ -13,7 +13,7 @@ use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host
 use ::tokio::time::{sleep, timeout};
 use socket2::{SockRef, TcpKeepalive};
 
-use crate::is_lost_datagram;
+use crate::{discard_unacknowledged, is_lost_datagram};
 
 /// Makes one connection after the other. A closure that dials is one, as [`Dial`].
 pub trait Connector: Send {
@@ -25,6 +25,10 @@ pub trait Connector: Send {
 
     /// Makes a connection, or waits for one. A dropped future has made none.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Transport>> + Send;
+
+    /// Bytes that the peer has not acknowledged after this time are discarded, and the connection ends, of all connections from now
+    /// on: [`Session::discards_after`](crate::Session::discards_after).
+    fn discard_after(&mut self, _after: Duration) {}
 
     /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never returns if it dials.
     fn replaced(&mut self) -> impl Future<Output = ()> + Send {
@@ -54,12 +58,13 @@ where
 pub struct Tcp {
     address: String,
     timeout: Duration,
+    discard_after: Option<Duration>,
 }
 
 impl Tcp {
     /// `"192.168.0.10:502"` or `"robot.local:502"`. An attempt ends after 5 s.
     pub fn new(address: impl Into<String>) -> Self {
-        Self { address: address.into(), timeout: Duration::from_secs(5) }
+        Self { address: address.into(), timeout: Duration::from_secs(5), discard_after: None }
     }
 
     /// How long an attempt may take.
@@ -75,8 +80,12 @@ impl Connector for Tcp {
     async fn connect(&mut self) -> io::Result<TcpStream> {
         let connect = timeout(self.timeout, TcpStream::connect(&self.address));
         let stream = connect.await.map_err(|_| io::ErrorKind::TimedOut)??;
-        prepare(&stream)?;
+        prepare(&stream, self.discard_after)?;
         Ok(stream)
+    }
+
+    fn discard_after(&mut self, after: Duration) {
+        self.discard_after = Some(after);
     }
 }
 
@@ -86,6 +95,7 @@ impl Connector for Tcp {
 pub struct Listen {
     listener: TcpListener,
     next: Option<TcpStream>,
+    discard_after: Option<Duration>,
 }
 
 impl Listen {
@@ -94,7 +104,7 @@ impl Listen {
     /// # Errors
     /// The system's: the address is in use, or not this machine's.
     pub async fn bind(address: impl ToSocketAddrs) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(address).await?, next: None })
+        Ok(Self { listener: TcpListener::bind(address).await?, next: None, discard_after: None })
     }
 
     /// Where it listens: of port 0 the one that the system has chosen.
@@ -116,8 +126,12 @@ impl Connector for Listen {
             Some(stream) => stream,
             None => self.listener.accept().await?.0,
         };
-        prepare(&stream)?;
+        prepare(&stream, self.discard_after)?;
         Ok(stream)
+    }
+
+    fn discard_after(&mut self, after: Duration) {
+        self.discard_after = Some(after);
     }
 
     async fn replaced(&mut self) {
@@ -132,8 +146,11 @@ impl Connector for Listen {
 }
 
 /// What is small and late is useless; a peer without power says nothing.
-pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
+pub(super) fn prepare(stream: &TcpStream, discard_after: Option<Duration>) -> io::Result<()> {
     stream.set_nodelay(true)?;
+    if let Some(after) = discard_after {
+        discard_unacknowledged(stream, after)?;
+    }
     let keepalive =
         TcpKeepalive::new().with_time(Duration::from_secs(10)).with_interval(Duration::from_secs(5));
     SockRef::from(stream).set_tcp_keepalive(&keepalive)

@@ -41,7 +41,7 @@ where
         };
         match accepted {
             Ok((stream, peer)) => {
-                if prepare(&stream).is_err() {
+                if prepare(&stream, None).is_err() {
                     continue;
                 }
                 let (mut session, mut event) = (session(peer), event.clone());

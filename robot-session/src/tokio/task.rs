@@ -123,6 +123,9 @@ impl<S: Service, C: Connector> Task<S, C> {
     pub async fn run(mut self) -> Box<S::Session> {
         let Reconnect { first, longest } = self.reconnect;
         let mut pause = first;
+        if let Some(after) = self.served.session.discards_after() {
+            self.connector.discard_after(after);
+        }
         loop {
             let Self { served, connector, calls, stop, waker, .. } = &mut self;
             let Some(connected) = served.meanwhile(stop, waker, calls, connector.connect()).await else {

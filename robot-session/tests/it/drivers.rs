@@ -200,6 +200,34 @@ fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
     assert!(stream.send(b"x").is_err());
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn bytes_that_a_peer_has_not_taken_in_time_are_discarded() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let stream = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let (_peer, _) = listener.accept().unwrap();
+    let mut driver = Driver::new(stream);
+    let mut session = Asker::new(&["hush"]);
+    session.timeout = SHORT;
+    session.handle_connected(now());
+    let wait = Some(Duration::ZERO);
+    assert!(driver.turn(&mut session, wait, |_, _| ControlFlow::<()>::Continue(())).unwrap().is_continue());
+    let stream = driver.transport_mut();
+    // The peer does not read: its window is full.
+    while stream.send(&[7; 100_000]).unwrap() != Sent::Part(0)
+        || Wait::limited(SHORT / 2).writable(&*stream).unwrap()
+    {}
+    let begin = now();
+    let error = loop {
+        match stream.receive(&mut [0; 4], Wait::limited(LONG)) {
+            Ok(received) => assert_eq!(received, Received::Nothing),
+            Err(error) => break error,
+        }
+        assert!(now() - begin < LONG, "the connection has not ended");
+    };
+    assert_eq!(error.kind(), ErrorKind::TimedOut);
+}
+
 /// What a connection did not take is not the beginning of the next one.
 #[test]
 fn a_connection_that_fails_leaves_nothing_for_the_next() {

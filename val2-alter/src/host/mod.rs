@@ -325,6 +325,11 @@ impl End for Host {
 
     robot_session::core!(HostEvent::Unexpected);
 
+    /// A controller that was not heard of for so long has ended its ALTER.
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.core.config.lost_at(Duration::ZERO))
+    }
+
     #[inline]
     fn begin_input(&mut self, now: Duration) -> bool {
         let is_connected = self.core.machine.is_connected();

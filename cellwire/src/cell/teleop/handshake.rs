@@ -135,4 +135,8 @@ impl Transport for Handshake {
         self.write_piece(self.port.now());
         Ok(Sent::Buffered)
     }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.port.discard_after(after)
+    }
 }

@@ -50,6 +50,8 @@ pub(super) struct Port {
     pub(super) read_at: Duration,
     /// When bytes were written last.
     pub(super) written_at: Duration,
+    /// What a driver has set: [`Transport::discard_after`].
+    discard_after: Option<Duration>,
 }
 
 impl Port {
@@ -74,6 +76,7 @@ impl Port {
             untraced: VecDeque::new(),
             read_at: Duration::ZERO,
             written_at: Duration::ZERO,
+            discard_after: None,
         })
     }
 
@@ -92,6 +95,12 @@ impl Port {
         let Some(port) = &mut self.open else {
             if let Ok(port) = self.opened.recv_timeout(wait) {
                 self.open = Some(port);
+                if let Some(after) = self.discard_after
+                    && let Err(e) = self.discard_after(after)
+                {
+                    self.lose(&e);
+                    return 0;
+                }
                 self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
             }
             return 0;
@@ -223,5 +232,10 @@ impl Transport for Port {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.write(bytes);
         Ok(Sent::Buffered)
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.discard_after = Some(after);
+        self.open.as_mut().map_or(Ok(()), |port| port.discard_after(after))
     }
 }

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{Received, Sent, Serial, Transport, Wait};
+use robot_session::{Received, Sent, Serial, Transport, Wait, discard_unacknowledged};
 
 use crate::io::output::ready;
 use crate::io::serial::{self, Mode, PtyLink, baud_rate};
@@ -58,6 +58,7 @@ impl TransportArgs {
             }
             PlaceArgs { connect: Some(address), .. } => {
                 let stream = tcp::connect(address, self.timeout.timeout())?;
+                discard_unacknowledged(&stream, tcp::DISCARD_AFTER)?;
                 ready(end, "connect", address)?;
                 Box::new(Stream::new(stream))
             }

@@ -15,14 +15,14 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{Received, Sent, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
 use crate::io::listener::Listener;
 use crate::io::output::remark;
 use crate::io::priority::{self, Rank};
 use crate::io::serial::{self, READ_TIMEOUT};
-use crate::io::tcp::{self, is_silence};
+use crate::io::tcp;
 use crate::io::trace::{Trace, Way};
 
 pub use faults::LineFaults;

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Result, anyhow};
+use robot_session::is_silence;
 use serialport::SerialPort;
 
 use super::{CHUNK, End, Place, Watch, What};
-use crate::io::tcp::is_silence;
 
 /// A port by its name.
 pub type Named = (String, Box<dyn SerialPort>);

@@ -8,6 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use robot_session::discard_unacknowledged;
 use socket2::SockRef;
 
 use super::{CHUNK, End, Place, Watch, What};
@@ -51,6 +52,10 @@ fn serve(
 ) -> Result<()> {
     client.set_nodelay(true)?;
     let server = tcp::connect(server, timeout)?;
+    // What the tap has taken from one end must not reach the other much later than it would have without the tap.
+    for stream in [client, &server] {
+        discard_unacknowledged(stream, tcp::DISCARD_AFTER)?;
+    }
     // As if the tap were not there; where one address is of IPv4 and the other of IPv6, what the client has connected to.
     let mut place = server.peer_addr()?;
     if peer.is_ipv4() != place.is_ipv4() {

@@ -183,4 +183,11 @@ impl Transport for Carrier {
             Self::Udp(datagrams) => datagrams.send(bytes),
         }
     }
+
+    fn discard_after(&mut self, after: Duration) -> std::io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.discard_after(after),
+            Self::Udp(datagrams) => datagrams.discard_after(after),
+        }
+    }
 }

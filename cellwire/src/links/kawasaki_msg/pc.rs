@@ -141,7 +141,7 @@ impl<P: Program> Server<'_, P> {
         };
         self.disconnected(meeting, "another robot has connected")?;
         self.reported.clear();
-        self.driver.transport_mut().connect(carrier);
+        self.driver.transport_mut().connect(carrier)?;
         self.session.handle_connected(self.driver.transport_mut().now());
         self.program.notify(&mut self.session, Notification::Connected(peer))
     }

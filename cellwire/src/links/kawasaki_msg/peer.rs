@@ -41,16 +41,21 @@ pub(super) struct Peer<'a> {
     clock: Clock,
     trace: &'a Trace,
     carrier: Option<Traced<'a, Carrier>>,
+    discard_after: Option<Duration>,
     pub(super) packets: Packets,
 }
 
 impl<'a> Peer<'a> {
     pub(super) fn new(trace: &'a Trace) -> Self {
-        Self { clock: Clock::start(), trace, carrier: None, packets: Packets::default() }
+        Self { clock: Clock::start(), trace, carrier: None, discard_after: None, packets: Packets::default() }
     }
 
-    pub(super) fn connect(&mut self, carrier: Carrier) {
+    pub(super) fn connect(&mut self, mut carrier: Carrier) -> io::Result<()> {
+        if let Some(after) = self.discard_after {
+            carrier.discard_after(after)?;
+        }
         self.carrier = Some(Traced::new(carrier, self.trace, self.clock));
+        Ok(())
     }
 
     pub(super) fn is_connected(&self) -> bool {
@@ -79,6 +84,11 @@ impl Transport for Peer<'_> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.packets.add(bytes);
         self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.discard_after = Some(after);
+        self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.discard_after(after))
     }
 }
 

@@ -202,7 +202,7 @@ impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> 
             Ok(None) => return Ok(Err("no PC has connected".into())),
             Err(why) => return Ok(Err(why)),
         };
-        self.driver.transport_mut().connect(carrier);
+        self.driver.transport_mut().connect(carrier)?;
         self.session.handle_connected(self.driver.transport_mut().now());
         self.run.connections += 1;
         self.reported.clear();

@@ -187,6 +187,10 @@ impl Session for Asker {
         self.asked.as_ref().map(|(_, due)| *due)
     }
 
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.timeout)
+    }
+
     fn statistics(&self) -> u32 {
         self.transmitted
     }

@@ -73,6 +73,10 @@ impl Transport for Port {
         self.1.set(now());
         self.0.send(bytes)
     }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.0.discard_after(after)
+    }
 }
 
 /// What a host has seen.

@@ -11,13 +11,13 @@ use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose};
 use mmacell_task::Device;
-use robot_session::{Output, now, settle};
+use robot_session::{Output, discard_unacknowledged, now, settle};
 
 use crate::io::bell::Bell;
 use crate::io::tcp;
 
 /// A peer that takes nothing for this long is gone.
-const STUCK: Duration = Duration::from_secs(5);
+pub(super) const STUCK: Duration = Duration::from_secs(5);
 /// How often a lost connection is retried.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -82,6 +82,9 @@ impl<P: Pose> Connection<P> {
         let stream = tcp::connect(&self.address, self.timeout)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(STUCK))?;
+        if let Some(after) = self.session.discards_after() {
+            discard_unacknowledged(&stream, after)?;
+        }
         let (mut reader, inbox) = (stream.try_clone()?, self.inbox.clone());
         self.number += 1;
         let (from, number) = (self.from, self.number);
@@ -148,10 +151,14 @@ impl<P: Pose> Connection<P> {
     }
 
     fn close(&mut self) {
-        if let Some(stream) = self.stream.take() {
-            let _ = stream.shutdown(Shutdown::Both);
+        if self.end_stream() {
             self.session.handle_disconnected(now());
         }
+    }
+
+    /// Whether there was one. The thread that reads has it as well.
+    fn end_stream(&mut self) -> bool {
+        self.stream.take().map(|stream| stream.shutdown(Shutdown::Both)).is_some()
     }
 
     /// Does what is due; what has happened.
@@ -170,7 +177,7 @@ impl<P: Pose> Connection<P> {
             let CentralEvent::Closed { reason, .. } = event else { continue };
             // Of a connection that is gone this comes late: the next may be open.
             if *reason != Closing::Disconnected {
-                self.stream = None;
+                self.end_stream();
             }
             if *reason != Closing::Agreed {
                 self.lost = Some(format!("the connection to the {} was lost: {reason:?}", name(self.from)));

@@ -9,8 +9,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
-use robot_session::now;
+use robot_session::{discard_unacknowledged, now};
 
+use super::connection::STUCK;
 use super::settings::Part;
 use crate::io::bell::Bell;
 use crate::io::tcp;
@@ -113,7 +114,8 @@ impl Line {
     pub fn open(address: &str, timeout: Duration, bell: Bell) -> Result<Self> {
         let stream = tcp::connect(address, timeout).context("the periphery")?;
         stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(Duration::from_secs(5)))?;
+        stream.set_write_timeout(Some(STUCK))?;
+        discard_unacknowledged(&stream, STUCK)?;
         let (sender, lines) = mpsc::channel();
         let reader = BufReader::new(stream.try_clone()?);
         thread::spawn(move || {

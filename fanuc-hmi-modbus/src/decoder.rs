@@ -136,6 +136,16 @@ impl<F: Framings> Decoder<F> {
         self.stream.pending()
     }
 
+    /// The bytes that wait.
+    pub(crate) fn held(&self) -> &[u8] {
+        self.stream.held()
+    }
+
+    /// Whether the input has ended after a frame that [`advance`](Self::advance) found.
+    pub(crate) fn is_last(&self, frame: &Range<usize>) -> bool {
+        self.stream.has_ended() && frame.end == self.stream.limit()
+    }
+
     /// Whether frames carry a transaction.
     #[inline(always)]
     pub(crate) fn has_transactions(&self) -> bool {

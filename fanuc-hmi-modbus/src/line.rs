@@ -1,4 +1,4 @@
-//! What both machines know of their line.
+//! Whether bytes are arriving on the line; shared by the machines of client and server.
 
 use core::time::Duration;
 
@@ -16,6 +16,12 @@ pub enum Line {
         /// When the line counts as silent.
         silent_at: Duration,
     },
+    /// The bytes that have arrived may be the beginning of a frame. Between the line and the program, a UART or an adapter delays
+    /// bytes: a silence in their arrival does not end the frame.
+    Partial {
+        /// When the rest of the frame is given up.
+        until: Duration,
+    },
 }
 
 impl Line {
@@ -26,13 +32,39 @@ impl Line {
         }
     }
 
+    /// The bytes that have arrived may be the beginning of a frame, whose rest is waited for, and at least for the silence.
+    pub(crate) fn wait_for_rest(&mut self, until: Duration) {
+        *self = Self::Partial { until: self.ends_at().map_or(until, |silent_at| silent_at.max(until)) };
+    }
+
+    /// When the bytes that have arrived count as ended.
+    pub(crate) const fn ends_at(self) -> Option<Duration> {
+        match self {
+            Self::Silent => None,
+            Self::Busy { silent_at: at } | Self::Partial { until: at } => Some(at),
+        }
+    }
+
+    /// The same, to be changed.
+    pub(crate) const fn ends_at_mut(&mut self) -> Option<&mut Duration> {
+        match self {
+            Self::Silent => None,
+            Self::Busy { silent_at: at } | Self::Partial { until: at } => Some(at),
+        }
+    }
+
     /// Whether a frame may be sent: on a serial line after the silence only.
     pub(crate) fn may_send(self, framing: Framing) -> bool {
         !framing.is_serial() || self == Self::Silent
     }
 
-    /// Whether the silence is over.
+    /// Whether the bytes that have arrived have ended.
     pub(crate) fn is_due(self, now: Duration) -> bool {
+        self.ends_at().is_some_and(|at| is_due(at, now))
+    }
+
+    /// Whether a silence has passed, after which bytes do not continue what came before.
+    pub(crate) fn was_silent(self, now: Duration) -> bool {
         matches!(self, Self::Busy { silent_at } if is_due(silent_at, now))
     }
 }

@@ -62,11 +62,13 @@ impl Configure for ClientConfig {
 
 impl Configure for ServerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { framing, unit, broadcast, rules: _ } = self;
+        let Self { framing, unit, broadcast, frame_timeout, rules: _ } = self;
         let about = "its unit number; any: all";
         fields.source("SL §2.2").whole_or("unit", 0..=u8::MAX, "", "any", about, unit);
         let about = "unit 0 is a broadcast, executed without a reply";
         fields.source("SL §2.2").flag("broadcast", about, broadcast);
+        let about = "on a serial line, how long the rest of an incomplete request is waited for";
+        fields.time("frame_timeout", SOME_TIME, about, frame_timeout);
         framing_of(fields, framing);
     }
 }

@@ -59,6 +59,8 @@ robot_session::rules! {
         WaitForSilence,
         /// Bytes after a silence do not continue an earlier frame.
         CutAtSilence,
+        /// The rest of a reply that has begun is waited for, even if a silence is seen within it.
+        AwaitRest,
         /// What is in flight ends with the connection.
         EndAtDisconnect,
         /// What waits to be sent ends with the connection.

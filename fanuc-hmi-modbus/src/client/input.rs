@@ -23,6 +23,8 @@ pub enum Input {
     },
     /// Bytes have arrived. Given before they are decoded.
     Received,
+    /// They are decoded, and the bytes that are left may be the beginning of the reply to the request in flight.
+    Partial,
     /// They held a well-formed frame.
     Reply {
         /// Its transaction; 0 where frames have none.
@@ -39,9 +41,9 @@ pub enum Input {
 /// Whether a frame can be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fit {
-    /// It answers what was asked, and is longer than its own data: no part of it looks like it.
+    /// It answers what was asked, and cannot be data of another reply: it is longer than such data, or a silence follows it.
     Whole,
-    /// It is an exception, short enough to be data of another reply.
+    /// It is an exception, short enough to be data of another reply, and not followed by a silence yet.
     Exception,
     /// It cannot be the reply.
     Misfit,
@@ -106,6 +108,7 @@ robot_session::inputs!(
     Request { broadcast: true } as "Request(broadcast)",
     Taken,
     Received,
+    Partial,
     Reply { fit: Fit::Whole } as "Reply",
     Reply { fit: Fit::Exception } as "Reply(exception)",
     Reply { fit: Fit::Misfit } as "Reply(misfit)",

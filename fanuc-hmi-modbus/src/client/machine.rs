@@ -73,11 +73,12 @@ impl<const N: usize> Machine for ClientMachine<N> {
                 ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
                     // Bytes that come after a silence do not go on with what came before it.
-                    let cuts = line.is_due(now) && config.rules.keeps(Rule::CutAtSilence);
+                    let cuts = line.was_silent(now) && config.rules.keeps(Rule::CutAtSilence);
                     line.receive(now, config.framing);
                     Some(if cuts { Action::Cut } else { Action::Nothing })
                 }
             },
+            Input::Partial => self.partial(config),
             Input::Reply { transaction, fit } => match self.link {
                 ClientLink::Down => None,
                 ClientLink::Up { .. } => Some(self.reply(transaction, fit, config)),
@@ -113,15 +114,11 @@ impl<const N: usize> Machine for ClientMachine<N> {
 
     fn deadline(&self) -> Option<Duration> {
         let ClientLink::Up { line, quiet } = self.link else { return None };
-        let silent_at = match line {
-            Line::Silent => None,
-            Line::Busy { silent_at } => Some(silent_at),
-        };
         let end = match quiet {
             Quiet::Over => None,
             Quiet::Until { end } => Some(end),
         };
-        let deadlines = self.held().filter_map(Held::deadline).chain(silent_at).chain(end);
+        let deadlines = self.held().filter_map(Held::deadline).chain(line.ends_at()).chain(end);
         deadlines.min().filter(|at| *at < Duration::MAX)
     }
 
@@ -131,9 +128,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let ClientLink::Up { line, quiet } = &mut self.link {
-            if let Line::Busy { silent_at } = line {
-                f(silent_at);
-            }
+            line.ends_at_mut().into_iter().for_each(&mut f);
             if let Quiet::Until { end } = quiet {
                 f(end);
             }
@@ -151,7 +146,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
         match (self.in_flight(), quiet, line) {
             (1.., _, _) => "Waiting",
             (0, Quiet::Until { .. }, _) => "Quiet",
-            (0, Quiet::Over, Line::Busy { .. }) => "Receiving",
+            (0, Quiet::Over, Line::Busy { .. } | Line::Partial { .. }) => "Receiving",
             (0, Quiet::Over, Line::Silent) if self.held().any(is_queued) => "Ready",
             (0, Quiet::Over, Line::Silent) => "Idle",
         }
@@ -316,6 +311,16 @@ impl<const N: usize> ClientMachine<N> {
         held.stage = Stage::Ended;
         let place = held.place;
         if fits { Action::Replied { place } } else { Action::Refused { place } }
+    }
+
+    /// The rest of the reply is waited for as long as the reply itself.
+    fn partial(&mut self, config: &ClientConfig) -> Option<Action> {
+        let until = self.held().find_map(Held::deadline)?;
+        let ClientLink::Up { line: line @ Line::Busy { .. }, .. } = &mut self.link else { return None };
+        if config.rules.keeps(Rule::AwaitRest) {
+            line.wait_for_rest(until);
+        }
+        Some(Action::Nothing)
     }
 
     /// With transactions a reply is known by more than its shape.

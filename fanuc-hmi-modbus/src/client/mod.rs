@@ -20,7 +20,7 @@ use machine::{Action, ClientMachine, Due, Fit, Input, Places};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
-use crate::frame::{Frame, Side};
+use crate::frame::{Frame, RtuLen, Side};
 use crate::framing::{Framing, Framings};
 use crate::message::{PduBuf, Reply, Request, function};
 
@@ -58,6 +58,17 @@ struct Place {
     quantity: u16,
     is_reply: bool,
     pdu: PduBuf,
+}
+
+/// What begins with some bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Begins {
+    /// The beginning of the reply.
+    Part,
+    /// The whole reply.
+    Whole,
+    /// Something else.
+    Other,
 }
 
 /// Why a frame cannot be the reply to a request.
@@ -168,6 +179,28 @@ impl<const N: usize, F: Framings> Client<N, F> {
         }
     }
 
+    /// Whether the bytes that wait may be the beginning of the reply to the request in flight: from the first of them, or from a later
+    /// one after noise, unless all of a reply is there.
+    #[cold]
+    fn holds_partial(&self) -> bool {
+        let Self { core, places, .. } = self;
+        let place = core.machine.expects(0, &core.config).and_then(|place| places.get(usize::from(place)));
+        let Some(place) = place else { return false };
+        let held = core.decoder.held();
+        let begins = (0..held.len())
+            .map(|at| place.begins_reply(held.get(at..).unwrap_or_default(), core.config.any_unit));
+        let mut later = false;
+        for (at, begins) in begins.enumerate() {
+            match begins {
+                Begins::Part if at == 0 => return true,
+                Begins::Part => later = true,
+                Begins::Whole => return false,
+                Begins::Other => {}
+            }
+        }
+        later
+    }
+
     #[cold]
     fn stray(&mut self, late: Option<u8>, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
@@ -251,6 +284,10 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 
     robot_session::core!(ClientEvent::Unexpected);
 
+    fn discards_after(&self) -> Option<Duration> {
+        Some(self.core.config.timeout)
+    }
+
     #[inline(always)]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
         loop {
@@ -262,7 +299,10 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
                 }
             };
             let frame = self.core.decoder.frame(range.clone())?;
-            let fit = self.fit(&frame).unwrap_or(Fit::Misfit);
+            let mut fit = self.fit(&frame).unwrap_or(Fit::Misfit);
+            if fit == Fit::Exception && self.core.decoder.is_last(&range) {
+                fit = Fit::Whole;
+            }
             let transaction = frame.transaction.unwrap_or(0);
             return Some((Input::Reply { transaction, fit }, Some(range)));
         }
@@ -313,9 +353,12 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         true
     }
 
-    /// On TCP the server is out of step: its next valid frame may never come.
+    /// On TCP the server is out of step: its next valid frame may never come. Off TCP the rest of a reply may still come.
     #[inline(always)]
-    fn end_input(&mut self, _now: Duration) {
+    fn end_input(&mut self, now: Duration) {
+        if !self.core.decoder.has_transactions() && self.core.decoder.pending() > 0 && self.holds_partial() {
+            self.advance(now, Input::Partial, None);
+        }
         if let (false, Framing::Tcp, Some(error)) =
             (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())
         {
@@ -348,6 +391,36 @@ impl Place {
             }
             Ok(reply) => self.answered(&reply),
             Err(error) => Err(Misfit::Malformed(error)),
+        }
+    }
+
+    /// Whether an RTU frame with the reply to the request in this place begins with these bytes.
+    fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> Begins {
+        let asked = self.pdu.function();
+        let is_unit = |unit: &u8| any_unit || *unit == self.unit;
+        let is_function = |code: &u8| code & !function::EXCEPTION == asked;
+        if !bytes.first().is_none_or(is_unit) || !bytes.get(1).is_none_or(is_function) {
+            return Begins::Other;
+        }
+        let is_whole = || Frame::decode_rtu_whole(bytes).is_ok();
+        match RtuLen::of(bytes, Side::Server) {
+            RtuLen::Known(length) if !self.has_asked_count(bytes) || length < bytes.len() => Begins::Other,
+            RtuLen::Known(length) if length > bytes.len() => Begins::Part,
+            RtuLen::Known(_) if !is_whole() => Begins::Other,
+            RtuLen::Silence if !is_whole() => Begins::Part,
+            RtuLen::AtLeast(_) => Begins::Part,
+            RtuLen::Known(_) | RtuLen::Silence => Begins::Whole,
+        }
+    }
+
+    /// Whether the reply to a read, as far as it has come, counts the bytes that were asked for.
+    const fn has_asked_count(&self, reply: &[u8]) -> bool {
+        match *reply {
+            [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
+                let is_of_bits = matches!(code, function::READ_COILS | function::READ_DISCRETE_INPUTS);
+                count as u16 == if is_of_bits { self.quantity.div_ceil(8) } else { 2 * self.quantity }
+            }
+            _ => true,
         }
     }
 

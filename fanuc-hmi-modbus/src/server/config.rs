@@ -1,3 +1,5 @@
+use core::time::Duration;
+
 use robot_session::Rules;
 
 use crate::framing::Framing;
@@ -13,6 +15,10 @@ pub struct ServerConfig {
     pub unit: Option<u8>,
     /// Whether unit 0 is a broadcast, executed without a reply. Off on TCP, where 0 is often the server itself; on for RTU.
     pub broadcast: bool,
+    /// On a serial line, the time from the last byte of an incomplete request until it is given up. Bytes of one request arrive in
+    /// pieces: a CH340 delivers 32 at once, an FTDI adapter up to 16 ms late, a UART with a FIFO 8 or 14. [`rtu`](Self::rtu) sets the
+    /// time of 32 characters and 20 ms.
+    pub frame_timeout: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -29,6 +35,8 @@ robot_session::rules! {
         ReplyAfterSilence,
         /// On a serial line a request that another frame follows is not answered: its client has given up.
         AnswerLast,
+        /// The rest of a frame that has begun is waited for, even if a silence is seen within it.
+        AwaitRest,
         /// Replies end with the connection.
         DropReplies,
         /// Over TCP a request is read when there is room for its reply.
@@ -39,13 +47,18 @@ robot_session::rules! {
 impl ServerConfig {
     /// Modbus TCP: every unit is answered.
     pub const fn tcp() -> Self {
-        Self { framing: Framing::Tcp, unit: None, broadcast: false, rules: Rules::ALL }
+        let frame_timeout = Duration::from_millis(50);
+        Self { framing: Framing::Tcp, unit: None, broadcast: false, frame_timeout, rules: Rules::ALL }
     }
 
     /// RTU on a serial line.
     pub const fn rtu(unit: u8, baud: u32) -> Self {
         let framing = Framing::Rtu { silence: timing::silence(baud) };
-        Self::on_line(framing, unit)
+        let piece = timing::transmission_time(32, baud);
+        Self {
+            frame_timeout: piece.saturating_add(Duration::from_millis(20)),
+            ..Self::on_line(framing, unit)
+        }
     }
 
     /// RTU frames over TCP.

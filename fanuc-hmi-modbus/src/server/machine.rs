@@ -43,6 +43,8 @@ pub enum Input {
     Timeout,
     /// Bytes have arrived. Given before they are decoded.
     Received,
+    /// The line is silent, and the bytes that have arrived may be the beginning of a frame.
+    Partial,
     /// They held a frame.
     Request {
         /// The unit that it is for.
@@ -65,8 +67,10 @@ pub enum Action {
     Nothing,
     /// It forgets the replies that were not sent.
     Reset,
-    /// The line is silent: what the decoder holds will not be continued, and is judged.
+    /// The line is silent: what the decoder holds is judged.
     Cut,
+    /// The rest of a frame that has begun has not come: what the decoder holds will not be continued.
+    GiveUp,
     /// It carries the request out, and keeps the reply.
     Serve,
     /// It executes the request, without a reply.
@@ -81,6 +85,7 @@ pub enum Action {
 
 robot_session::inputs!(
     Input: Received,
+    Partial,
     Request { is_last: true } as "Request",
     Request { is_last: false } as "Request(followed)",
     Sent,
@@ -125,10 +130,11 @@ impl<const N: usize> ServerMachine<N> {
         if !self.expires(now) {
             return Action::Nothing;
         }
-        if let ServerLink::Up { line, .. } = &mut self.link {
-            *line = Line::Silent;
+        let ServerLink::Up { line, .. } = &mut self.link else { return Action::Nothing };
+        match core::mem::replace(line, Line::Silent) {
+            Line::Partial { .. } => Action::GiveUp,
+            Line::Silent | Line::Busy { .. } => Action::Cut,
         }
-        Action::Cut
     }
 
     fn sent(&mut self, now: Duration, config: &ServerConfig) -> Option<Action> {
@@ -178,13 +184,24 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 line.receive(now, config.framing);
                 Some(Action::Nothing)
             }
+            (Input::Partial, ServerLink::Up { line: line @ Line::Silent, serial: true, .. }) => {
+                if config.rules.keeps(Rule::AwaitRest) {
+                    line.wait_for_rest(now.saturating_add(config.frame_timeout));
+                    Some(Action::Nothing)
+                } else {
+                    Some(Action::GiveUp)
+                }
+            }
             (Input::Request { unit, is_last }, ServerLink::Up { .. }) => self.request(unit, is_last, config),
             (Input::Sent, ServerLink::Up { line: Line::Silent, replies: replies @ 1.., .. }) => {
                 *replies -= 1;
                 Some(Action::Sent)
             }
             (Input::Sent, ServerLink::Up { .. }) => self.sent(now, config),
-            (Input::Received | Input::Request { .. } | Input::Sent, ServerLink::Down) => None,
+            (Input::Partial, ServerLink::Up { .. })
+            | (Input::Received | Input::Partial | Input::Request { .. } | Input::Sent, ServerLink::Down) => {
+                None
+            }
         };
         action.ok_or_else(|| self.unexpected(&input))
     }
@@ -199,10 +216,8 @@ impl<const N: usize> Machine for ServerMachine<N> {
     fn deadline(&self) -> Option<Duration> {
         match self.link {
             // While it does not read, nothing shows that the line is silent.
-            ServerLink::Up { line: Line::Busy { silent_at }, .. } => {
-                (silent_at < Duration::MAX && !self.is_full()).then_some(silent_at)
-            }
-            ServerLink::Up { line: Line::Silent, .. } | ServerLink::Down => None,
+            ServerLink::Up { line, .. } => line.ends_at().filter(|at| *at < Duration::MAX && !self.is_full()),
+            ServerLink::Down => None,
         }
     }
 
@@ -220,15 +235,15 @@ impl<const N: usize> Machine for ServerMachine<N> {
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
-        if let ServerLink::Up { line: Line::Busy { silent_at }, .. } = &mut self.link {
-            f(silent_at);
+        if let ServerLink::Up { line, .. } = &mut self.link {
+            line.ends_at_mut().into_iter().for_each(&mut f);
         }
     }
 
     fn name(&self) -> &'static str {
         match self.link {
             ServerLink::Down => "Disconnected",
-            ServerLink::Up { line: Line::Busy { .. }, .. } => "Receiving",
+            ServerLink::Up { line: Line::Busy { .. } | Line::Partial { .. }, .. } => "Receiving",
             ServerLink::Up { line: Line::Silent, replies: 1.., .. } => "Replying",
             ServerLink::Up { line: Line::Silent, replies: 0, .. } => "Idle",
         }

@@ -39,8 +39,9 @@ use replies::Replies;
 ///
 /// Any data of a message may look like a request, so none is looked for in corrupt bytes. Of RTU frames it carries out only what begins
 /// after a silence, or behind a whole frame, also one of another unit; on a serial line, what a silence ends is dropped unless all of it
-/// is whole frames. A silence counts when the driver has seen it: [`handle_timeout`](robot_session::Session::handle_timeout) is called
-/// after what has arrived was read.
+/// is whole frames. A frame whose length is not reached at a silence is waited for, up to [`ServerConfig::frame_timeout`]: bytes may be
+/// delayed between the line and the program. A silence counts when the driver has seen it:
+/// [`handle_timeout`](robot_session::Session::handle_timeout) is called after what has arrived was read.
 #[derive(Debug, Clone)]
 pub struct Server<R, const N: usize = 8, F: Framings = Framing> {
     core: Core<ServerMachine<N>, F::Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
@@ -177,7 +178,14 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
                 self.was_corrupt = false;
                 self.replies.clear();
             }
-            (Action::Cut, _) => self.finish(now),
+            (Action::Cut, _) => {
+                self.core.decoder.pause();
+                self.read(now);
+                if self.core.decoder.is_partial() {
+                    self.advance(now, Input::Partial, None);
+                }
+            }
+            (Action::GiveUp, _) => self.finish(now),
             (Action::Serve, Some(request)) => self.serve(request),
             (Action::ServeBroadcast, Some(request)) => self.serve_broadcast(request),
             (Action::Refuse, Some(request)) => self.refused(request),

@@ -482,3 +482,128 @@ fn a_request_that_is_refused_leaves_the_reply_of_the_place_that_it_would_take() 
     }
     assert_eq!(client.statistics().requests, 1);
 }
+
+/// Every request with a reply of its own, and that reply.
+fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
+    let reply = |reply: Reply<'_>| bytes(None, 1, reply);
+    let words: Vec<u16> = (0..37).collect();
+    let echo = |request: Request<'static>| (request, bytes(None, 1, request));
+    vec![
+        (read(0, 37), reply(Reply::HoldingRegisters((&words[..]).into()))),
+        (read(0, 37), reply(Reply::Exception { function: 3, exception: 2.into() })),
+        (
+            Request::ReadCoils { address: 0, quantity: 17 },
+            reply(Reply::Coils(Bits::from_wire(&[1, 2, 1], 17))),
+        ),
+        echo(Request::WriteRegister { address: 1, value: 7 }),
+        echo(Request::WriteCoil { address: 1, value: true }),
+        echo(Request::MaskWriteRegister { address: 1, and: 3, or: 4 }),
+        (
+            Request::WriteRegisters { address: 1, values: (&[1, 2, 3]).into() },
+            reply(Reply::WriteRegisters { address: 1, quantity: 3 }),
+        ),
+        (
+            Request::Other { function: 65, data: &[9] },
+            reply(Reply::Other { function: 65, data: &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10] }),
+        ),
+    ]
+}
+
+/// A UART with a FIFO, a USB adapter or a device server delivers a reply in pieces, with silences between them that the line has not.
+#[test]
+fn a_reply_that_is_delivered_in_pieces_is_one() {
+    for config in [rtu(), ClientConfig::rtu(115_200), ClientConfig::rtu(1200), ClientConfig::rtu_over_tcp()] {
+        for (request, reply) in exchanges() {
+            for size in 1..reply.len() {
+                let mut client: Client = connected(config);
+                let mut now = MS;
+                let ticket = client.request(1, &request).unwrap();
+                assert_eq!(sent(&mut client, now).len(), 1);
+                let gap = if size < 4 { 6 * MS } else { 20 * MS };
+                for piece in reply.chunks(size) {
+                    client.handle_input(now, piece);
+                    now += gap;
+                    client.handle_timeout(now);
+                }
+                let silence = config.framing.silence().unwrap();
+                client.handle_timeout(now + silence);
+                let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
+                assert_eq!(
+                    events,
+                    [ClientEvent::Replied { ticket, unit: 1 }],
+                    "{request:?} in pieces of {size}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_rest_of_a_reply_is_waited_for_until_the_timeout() {
+    let (request, reply) = exchanges().remove(0);
+    let mut client: Client = connected(rtu());
+    let begin = MS;
+    let ticket = client.request(1, &request).unwrap();
+    assert_eq!(sent(&mut client, begin).len(), 1);
+    client.handle_input(begin + MS, &reply[..40]);
+    let timeout = rtu().timeout;
+    assert_eq!(client.poll_timeout(), Some(begin + timeout));
+    client.handle_timeout(begin + timeout);
+    let cut = ClientEvent::Corrupt(DecodeError::Cut { expected: reply.len(), found: 40 });
+    let failed = ClientEvent::Failed { ticket, failure: Failure::TimedOut };
+    let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
+    assert_eq!(events, [cut, failed]);
+    // What is late is no reply to the next request.
+    client.handle_input(begin + timeout + MS, &reply[40..]);
+    assert_eq!(client.in_flight(), 0);
+}
+
+/// A silence ends what cannot become the reply: another unit, another function, another byte count.
+#[test]
+fn what_cannot_become_the_reply_ends_with_the_silence() {
+    let (request, reply) = exchanges().remove(0);
+    for (at, byte) in [(0, 2), (1, 4), (2, 76)] {
+        let mut client: Client = connected(rtu());
+        let begin = MS;
+        let ticket = client.request(1, &request).unwrap();
+        assert_eq!(sent(&mut client, begin).len(), 1);
+        let mut other = reply.clone();
+        other[at] = byte;
+        client.handle_input(begin + MS, &other[..3]);
+        client.handle_timeout(begin + 50 * MS);
+        assert!(
+            matches!(client.poll_event(), Some(ClientEvent::Corrupt(DecodeError::Cut { found: 3, .. }))),
+            "{at}"
+        );
+        client.handle_input(begin + 50 * MS, &reply);
+        assert_eq!(client.poll_event(), Some(ClientEvent::Replied { ticket, unit: 1 }), "{at}");
+    }
+}
+
+/// A glitch as the transmitter is switched on, right before an exception or a whole reply.
+#[test]
+fn a_byte_before_a_reply_does_not_hide_it() {
+    // A function without a length of its own is not looked for within noise.
+    for (request, reply) in
+        exchanges().into_iter().filter(|(request, _)| !matches!(request, Request::Other { .. }))
+    {
+        for byte in [0x00, 0xFF, 0x55] {
+            for size in [1, 3, 500] {
+                let mut client: Client = connected(rtu());
+                let mut now = MS;
+                let ticket = client.request(1, &request).unwrap();
+                assert_eq!(sent(&mut client, now).len(), 1);
+                for piece in [&[byte], &reply[..]].concat().chunks(size) {
+                    client.handle_input(now, piece);
+                    now += if size == 1 { MS } else { 20 * MS };
+                    client.handle_timeout(now);
+                }
+                client.handle_timeout(now + 50 * MS);
+                let outcome =
+                    core::iter::from_fn(|| client.poll_event()).find(|event| event.outcome_of().is_some());
+                let expected = ClientEvent::Replied { ticket, unit: 1 };
+                assert_eq!(outcome, Some(expected), "{byte:x} before {reply:x?} in pieces of {size}");
+            }
+        }
+    }
+}

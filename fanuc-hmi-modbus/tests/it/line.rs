@@ -70,9 +70,15 @@ impl Line {
         core::mem::take(&mut self.server.registers_mut().writes)
     }
 
-    /// A request after a silence is served, whatever came before.
+    /// The rest of what has begun does not come.
+    fn give_up(&mut self) {
+        self.pause(self.server.config().frame_timeout);
+    }
+
+    /// A request is served after a silence, and after the rest of an incomplete frame was given up.
     fn is_served(&mut self) {
         assert_eq!(self.silence(), [] as [Vec<u8>; 0]);
+        self.give_up();
         self.send(&write(1));
         assert_eq!(self.silence(), [write(1)]);
         assert_eq!(self.written(), [(10, 0x0BAD)]);
@@ -133,6 +139,7 @@ fn a_byte_beside_a_good_frame_makes_it_none() {
             // The CRC stays right with a zero behind it: a write of one byte too many, and refused.
             let replies = if is_behind && byte == 0 { 1 } else { 0 };
             assert_eq!(line.silence().len(), replies, "{byte} {is_behind}");
+            line.give_up();
             assert_eq!(line.written(), [], "{byte} {is_behind}");
             assert_eq!(line.server.statistics().corrupt, 1 - replies as u64);
             line.is_served();
@@ -216,10 +223,11 @@ fn only_a_silence_that_was_seen_ends_a_frame() {
         line.now += 500 * MS;
         line.lump(tail);
         assert_eq!(line.silence(), [write(1)], "{split}");
-        // A silence in the middle.
+        // A silence in the middle, after which the rest does not come in time.
         line.written();
         line.lump(head);
         assert_eq!(line.silence(), [] as [Vec<u8>; 0], "{split}");
+        line.give_up();
         line.lump(tail);
         assert_eq!(line.silence(), [] as [Vec<u8>; 0], "{split}");
         assert_eq!(line.written(), []);
@@ -231,6 +239,67 @@ fn only_a_silence_that_was_seen_ends_a_frame() {
     line.lump(&reply[..3]);
     line.now += 500 * MS;
     line.lump(&reply[3..]);
+    line.is_served();
+}
+
+/// A UART with a FIFO, a USB adapter or a device server delivers a request in pieces, with silences between them that the line has not.
+#[test]
+fn a_request_that_is_delivered_in_pieces_is_served_once() {
+    let values: Vec<u16> = (0..40).collect();
+    let long = bytes(None, 1, Request::WriteRegisters { address: 0, values: (&values[..]).into() });
+    for baud in BAUDS {
+        // A UART and a CH340 give a piece when it is full, an FTDI adapter what it has every 16 ms.
+        for (piece, gap) in [1, 8, 14, 32]
+            .map(|size| (size, transmission_time(size, baud)))
+            .into_iter()
+            .chain([(62, 16 * MS)])
+        {
+            for request in [&write(1), &long] {
+                let mut line = Line::new(baud);
+                let pieces: Vec<_> = request.chunks(piece).collect();
+                for (number, piece) in pieces.iter().enumerate() {
+                    line.lump(piece);
+                    let replies = line.silence();
+                    assert_eq!(replies.len(), usize::from(number + 1 == pieces.len()), "{baud} {piece:x?}");
+                    line.pause(gap.saturating_sub(line.server.config().framing.silence().unwrap()));
+                }
+                assert_eq!(line.server.statistics().served, 1);
+                assert_eq!(line.server.statistics().corrupt, 0);
+            }
+        }
+    }
+}
+
+/// A glitch between two frames is not the beginning of the next one.
+#[test]
+fn a_request_after_a_byte_and_a_silence_is_served() {
+    for byte in 0..=255 {
+        let mut line = Line::new(19_200);
+        line.send(&[byte]);
+        assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
+        line.send(&write(1));
+        let mut replies = line.silence();
+        line.give_up();
+        replies.extend(transmitted(&mut line.server, line.now));
+        assert_eq!(replies, [write(1)], "{byte:x}");
+        assert_eq!(line.written(), [(10, 0x0BAD)]);
+        assert_eq!(line.server.statistics().corrupt, 1);
+    }
+}
+
+/// The data of a request to another unit looks like a request, and is delivered in a piece of its own.
+#[test]
+fn a_piece_of_another_units_frame_is_not_carried_out() {
+    let words = [vec![7; 4], words(&write(1)), vec![7; 9]].concat();
+    let other = bytes(None, 2, Request::WriteRegisters { address: 20, values: (&words[..]).into() });
+    let at = other.windows(8).position(|bytes| bytes == write(1)).unwrap();
+    let pieces = [&other[..at], &other[at..at + 8], &other[at + 8..]];
+    let mut line = Line::new(19_200);
+    for piece in pieces {
+        line.lump(piece);
+        assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
+    }
+    assert_eq!((line.written(), line.server.statistics().corrupt), (vec![], 0));
     line.is_served();
 }
 

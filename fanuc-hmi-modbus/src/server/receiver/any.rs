@@ -54,6 +54,14 @@ impl Receive for AnyReceiver {
         request.serve(registers, out)
     }
 
+    fn pause(&mut self) {
+        either!(self, receiver => receiver.pause());
+    }
+
+    fn is_partial(&self) -> bool {
+        either!(self, receiver => receiver.is_partial())
+    }
+
     fn lose(&mut self, error: DecodeError) {
         either!(self, receiver => receiver.lose(error));
     }

@@ -34,6 +34,16 @@ pub trait Receive: Decode<Error = DecodeError> + Debug + Clone {
     /// [`Frame::serve`], of such a request.
     fn serve<R: Registers>(request: &Frame<&[u8]>, registers: &mut R, out: &mut [u8]) -> Option<usize>;
 
+    /// A silence was seen. What is held may go on after it.
+    fn pause(&mut self) {
+        self.finish();
+    }
+
+    /// Whether what is held may be the beginning of a frame, as found at the last [`pause`](Self::pause).
+    fn is_partial(&self) -> bool {
+        false
+    }
+
     /// What is held is no frame.
     fn lose(&mut self, error: DecodeError);
 

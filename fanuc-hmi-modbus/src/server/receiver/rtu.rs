@@ -15,7 +15,8 @@ use crate::stream::Stream;
 /// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
 /// where the input has begun, or behind a whole frame of either direction, and nowhere else; behind what is no frame nothing is read
 /// until the input ends. Through TCP, which loses nothing, the rest of a frame may come after any stall. On a serial line, where the
-/// silence ends a message, it is read when it has ended, and is whole frames or nothing.
+/// silence ends a message, it is read when it has ended, and is whole frames or nothing. A frame whose length is known and not reached
+/// may go on after the silence. If it then turns out to be none, what came after the silence is read by itself.
 #[derive(Debug, Clone)]
 pub struct RtuReceiver {
     stream: Stream,
@@ -24,6 +25,10 @@ pub struct RtuReceiver {
     is_serial: bool,
     /// What is held up to its end is whole frames.
     is_whole: bool,
+    /// The end is a silence, after which an incomplete frame may go on.
+    is_pause: bool,
+    /// The silences within what is held.
+    silences: Silences,
     /// What there is until the end is no frame.
     lost: Option<DecodeError>,
 }
@@ -51,8 +56,23 @@ impl RtuReceiver {
                     if Frame::decode_rtu_whole(held).is_ok() {
                         return Some(Ok(self.stream.take(length)));
                     }
-                    self.lost = no_frames(held, self.own);
-                    self.is_whole = self.lost.is_none();
+                    if let Some(error) = no_frames(held, self.own) {
+                        let start = self.stream.start();
+                        if self.is_pause && self.may_go_on(held) {
+                            self.silences.add(start + length);
+                            self.stream.pass_end();
+                            continue;
+                        }
+                        if let Some(next) = self.silences.between(start, start + length) {
+                            let piece = held.get(..next - start).unwrap_or_default();
+                            let error = no_frames(piece, self.own).unwrap_or(error);
+                            self.stream.take(next - start);
+                            return Some(Err(error));
+                        }
+                        self.lost = Some(error);
+                    } else {
+                        self.is_whole = true;
+                    }
                 }
                 match begun(held, self.own, has_ended, !self.is_serial) {
                     _ if self.lost.is_some() => {}
@@ -76,7 +96,7 @@ impl RtuReceiver {
                 return None;
             }
             self.stream.pass_end();
-            self.is_whole = false;
+            (self.is_whole, self.silences) = (false, Silences::NONE);
             if let Some(error) = self.lost.take() {
                 return Some(Err(error));
             }
@@ -84,10 +104,62 @@ impl RtuReceiver {
     }
 }
 
+impl RtuReceiver {
+    /// Whether what a silence follows is whole frames and the beginning of another. If its length is not known, it is none if what came
+    /// after an earlier silence is whole frames.
+    fn may_go_on(&self, held: &[u8]) -> bool {
+        let start = self.stream.start();
+        let mut rest = held;
+        loop {
+            match begun(rest, self.own, false, false) {
+                Ok(Begun::Frame(length, _)) => rest = rest.get(length..).unwrap_or_default(),
+                Ok(Begun::Part) => break,
+                Err(_) => return false,
+            }
+        }
+        let lengths = || sides(rest, self.own).iter().map(|side| RtuLen::of(rest, *side));
+        let is_short = |length| match length {
+            RtuLen::Known(length) => rest.len() < length && length <= Frame::MAX_RTU_LEN,
+            RtuLen::AtLeast(_) => true,
+            RtuLen::Silence => false,
+        };
+        if lengths().any(is_short) {
+            return true;
+        }
+        if !lengths().any(|length| matches!(length, RtuLen::Silence)) {
+            return false;
+        }
+        let mut at = start;
+        while let Some(next) = self.silences.between(at, start + held.len()) {
+            if no_frames(held.get(next - start..).unwrap_or_default(), self.own).is_none() {
+                return false;
+            }
+            at = next;
+        }
+        true
+    }
+}
+
 impl Receive for RtuReceiver {
     fn new(framing: Framing, own: Option<u8>) -> Self {
-        let is_serial = framing.is_serial();
-        Self { stream: Stream::new(), own, is_serial, is_whole: false, lost: None }
+        Self {
+            stream: Stream::new(),
+            own,
+            is_serial: framing.is_serial(),
+            is_whole: false,
+            is_pause: false,
+            silences: Silences::NONE,
+            lost: None,
+        }
+    }
+
+    fn pause(&mut self) {
+        self.stream.finish();
+        self.is_pause = true;
+    }
+
+    fn is_partial(&self) -> bool {
+        self.is_serial && self.lost.is_none() && self.stream.pending() > 0
     }
 
     #[inline(always)] // into the one place that reads
@@ -153,7 +225,8 @@ impl robot_session::Decoder for RtuReceiver {
     #[inline(always)]
     fn push(&mut self, bytes: &[u8]) -> usize {
         if self.stream.is_tight(bytes.len()) {
-            self.stream.compact();
+            let gone = self.stream.compact();
+            self.silences.move_back(gone);
         }
         self.stream.push(bytes)
     }
@@ -167,6 +240,7 @@ impl robot_session::Decoder for RtuReceiver {
 
     fn finish(&mut self) {
         self.stream.finish();
+        self.is_pause = false;
     }
 
     fn position(&self) -> u64 {
@@ -174,9 +248,44 @@ impl robot_session::Decoder for RtuReceiver {
     }
 
     fn clear(&mut self) {
-        (self.is_whole, self.lost) = (false, None);
+        (self.is_whole, self.lost, self.silences) = (false, None, Silences::NONE);
         self.stream.clear();
     }
+}
+
+/// Where silences were seen in a stream; the first ones of a message, if there are more than fit.
+#[derive(Debug, Clone, Copy)]
+struct Silences([u16; Self::MOST]);
+
+impl Silences {
+    /// The pieces of a longest frame, of 8 bytes each.
+    const MOST: usize = Frame::MAX_RTU_LEN / 8;
+    const NONE: Self = Self([0; Self::MOST]);
+
+    /// Adds a silence at this place, above zero.
+    fn add(&mut self, at: usize) {
+        if let (Some(free), Ok(at)) = (self.0.iter_mut().find(|it| **it == 0), u16::try_from(at)) {
+            *free = at;
+        }
+    }
+
+    /// The first silence between two places.
+    fn between(&self, start: usize, end: usize) -> Option<usize> {
+        self.0.iter().map(|at| usize::from(*at)).filter(|at| start < *at && *at < end).min()
+    }
+
+    /// What was at a place is so many bytes before it; what was before that is forgotten.
+    fn move_back(&mut self, gone: usize) {
+        for at in &mut self.0 {
+            *at = usize::from(*at).checked_sub(gone).and_then(|at| u16::try_from(at).ok()).unwrap_or(0);
+        }
+    }
+}
+
+/// The sides that may have sent a frame that begins here: a request for the server is not a reply of another one.
+fn sides(data: &[u8], own: Option<u8>) -> &'static [Side] {
+    let is_request = data.first().is_some_and(|unit| is_for(*unit, own));
+    if is_request { &[Side::Client] } else { &[Side::Client, Side::Server] }
 }
 
 /// Why a message that has ended is not whole frames.
@@ -199,10 +308,8 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result
     if is_whole && !goes_on {
         return Ok(Begun::Frame(data.len(), Side::Client));
     }
-    let is_request = data.first().is_some_and(|unit| is_for(*unit, own));
-    let sides: &[Side] = if is_request { &[Side::Client] } else { &[Side::Client, Side::Server] };
     let (mut found, mut waits) = (None, false);
-    for side in sides {
+    for side in sides(data, own) {
         match RtuLen::of(data, *side) {
             RtuLen::Known(len) if len > Frame::MAX_RTU_LEN => {}
             RtuLen::Known(len) => match data.get(..len) {

@@ -25,6 +25,11 @@ uint16_t modbus_crc(const uint8_t *data, size_t length)
     return crc;
 }
 
+bool modbus_is_right(const uint8_t *frame, size_t length)
+{
+    return length >= 4 && length <= MAX_RTU && get_u16_le(frame + length - 2) == modbus_crc(frame, length - 2);
+}
+
 uint16_t modbus_max_read(uint8_t function)
 {
     return function == 1 || function == 2 ? 2000 : function == 3 || function == 4 || function == 23 ? 125 : 0;

@@ -81,7 +81,7 @@ static void end_connection(struct modbus_client *client)
     for (size_t i = 0; i < client->config.places; i++)
         if (client->places[i].stage == MODBUS_CLIENT_QUEUED)
             end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "not_sent");
-    client->is_up = client->is_busy = client->is_quiet = client->is_doubtful = false;
+    client->is_up = client->is_busy = client->is_partial = client->is_quiet = client->is_doubtful = false;
     memset(&client->step, 0, sizeof client->step);
     modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
 }
@@ -182,7 +182,8 @@ static struct judgement judge(const struct modbus_client *client, const struct m
         return differ(MODBUS_CLIENT_FUNCTION, request->function, reply->function);
     if (reply->shape != MODBUS_EXCEPTION)
         return judge_data(request, reply);
-    bool is_doubtful = !is_tcp(client) && client->is_doubtful;
+    bool is_last = client->decoder.ended && client->decoder.length == 0;
+    bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last;
     return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
 }
 
@@ -249,9 +250,55 @@ static void read_items(struct modbus_client *client)
 
 static void end_bytes(struct modbus_client *client)
 {
-    client->is_busy = false;
+    client->is_busy = client->is_partial = false;
     modbus_end(&client->decoder);
     read_items(client);
+}
+
+/* What begins with some bytes (FM-86). */
+enum begins { OTHER, PART, WHOLE };
+
+/* Whether the reply to a read, as far as it has come, counts the bytes that were asked for. */
+static bool has_asked_count(const struct modbus_message *request, const uint8_t *d, size_t length)
+{
+    bool is_read = request->shape == MODBUS_READ || request->shape == MODBUS_READ_WRITE;
+    if (length < 3 || d[1] >= 0x80 || !is_read)
+        return true;
+    unsigned quantity = request->shape == MODBUS_READ ? request->quantity : request->read_quantity;
+    return d[2] == (d[1] <= 2 ? (quantity + 7) / 8 : 2 * quantity);
+}
+
+static enum begins begins_reply(const struct modbus_client *client, const struct modbus_message *request, const uint8_t *d, size_t length)
+{
+    size_t n;
+    if (!client->config.any_unit && d[0] != request->unit)
+        return OTHER;
+    if (length > 1 && (d[1] & 0x7F) != request->function)
+        return OTHER;
+    bool is_whole = modbus_is_right(d, length);
+    if (!modbus_rtu_length(d, length, MODBUS_SERVER, &n))
+        return n == 0 && is_whole ? WHOLE : PART;
+    if (n < length || !has_asked_count(request, d, length))
+        return OTHER;
+    return n > length ? PART : is_whole ? WHOLE : OTHER;
+}
+
+/* FM-86 */
+static void wait_for_rest(struct modbus_client *client)
+{
+    const struct modbus_client_place *place = find_in_flight(client, 0);
+    bool is_first = false, is_part = false, is_whole = false;
+    const uint8_t *held = client->decoder.held;
+    for (size_t at = 0; place != NULL && at < client->decoder.length; at++) {
+        enum begins begins = begins_reply(client, &place->message, held + at, client->decoder.length - at);
+        is_first |= at == 0 && begins == PART;
+        is_part |= begins == PART;
+        is_whole |= begins == WHOLE;
+    }
+    if (is_first || (is_part && !is_whole)) {
+        client->is_partial = true;
+        client->silent_at = client->silent_at > place->deadline ? client->silent_at : place->deadline;
+    }
 }
 
 /* FM-49, FM-81 */
@@ -262,17 +309,20 @@ size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uin
         remark(client, MODBUS_CLIENT_UNEXPECTED);
         return size;
     }
-    if (client->is_busy && now >= client->silent_at)
+    if (client->is_busy && !client->is_partial && now >= client->silent_at)
         end_bytes(client);
     if (!is_tcp(client)) {
         client->is_busy = true;
+        client->is_partial = false;
         client->silent_at = after(now, client->config.silence);
     }
     for (size_t taken = 0; taken < size;) {
         taken += modbus_push(&client->decoder, data + taken, size - taken);
         read_items(client);
     }
-    if (is_tcp(client) && modbus_step_is_lost(&client->step, &client->decoder, &error))
+    if (!is_tcp(client))
+        wait_for_rest(client);
+    else if (modbus_step_is_lost(&client->step, &client->decoder, &error))
         remark(client, MODBUS_CLIENT_OUT_OF_STEP)->error = error;
     return size;
 }

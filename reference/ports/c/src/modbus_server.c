@@ -25,6 +25,7 @@ struct modbus_server_config modbus_server_default(enum modbus_line framing, uint
         .unit = 1,
         .broadcast = framing != MODBUS_LINE_TCP,
         .silence = modbus_line_silence(framing, baud),
+        .frame_timeout = modbus_line_piece(framing, baud),
     };
 }
 
@@ -38,8 +39,8 @@ static struct modbus_server_event *report(struct modbus_server *server, enum mod
 /* FM-65 */
 static void restart(struct modbus_server *server)
 {
-    server->is_busy = server->is_spoiled = false;
-    server->length = server->reply_count = 0;
+    server->is_busy = server->is_partial = server->is_spoiled = false;
+    server->length = server->reply_count = server->silence_count = 0;
     memset(&server->step, 0, sizeof server->step);
     modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_TCP); /* not used for RTU, but by `spoil` */
 }
@@ -151,11 +152,6 @@ static void read_tcp(struct modbus_server *server)
 
 enum found { RTU_FRAME, NO_FRAME, WAIT };
 
-static bool is_right(const uint8_t *frame, size_t size)
-{
-    return size >= 4 && get_u16_le(frame + size - 2) == modbus_crc(frame, size - 2);
-}
-
 /* FM-82: what is at the beginning of `d`; `*needs` says whether one of its lengths needs more bytes. What only a reply is as long as is
  * another unit's, and so is no request that is taken. */
 static enum found find_frame(const struct modbus_server *server, const uint8_t *d, size_t length, bool ended, size_t *size, bool *needs)
@@ -170,11 +166,10 @@ static enum found find_frame(const struct modbus_server *server, const uint8_t *
             continue;
         if (n > length)
             *needs = true;
-        else if (n > longest && is_right(d, n))
+        else if (n > longest && modbus_is_right(d, n))
             longest = n;
     }
-    bool may_be_all = ended && length <= MAX_RTU && (is_serial(server) || !*needs);
-    if (may_be_all && is_right(d, length)) {
+    if (ended && (is_serial(server) || !*needs) && modbus_is_right(d, length)) {
         *size = length;
         return RTU_FRAME;
     }
@@ -186,22 +181,36 @@ static enum found find_frame(const struct modbus_server *server, const uint8_t *
     return ended ? NO_FRAME : WAIT;
 }
 
-/* One error for all bytes up to the next silence, where it is reported: that of a request. */
-static void spoil(struct modbus_server *server, const uint8_t *d, size_t length)
+/* The error of bytes that are no frames: that of a request. */
+static struct modbus_fault fault_of(struct modbus_server *server, const uint8_t *d, size_t length)
 {
     struct modbus_item item;
     modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_RTU);
     modbus_push(&server->decoder, d, length);
     modbus_end(&server->decoder);
     modbus_is_corrupt(&server->decoder, &item);
-    server->fault = modbus_fault_of(&item);
-    if (!server->is_busy)
-        report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
-    server->length = 0;
-    server->is_spoiled = true;
+    return modbus_fault_of(&item);
 }
 
-static void drop(struct modbus_server *server, size_t count) { bytes_remove(server->held, &server->length, count); }
+static void drop(struct modbus_server *server, size_t count)
+{
+    size_t kept = 0;
+    bytes_remove(server->held, &server->length, count);
+    for (size_t i = 0; i < server->silence_count; i++)
+        if (server->silences[i] > count)
+            server->silences[kept++] = server->silences[i] - count;
+    server->silence_count = kept;
+}
+
+/* One error for all bytes up to the next silence, where it is reported. */
+static void spoil(struct modbus_server *server)
+{
+    server->fault = fault_of(server, server->held, server->length);
+    if (!server->is_busy)
+        report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
+    drop(server, server->length);
+    server->is_spoiled = true;
+}
 
 /* A request of a serial line that another frame has followed, or that has no place (FM-62). */
 static void take_followed(struct modbus_server *server, const struct modbus_item *item)
@@ -216,18 +225,84 @@ static void take_followed(struct modbus_server *server, const struct modbus_item
     }
 }
 
-/* A serial line was silent: what is held is frames to its end, or nothing is carried out. */
-static void judge_serial(struct modbus_server *server)
+/* How many of the bytes are behind the frames at their beginning, where they have ended. */
+static size_t behind_frames(const struct modbus_server *server, const uint8_t *d, size_t length)
+{
+    size_t size;
+    bool needs;
+    while (length != 0 && find_frame(server, d, length, true, &size, &needs) == RTU_FRAME) {
+        d += size;
+        length -= size;
+    }
+    return length;
+}
+
+/* Whether the silence shows the length of a frame that begins so. */
+static bool is_ended_by_silence(const struct modbus_server *server, const uint8_t *d, size_t length)
+{
+    size_t n;
+    bool is_asked = is_own(server, d[0]) || d[0] == 0;
+    modbus_rtu_length(d, length, MODBUS_CLIENT, &n);
+    if (n != 0 && !is_asked)
+        modbus_rtu_length(d, length, MODBUS_SERVER, &n);
+    return n == 0;
+}
+
+/* FM-87 */
+static bool may_go_on(const struct modbus_server *server)
+{
+    const uint8_t *d = server->held;
+    size_t length = server->length, size;
+    bool needs = true;
+    while (length != 0 && find_frame(server, d, length, false, &size, &needs) == RTU_FRAME) {
+        d += size;
+        length -= size;
+    }
+    if (length == 0 || needs)
+        return true;
+    if (length > MAX_RTU || !is_ended_by_silence(server, d, length))
+        return false;
+    for (size_t i = 0; i < server->silence_count; i++) {
+        size_t at = server->silences[i];
+        if (at < server->length && behind_frames(server, server->held + at, server->length - at) == 0)
+            return false;
+    }
+    return true;
+}
+
+/* What is held up to the first silence within it is no frames (FM-87). */
+static void give_up_piece(struct modbus_server *server)
+{
+    size_t end = server->silence_count != 0 && server->silences[0] < server->length ? server->silences[0] : server->length;
+    size_t left = behind_frames(server, server->held, end);
+    size_t length = left != 0 ? end : server->length;
+    if (left == 0)
+        left = behind_frames(server, server->held, length);
+    report(server, MODBUS_SERVER_CORRUPT)->error = fault_of(server, server->held + length - left, left);
+    drop(server, end);
+}
+
+/* A serial line was silent, or the rest of a request has not come: what is held is frames to its end, or nothing is carried out. */
+static void judge_serial(struct modbus_server *server, uint64_t now, bool is_pause)
 {
     struct modbus_item item;
     size_t size;
     bool needs;
-    for (size_t at = 0; at < server->length; at += size) {
-        enum found found = find_frame(server, server->held + at, server->length - at, true, &size, &needs);
-        if (found == NO_FRAME) {
-            spoil(server, server->held + at, server->length - at);
-            return;
+    while (behind_frames(server, server->held, server->length) != 0) {
+        if (!is_pause || !may_go_on(server)) {
+            give_up_piece(server);
+            continue;
         }
+        if (server->silence_count < MODBUS_SERVER_SILENCES)
+            server->silences[server->silence_count++] = server->length;
+        while (server->length != 0 && find_frame(server, server->held, server->length, false, &size, &needs) == RTU_FRAME) {
+            modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
+            take_followed(server, &item);
+            drop(server, size);
+        }
+        server->is_busy = server->is_partial = true;
+        server->silent_at = after(now, server->config.frame_timeout);
+        return;
     }
     while (server->length != 0) {
         find_frame(server, server->held, server->length, true, &size, &needs);
@@ -248,7 +323,7 @@ static void shorten(struct modbus_server *server)
     bool needs;
     while (server->length > MAX_RTU) {
         if (find_frame(server, server->held, server->length, true, &size, &needs) == NO_FRAME) {
-            spoil(server, server->held, server->length);
+            spoil(server);
             return;
         }
         modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
@@ -272,7 +347,7 @@ static void read_rtu(struct modbus_server *server, bool ended)
         if (found == WAIT || (found == NO_FRAME && needs))
             return;
         if (found == NO_FRAME) {
-            spoil(server, server->held, server->length);
+            spoil(server);
             return;
         }
         modbus_decode_rtu(server->held, size, MODBUS_CLIENT, &item);
@@ -304,6 +379,7 @@ size_t modbus_server_input(struct modbus_server *server, uint64_t now, const uin
     if (is_tcp(server))
         return input_tcp(server, data, size);
     server->is_busy = true;
+    server->is_partial = false;
     server->silent_at = after(now, server->config.silence);
     size_t taken = 0;
     for (; taken < size; taken++) {
@@ -325,11 +401,12 @@ void modbus_server_timeout(struct modbus_server *server, uint64_t now)
 {
     if (now < server->silent_at || (!is_serial(server) && is_full(server)))
         return;
-    server->is_busy = false;
+    bool is_pause = !server->is_partial;
+    server->is_busy = server->is_partial = false;
     if (server->is_spoiled)
         report(server, MODBUS_SERVER_CORRUPT)->error = server->fault;
     else if (is_serial(server))
-        judge_serial(server);
+        judge_serial(server, now, is_pause);
     else
         read_rtu(server, true);
     server->is_spoiled = false;

@@ -52,6 +52,16 @@ export abstract class Decoder<M, E> implements ItemReader<M, E> {
     return this.dropped + this.held.length;
   }
 
+  /** The bytes that are held. */
+  get waiting(): Uint8Array {
+    return this.held;
+  }
+
+  /** Whether the input has ended, and all of it was given. */
+  get isAtEnd(): boolean {
+    return this.ended && this.held.length === 0;
+  }
+
   /** Forgets what is held, without a report. */
   discard(): void {
     this.position += this.pending;

@@ -11,12 +11,13 @@ use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
+pub(super) const REST: &str = "the rest of a request is waited for";
 pub(super) const TAKEN: &str = "through TCP every request is carried out";
 
-const PROPERTIES: &[&str] = &[ANSWERED, UNANSWERED, TAKEN, GIVEN_UP, OTHER_UNIT, COLLISION, EXPECTED];
+const PROPERTIES: &[&str] = &[ANSWERED, UNANSWERED, TAKEN, REST, GIVEN_UP, OTHER_UNIT, COLLISION, EXPECTED];
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-2, FM-4, FM-10, FM-43",
-    free: "what it asks, when it gives up, whether it waits through TCP, what other units send, what the line damages",
+    free: "what it asks, when it gives up, whether it waits through TCP, what other units send, what the line damages, in which pieces it arrives",
     properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "any bytes at any time", properties: PROPERTIES };
@@ -35,6 +36,8 @@ pub struct AnyClient {
 pub struct Known {
     /// What has come since the last silence that was seen.
     holds: Vec<Frame>,
+    /// A silence was seen after the beginning of a frame, which is to be waited for.
+    is_partial: bool,
     /// What the session reads now.
     judging: Vec<Frame>,
     /// What it has read last, and whether nothing has followed it.
@@ -57,6 +60,10 @@ pub enum Frame {
     Other,
     /// What is no frame.
     Corrupt,
+    /// The beginning of a request to this server.
+    Part,
+    /// The rest of it.
+    Rest,
 }
 
 /// What happens.
@@ -66,6 +73,8 @@ pub enum Word {
     Bytes(Frame),
     /// The session reads the next of them.
     Read,
+    /// It has found that the last of them is the beginning of a frame.
+    Partial,
 }
 
 impl AnyClient {
@@ -90,19 +99,32 @@ impl Peer for AnyClient {
     }
 
     fn known(&self) -> Known {
-        Known { holds: vec![], judging: vec![], judged: None, open: 0, is_arriving: false, wrong: None }
+        Known {
+            holds: vec![],
+            is_partial: false,
+            judging: vec![],
+            judged: None,
+            open: 0,
+            is_arriving: false,
+            wrong: None,
+        }
     }
 
     fn words(&self, end: &ServerMachine<2>, known: &Known, words: &mut Vec<Word>) {
         if end.link == ServerLink::Down {
             return;
         }
-        if !known.judging.is_empty() {
+        if known.is_partial {
+            words.push(Word::Partial);
+        } else if !known.judging.is_empty() {
             words.push(Word::Read);
+        } else if self.is_serial() && known.holds.last() == Some(&Frame::Part) {
+            words.push(Word::Bytes(Frame::Rest));
         } else if known.holds.len() < 3 {
             let waits = self.is_serial() && self.keeps_rules && (known.is_arriving || known.open > 0);
-            let frames = [Frame::Corrupt, Frame::Other, Frame::Broadcast, Frame::Own];
-            words.extend(frames.into_iter().take(if waits { 2 } else { 4 }).map(Word::Bytes));
+            let frames = [Frame::Corrupt, Frame::Other, Frame::Broadcast, Frame::Own, Frame::Part];
+            let count = if waits { 2 } else { 4 + usize::from(self.is_serial()) };
+            words.extend(frames.into_iter().take(count).map(Word::Bytes));
         }
     }
 
@@ -112,6 +134,16 @@ impl Peer for AnyClient {
 
     fn hear(&self, end: &ServerMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
         match word {
+            Word::Partial => {
+                known.is_partial = false;
+                Some(Input::Partial)
+            }
+            Word::Bytes(Frame::Rest) => {
+                known.is_arriving = true;
+                known.holds.pop();
+                known.holds.push(Frame::Own);
+                Some(Input::Received)
+            }
             Word::Bytes(frame) => {
                 known.is_arriving = true;
                 if self.is_serial() { &mut known.holds } else { &mut known.judging }.push(frame);
@@ -126,7 +158,7 @@ impl Peer for AnyClient {
                     Frame::Own => UNIT,
                     Frame::Broadcast => 0,
                     Frame::Other => UNIT + 1,
-                    Frame::Corrupt => return None,
+                    Frame::Corrupt | Frame::Part | Frame::Rest => return None,
                 };
                 Some(Input::Request { unit, is_last })
             }
@@ -140,13 +172,12 @@ impl Peer for AnyClient {
     fn acted(&self, _: &ServerMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
         match (cause, action) {
             (Cause::Connected | Cause::Disconnected, _) => self.restarted(known),
-            // Whole frames, or nothing.
-            (Cause::Due, Action::Cut) => {
-                known.judging = core::mem::take(&mut known.holds);
-                if known.judging.contains(&Frame::Corrupt) {
-                    known.judging.clear();
-                }
-            }
+            // Whole frames, or nothing, or the rest is to come.
+            (Cause::Due, Action::Cut) if known.holds.contains(&Frame::Corrupt) => known.holds.clear(),
+            (Cause::Due, Action::Cut) if known.holds.last() == Some(&Frame::Part) => known.is_partial = true,
+            (Cause::Due, Action::Cut) => known.judging = core::mem::take(&mut known.holds),
+            (Cause::Due, Action::GiveUp) => known.holds.clear(),
+            (Cause::Word(Word::Partial), Action::GiveUp) => known.wrong = Some(REST),
             (Cause::Word(Word::Read), Action::Serve) => {
                 known.open += 1;
                 match known.judged {
@@ -188,6 +219,7 @@ impl Peer for AnyClient {
     }
 
     fn benign(&self, _: &ServerMachine<2>, known: &Known) -> Option<Word> {
-        (!known.judging.is_empty()).then_some(Word::Read)
+        let read = (!known.judging.is_empty()).then_some(Word::Read);
+        if known.is_partial { Some(Word::Partial) } else { read }
     }
 }

@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::machine::{Action, ClientLink, ClientMachine, Due, Fit, Input, Places};
+use fanuc_hmi_modbus::client::machine::{
+    Action, ClientLink, ClientMachine, Due, Fit, Held, Input, Line, Places, Stage,
+};
 use fanuc_hmi_modbus::{ClientConfig, Framing};
 
 use super::world::{COLLISION, ENDED_TWICE, ENDS, FOREIGN_REPLY, STALE, TICK};
@@ -10,17 +12,18 @@ use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
 pub(super) const FITS: &str = "a reply that does not fit is not taken";
 pub(super) const DATA: &str = "data of a damaged reply is not taken for an exception";
+pub(super) const REST: &str = "the rest of a reply is waited for until the timeout";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-44, FM-57",
-    free: "whether it answers, when, in which order, with what; noise on a line, and damaged replies whose data looks like an exception",
-    properties: &[FOREIGN_REPLY, FITS, DATA, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, and damaged replies whose data looks like an exception",
+    properties: &[FOREIGN_REPLY, FITS, DATA, REST, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
-    properties: &[FITS, DATA, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    properties: &[FITS, DATA, REST, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 
 /// A server of which only this is known.
@@ -46,6 +49,8 @@ pub struct Known {
     is_arriving: bool,
     /// The last of them were no frame.
     is_damaged: bool,
+    /// They are the beginning of a reply.
+    is_partial: bool,
     wrong: Option<&'static str>,
 }
 
@@ -86,6 +91,8 @@ pub enum Word {
         /// Whether it fits.
         fit: Fit,
     },
+    /// They are the beginning of a reply to the request in flight.
+    Partial,
     /// They are no frame: noise, or a reply that is damaged.
     Corrupt,
     /// Within the damaged reply, data that looks like an exception.
@@ -106,6 +113,7 @@ impl AnyServer {
 
     /// Nothing of a connection reaches the next; on a serial line nobody notices.
     fn reconnected(&self, known: &mut Known) {
+        known.is_partial = false;
         if !self.is_serial() {
             known.outstanding.clear();
         }
@@ -136,6 +144,7 @@ impl Peer for AnyServer {
             is_up: false,
             is_arriving: false,
             is_damaged: false,
+            is_partial: false,
             wrong: None,
         }
     }
@@ -154,10 +163,14 @@ impl Peer for AnyServer {
         }
         if !self.is_tcp() {
             words.push(Word::Bytes);
-            if !known.is_arriving {
+            // What follows the beginning of a reply comes in later bytes.
+            if !known.is_arriving || known.is_partial {
                 return;
             }
             words.push(Word::Corrupt);
+            if end.in_flight() > 0 && matches!(end.link, ClientLink::Up { line: Line::Busy { .. }, .. }) {
+                words.push(Word::Partial);
+            }
             if known.is_damaged {
                 words.push(Word::Data);
             }
@@ -179,7 +192,7 @@ impl Peer for AnyServer {
     fn by(&self, word: Word) -> By {
         match word {
             Word::Request { .. } | Word::Take(_) => By::User,
-            Word::Bytes | Word::Reply { .. } | Word::Corrupt | Word::Data => By::Line,
+            Word::Bytes | Word::Partial | Word::Reply { .. } | Word::Corrupt | Word::Data => By::Line,
         }
     }
 
@@ -189,15 +202,20 @@ impl Peer for AnyServer {
             Word::Take(place) => Input::Taken { place },
             Word::Bytes => {
                 known.is_arriving = true;
+                known.is_partial = false;
                 Input::Received
             }
+            Word::Partial => {
+                known.is_partial = true;
+                Input::Partial
+            }
             Word::Corrupt => {
-                known.is_damaged = true;
+                (known.is_damaged, known.is_partial) = (true, false);
                 Input::Corrupt
             }
             Word::Data => Input::Reply { transaction: 0, fit: Fit::Exception },
             Word::Reply { id, transaction, fit } => {
-                known.is_damaged = false;
+                (known.is_damaged, known.is_partial) = (false, false);
                 known
                     .outstanding
                     .retain(|outstanding| (outstanding.id, outstanding.transaction) != (id, transaction));
@@ -212,7 +230,7 @@ impl Peer for AnyServer {
         Input::Sent(*due)
     }
 
-    fn acted(&self, _: &ClientMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &ClientMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
         if let Cause::Sent(due) = cause {
             self.was_sent(known, due, action);
         }
@@ -244,7 +262,15 @@ impl Peer for AnyServer {
                 known.end_all(lost, true);
                 known.end_all(not_sent, false);
             }
-            Action::Nothing | Action::Sent | Action::Stray { .. } | Action::Cut => {}
+            Action::Cut => {
+                // Time is counted from now: what is due is at zero.
+                let waits = |held: &Held| matches!(held.stage, Stage::InFlight { deadline, .. } if !deadline.is_zero());
+                if known.is_partial && end.held().any(waits) {
+                    known.wrong = Some(REST);
+                }
+                known.is_partial = false;
+            }
+            Action::Nothing | Action::Sent | Action::Stray { .. } => {}
         }
         match cause {
             Cause::Word(Word::Take(place)) => known.jobs[usize::from(place)] = None,

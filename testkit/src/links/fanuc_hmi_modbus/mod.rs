@@ -118,6 +118,7 @@ pub const ANY_CLIENT: Pair = Pair {
             without("NoReplyToBroadcast", any_client::UNANSWERED, line(), Server::NoReplyToBroadcast),
             without("ReplyAfterSilence", COLLISION, line(), Server::ReplyAfterSilence),
             without("AnswerLast", GIVEN_UP, line(), Server::AnswerLast),
+            without("AwaitRest", any_client::REST, line(), Server::AwaitRest),
             without("DropReplies", any_client::ANSWERED, ServerConfig::tcp(), Server::DropReplies),
             without("WaitForPlace", any_client::TAKEN, ServerConfig::tcp(), Server::WaitForPlace),
         ]
@@ -165,6 +166,7 @@ pub const ANY_SERVER: Pair = Pair {
             case("FreshTransaction", FOREIGN_REPLY, without(Client::FreshTransaction, few)),
             case("CheckReply", any_server::FITS, without(Client::CheckReply, anything)),
             case("DoubtException", any_server::DATA, without(Client::DoubtException, on_line())),
+            case("AwaitRest", any_server::REST, without(Client::AwaitRest, on_line())),
             case("EndAtDisconnect", ENDS, without(Client::EndAtDisconnect, tcp())),
             case("DropQueued", STALE, without(Client::DropQueued, tcp())),
             case("OneInFlight", FOREIGN_REPLY, without(Client::OneInFlight, two)),
@@ -204,7 +206,13 @@ fn rtu(jobs: &[Job], faults: u8) -> Setup {
         broadcast: true,
         ..ClientConfig::tcp()
     };
-    let server = ServerConfig { framing, unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
+    let server = ServerConfig {
+        framing,
+        unit: Some(1),
+        broadcast: true,
+        frame_timeout: 2 * TICK,
+        ..ServerConfig::tcp()
+    };
     Setup { client, server, jobs: jobs.to_vec(), faults, strict: false }
 }
 

@@ -111,7 +111,8 @@ impl<'a> Sessions<'a> {
             Act::Lose => {}
             Act::Noise => {
                 if before.busy == 0 {
-                    self.server.handle_input(now, &[0xFF, 0]);
+                    // As long as a frame of its function: nothing is waited for.
+                    self.server.handle_input(now, &[0xFF, 6, 0, 0, 0, 0, 0, 0]);
                 }
             }
             Act::ClientNotices => self.client.handle_disconnected(now),

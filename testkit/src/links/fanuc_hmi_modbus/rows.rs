@@ -144,10 +144,11 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
                 up(&[ask, sent, On::Received]),
                 up(&[ask, sent, On::Received, On::Corrupt]),
                 up(&[ask, sent, reply]),
-                after(&timed_out),
-                after(&taken),
-                up(&[announce, sent]),
             ]);
+            if T::NAME != Tcp::NAME {
+                states.push(up(&[ask, sent, On::Received, On::Partial]));
+            }
+            states.extend([after(&timed_out), after(&taken), up(&[announce, sent])]);
         }
         states
     }
@@ -169,9 +170,11 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             On::Corrupt,
             On::Sent(Due { place: 0, transaction }),
         ];
-        // Without transactions every reply has that of every request.
+        // Without transactions every reply has that of every request, and only its bytes show where it ends.
         if transaction > 0 {
             inputs.push(On::Reply { transaction: 77, fit: Fit::Whole });
+        } else {
+            inputs.push(On::Partial);
         }
         inputs
     }
@@ -182,6 +185,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
 
     fn row(machine: &ClientMachine<N>, _now: Duration) -> String {
         let bytes = match machine.link {
+            ClientLink::Up { line: Line::Partial { .. }, .. } => ", the beginning of a reply",
             ClientLink::Up { line: Line::Busy { .. }, .. } if machine.name() != "Receiving" => ", bytes",
             ClientLink::Up { .. } | ClientLink::Down => "",
         };
@@ -193,7 +197,10 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
     fn column_at(machine: &ClientMachine<N>, now: Duration, input: &client::Input) -> String {
         let (is_silent, is_quiet_over) = match machine.link {
             ClientLink::Up { line, quiet } => (
-                matches!(line, Line::Busy { silent_at } if is_due(silent_at, now)),
+                match line {
+                    Line::Busy { silent_at: at } | Line::Partial { until: at } => is_due(at, now),
+                    Line::Silent => false,
+                },
                 matches!(quiet, Quiet::Until { end } if is_due(end, now)),
             ),
             ClientLink::Down => (false, false),
@@ -246,9 +253,17 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
         let mut states = vec![ServerMachine::NEW];
         for replies in 0..=2 {
             let busy = |at: Duration| Line::Busy { silent_at: at };
-            for line in [Line::Silent, busy(NOW + TIME), busy(NOW - TIME)] {
-                // On TCP frames have their length.
-                if line == Line::Silent || T::NAME != Tcp::NAME {
+            let partial = |at: Duration| Line::Partial { until: at };
+            for line in
+                [Line::Silent, busy(NOW + TIME), busy(NOW - TIME), partial(NOW + TIME), partial(NOW - TIME)]
+            {
+                // On TCP frames have their length, and through TCP nothing is known of the line.
+                let is_possible = match line {
+                    Line::Silent => true,
+                    Line::Busy { .. } => T::NAME != Tcp::NAME,
+                    Line::Partial { .. } => serial,
+                };
+                if is_possible {
                     states.push(ServerMachine { link: ServerLink::Up { line, serial, replies } });
                 }
             }
@@ -263,6 +278,7 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
         // Through TCP a client does not have to wait.
         if T::NAME == Rtu::NAME {
             requests.extend([1, 2, 0].map(|unit| request(unit, false)));
+            requests.push(On::Partial);
         }
         [&[On::Connected, On::Disconnected, On::Timeout, On::Received, On::Sent], &requests[..]].concat()
     }
@@ -273,7 +289,9 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
 
     fn row(machine: &ServerMachine<N>, _now: Duration) -> String {
         let is_full = matches!(machine.link, ServerLink::Up { replies, .. } if usize::from(replies) == N);
-        format!("{}, {}{}", T::NAME, server_state(machine), if is_full { ", full" } else { "" })
+        let is_partial = matches!(machine.link, ServerLink::Up { line: Line::Partial { .. }, .. });
+        let partial = if is_partial { ", the beginning of a frame" } else { "" };
+        format!("{}, {}{partial}{}", T::NAME, server_state(machine), if is_full { ", full" } else { "" })
     }
 
     fn column(input: &server::Input) -> String {

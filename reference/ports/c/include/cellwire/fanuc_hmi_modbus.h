@@ -115,6 +115,9 @@ bool modbus_rtu_length(const uint8_t *frame, size_t length, enum modbus_side sid
 /* Decodes an RTU frame of 4 to 256 bytes whose CRC is right. */
 void modbus_decode_rtu(const uint8_t *frame, size_t length, enum modbus_side side, struct modbus_item *item);
 
+/* Whether these are 4 to 256 bytes whose CRC is right. */
+bool modbus_is_right(const uint8_t *frame, size_t length);
+
 /* FM-9 */
 uint16_t modbus_crc(const uint8_t *data, size_t length);
 

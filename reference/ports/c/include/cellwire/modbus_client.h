@@ -78,6 +78,7 @@ struct modbus_client {
     struct modbus_client_config config;
     struct modbus_decoder decoder;
     bool is_up, is_busy, is_quiet;
+    bool is_partial; /* until `silent_at` the rest of a reply is waited for (FM-86) */
     uint64_t silent_at, quiet_until;
     struct modbus_client_place places[MODBUS_CLIENT_PLACES];
     uint64_t tickets, expiries;

@@ -31,6 +31,9 @@ bool modbus_step_is_lost(struct modbus_step *step, const struct modbus_decoder *
 /* FM-4; a stall of half a second where a gap shows nothing (FM-5). */
 uint64_t modbus_line_silence(enum modbus_line line, uint32_t baud);
 
+/* The time of 32 characters and 20 ms on a serial line, else 50 ms (FM-79). */
+uint64_t modbus_line_piece(enum modbus_line line, uint32_t baud);
+
 /* The time of 256 characters on a serial line, else 0 (FM-77). */
 uint64_t modbus_line_longest(enum modbus_line line, uint32_t baud);
 

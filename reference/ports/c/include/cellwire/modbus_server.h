@@ -12,6 +12,7 @@ extern "C" {
 #define MODBUS_SERVER_PLACES 8
 #define MODBUS_SERVER_EVENTS 32
 #define MODBUS_SERVER_HELD 1024 /* FM-63 */
+#define MODBUS_SERVER_SILENCES 32 /* the places of silences that are kept within them (FM-87) */
 
 /* The owner carries out a request, whose addresses are below 65536, and writes the reply: its shape and what the shape has. Returns an
  * exception (1: no such function, 2: no such place, …), which MUST leave everything as it was, or 0. */
@@ -28,6 +29,7 @@ struct modbus_server_config {
     uint8_t unit;
     bool broadcast;
     uint64_t silence; /* or stall */
+    uint64_t frame_timeout;
     struct modbus_server_owner owner;
 };
 
@@ -57,11 +59,14 @@ struct modbus_server_reply {
 struct modbus_server {
     struct modbus_server_config config;
     bool is_up, is_busy;
+    bool is_partial; /* until `silent_at` the rest of a request is waited for (FM-87) */
     uint64_t silent_at;
     struct modbus_decoder decoder; /* TCP */
     struct modbus_step step;
     uint8_t held[MODBUS_SERVER_HELD]; /* RTU */
     size_t length;
+    size_t silences[MODBUS_SERVER_SILENCES]; /* within them */
+    size_t silence_count;
     bool is_spoiled; /* what comes before the next silence is no frame */
     struct modbus_fault fault; /* of these bytes */
     struct modbus_server_reply replies[MODBUS_SERVER_PLACES];

@@ -134,6 +134,7 @@ static bool begin(const struct json *object)
     read_unsigned(object, "places", MODBUS_SERVER_PLACES, &config.places);
     read_time(object, "silence", &config.silence);
     read_time(object, "stall", &config.silence);
+    read_time(object, "frame_timeout", &config.frame_timeout);
     config.owner.serve = serve;
     for (unsigned i = 0; i < TABLE; i++) {
         coils[i] = i % 3 == 0;

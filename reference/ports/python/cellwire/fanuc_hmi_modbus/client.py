@@ -6,6 +6,7 @@ from enum import Enum, auto
 from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Item, Json, Refused
 from . import codec, timing
+from .replies import begins_reply
 
 MAX_PLACES = 16
 READING = (1, 2, 3, 4, 23)
@@ -83,6 +84,7 @@ class Client(Session):
         self.options = {"framing": "tcp" if self.is_tcp else "rtu"}
         self.is_up = False
         self.silent_at: int | None = None  # None: the line is silent
+        self.is_partial = False  # until then the rest of the reply is waited for (FM-86)
         self.quiet_until: int | None = None
         self.places: list[Request | None] = [None] * config.places
         self.tickets = self.ends = self.last_transaction = 0
@@ -165,7 +167,7 @@ class Client(Session):
         for request in self.all_in(Stage.ENDED):
             request.is_late = False
         self.silent_at = self.quiet_until = None
-        self.was_within = False
+        self.was_within = self.is_partial = False
         self.replies = self.new_decoder()
 
     # Input
@@ -175,18 +177,27 @@ class Client(Session):
         if not self.is_up:
             self.unexpected("Disconnected", "Received")
             return
-        if self.silent_at is not None and now >= self.silent_at:
+        if self.silent_at is not None and now >= self.silent_at and not self.is_partial:
             self.end_input()
         self.replies.push(data)
         self.read(now)
         if self.gap is not None:
-            self.silent_at = after(now, self.gap)
+            self.silent_at, self.is_partial = after(now, self.gap), False
+            self.wait_for_rest()
         is_within = self.replies.corruption is not None
         if self.is_tcp and is_within and not self.was_within:
             self.report("out_of_step", error=self.replies.corruption)
         self.was_within = is_within
 
+    def wait_for_rest(self) -> None:
+        """FM-86"""
+        held = bytes(self.replies.held)
+        for request in self.all_in(Stage.IN_FLIGHT):
+            if begins_reply(held, request.message, self.config.any_unit):
+                self.silent_at, self.is_partial = max(self.silent_at or 0, request.deadline), True
+
     def end_input(self) -> None:
+        self.is_partial = False
         self.replies.end()
         self.read(0)
 
@@ -210,7 +221,8 @@ class Client(Session):
             return
         request = flight[0]
         mismatch = self.mismatch(request.message, header["unit"], item.message)
-        is_doubtful = not self.is_tcp and pdu[0] > codec.EXCEPTION and self.has_failed  # FM-84
+        is_last = self.replies.ended and not self.replies.held
+        is_doubtful = not self.is_tcp and pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
         if item.message is not None and mismatch is None and not is_doubtful:
             self.finish(request, "replied", message=reply_of(request.message, item.message))
         elif self.is_tcp:

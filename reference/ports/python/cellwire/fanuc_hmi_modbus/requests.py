@@ -16,17 +16,8 @@ class Found:
 
 def find(held: bytes, is_ours: bool, ended: bool, is_stream: bool) -> Found:
     """The pseudocode of FM-82; `is_ours`: only a request begins so; `is_stream`: through TCP."""
-    sizes: list[int] = []
-    needs_more = False
-    for sender in ["client"] if is_ours else ["client", "server"]:
-        try:
-            size = codec.rtu_length(held, sender)
-        except Incomplete:
-            needs_more = True
-            continue
-        if size is not None and size <= codec.MAX_RTU:
-            sizes.append(size)
-            needs_more |= size > len(held)
+    sizes = [size for size in lengths_of(held, is_ours) if size is not None and size <= codec.MAX_RTU]
+    needs_more = any(size > len(held) for size in sizes)
     if ended and codec.MIN_RTU <= len(held) <= codec.MAX_RTU and is_right(held) and not (is_stream and needs_more):
         return Found(len(held))
     if not ended and needs_more:
@@ -35,6 +26,18 @@ def find(held: bytes, is_ours: bool, ended: bool, is_stream: bool) -> Found:
     if right:
         return Found(max(right))
     return Found(waits=needs_more if ended else len(held) <= codec.MAX_RTU)
+
+
+def lengths_of(held: bytes, is_ours: bool) -> list[int | None]:
+    """The lengths that a frame can have that begins so (FM-10): one byte more where that is not known yet, None where only the silence
+    shows it."""
+    lengths: list[int | None] = []
+    for sender in ["client"] if is_ours else ["client", "server"]:
+        try:
+            lengths.append(codec.rtu_length(held, sender))
+        except Incomplete:
+            lengths.append(len(held) + 1)
+    return lengths
 
 
 def is_right(frame: bytes) -> bool:

@@ -12,7 +12,7 @@ from .registers import (
     Refusal,
     Registers,
 )
-from .requests import Found, fault_of, find
+from .requests import Found, fault_of, find, lengths_of
 
 MAX_PLACES = 255
 HELD = 504  # FM-62
@@ -31,6 +31,7 @@ class ServerConfig:
     baud: int = 19200
     silence: int | None = None
     stall: int | None = None
+    frame_timeout: int | None = None
     places: int = 8
 
     def __post_init__(self) -> None:
@@ -55,14 +56,18 @@ class Server(Session):
         self.registers = registers or Registers()
         self.is_tcp, self.is_line = config.framing == "tcp", config.framing == "rtu"
         self.gap = timing.gap(config.framing, config.baud, config.silence, config.stall)
+        default = timing.piece(config.baud) if self.is_line else timing.PIECE
+        self.frame_timeout = default if config.frame_timeout is None else config.frame_timeout
         self.begin(False)
 
     def begin(self, is_up: bool) -> None:
         """FM-65"""
         self.is_up = is_up
         self.silent_at: int | None = None  # None: the line is silent
+        self.is_partial = False  # until then the rest of a request is waited for (FM-87)
         self.replies: list[bytes] = []
         self.held = bytearray()  # of RTU
+        self.silences: list[int] = []  # within what is held
         self.is_dropping = False  # up to the next silence: no frame is behind corrupt bytes
         self.fault: Json | None = None  # of bytes that were dropped before the silence
         self.was_within = False  # corruption, when the read before ended (FM-81)
@@ -88,7 +93,7 @@ class Server(Session):
             self.unexpected("Disconnected", "Received")
             return
         if self.gap is not None:
-            self.silent_at = after(now, self.gap)
+            self.silent_at, self.is_partial = after(now, self.gap), False
         if self.is_tcp:
             self.requests.push(data if self.wants_input() else data[: max(HELD - len(self.requests.held), 0)])
             self.read_tcp()
@@ -153,26 +158,60 @@ class Server(Session):
             found = self.find(bytes(self.held), False)
             if found.size == 0:
                 self.fault = fault_of(bytes(self.held))
-                self.held.clear()
+                self.forget(len(self.held))
                 return
             unit, function = self.held[:2]
             if unit == BROADCAST or self.is_own(unit):
                 self.report("refused", unit=unit, function=function)
-            del self.held[: found.size]
+            self.forget(found.size)
 
-    def read_line(self) -> None:
-        """A serial line, at a silence (FM-82)."""
-        held, frames = bytes(self.held), []
-        self.held.clear()
-        while held:
-            found = self.find(held, True)
-            if found.size == 0:
-                self.report("corrupt", error=fault_of(held))
+    def forget(self, size: int) -> None:
+        """Takes so many of the first bytes away."""
+        del self.held[:size]
+        self.silences = [at - size for at in self.silences if at > size]
+
+    def read_line(self, now: int) -> None:
+        """A serial line, at a silence, or when the rest of a request has not come (FM-82, FM-87)."""
+        is_pause, self.is_partial = not self.is_partial, False
+        while self.held:
+            held = bytes(self.held)
+            frames, rest = self.divide(held)
+            if not rest:
+                self.forget(len(held))
+                for at, frame in enumerate(frames, 1):
+                    self.take(frame, at < len(frames))
+            elif is_pause and self.may_go_on(held):
+                self.silences.append(len(held))
+                while self.held and (size := self.find(bytes(self.held), False).size):
+                    frame = bytes(self.held[:size])
+                    self.forget(size)
+                    self.take(frame, True)
+                self.is_partial, self.silent_at = True, after(now, self.frame_timeout)
                 return
-            frames.append(held[: found.size])
-            held = held[found.size :]
-        for frame in frames:
-            self.take(frame, frame is not frames[-1])
+            else:
+                piece = held[: next((at for at in self.silences if at < len(held)), len(held))]
+                self.report("corrupt", error=fault_of(self.divide(piece)[1] or rest))
+                self.forget(len(piece))
+
+    def divide(self, held: bytes) -> tuple[list[bytes], bytes]:
+        """The frames at the beginning of a message that has ended, and the bytes behind them."""
+        frames = []
+        while held and (size := self.find(held, True).size):
+            frames.append(held[:size])
+            held = held[size:]
+        return frames, held
+
+    def may_go_on(self, held: bytes) -> bool:
+        """FM-87"""
+        rest = held
+        while rest and (size := self.find(rest, False).size):
+            rest = rest[size:]
+        if rest and not self.find(rest, False).waits:
+            return False
+        lengths = lengths_of(rest, bool(rest) and (rest[0] == BROADCAST or self.is_own(rest[0])))
+        if any(size is not None and len(rest) < size <= codec.MAX_RTU for size in lengths):
+            return True
+        return None in lengths and all(self.divide(held[at:])[1] for at in self.silences if at < len(held))
 
     def take(self, frame: bytes, is_followed: bool) -> None:
         """A frame of a serial line (FM-62)."""
@@ -223,9 +262,9 @@ class Server(Session):
         if self.silent_at is None or now < self.silent_at or not self.is_line and self.is_full():
             return
         self.silent_at = None
-        if self.is_line:
-            self.read_line()
-        else:
+        if self.is_line and self.fault is None:
+            self.read_line(now)
+        elif not self.is_line:
             self.read_stream(True)
         if self.fault is not None:
             self.report("corrupt", error=self.fault)

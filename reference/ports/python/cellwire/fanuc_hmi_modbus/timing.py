@@ -3,6 +3,7 @@
 from ..session import MS, SECOND
 
 STALL = 500 * MS
+PIECE = 50 * MS
 FAST = 19200  # above it the silence is fixed
 FAST_SILENCE = 1_750_000
 FRAMINGS = ("tcp", "rtu", "rtu_over_tcp")
@@ -18,6 +19,11 @@ def silence(baud: int) -> int:
 def longest(baud: int) -> int:
     """256 characters (FM-77)."""
     return 2816 * SECOND // max(baud, 1)
+
+
+def piece(baud: int) -> int:
+    """32 characters and 20 ms (FM-79)."""
+    return 352 * SECOND // max(baud, 1) + 20 * MS
 
 
 def gap(framing: str, baud: int, of_line: int | None, stall: int | None) -> int | None:

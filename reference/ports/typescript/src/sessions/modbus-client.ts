@@ -4,6 +4,7 @@ import { Refused } from "../check.js";
 import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
 import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt } from "../stream.js";
+import { mayBeginReply } from "./modbus-reply.js";
 import { longestFrame, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
@@ -60,6 +61,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private up = false;
   /** When a busy line is silent; null: it is silent. */
   private silentAt: number | null = null;
+  /** Until then the rest of a reply is waited for (FM-86). */
+  private partial = false;
   /** Until when nothing is sent; null: quiet is over. */
   private quietUntil: number | null = null;
   private readonly places: (Place | null)[];
@@ -108,6 +111,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     this.wasLost = false;
     this.up = true;
     this.silentAt = null;
+    this.partial = false;
     const { framing, timeout, settle } = this.config;
     this.quietUntil = framing === "rtu" ? now + timeout + settle : null;
   }
@@ -133,10 +137,14 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       this.events.push({ event: "unexpected" });
       return;
     }
-    if (this.silentAt !== null && isDue(this.silentAt, now)) this.endInput();
-    if (this.config.framing !== "tcp") this.silentAt = now + this.config.silence;
+    if (this.silentAt !== null && !this.partial && isDue(this.silentAt, now)) this.endInput();
     this.decoder.push(bytes);
     this.read();
+    if (this.config.framing === "tcp") return;
+    this.silentAt = now + this.config.silence;
+        const [asked] = this.inFlight();
+    this.partial = asked !== undefined && mayBeginReply(this.decoder.waiting, asked.request, this.config.any_unit);
+    if (asked !== undefined && this.partial) this.silentAt = Math.max(this.silentAt, asked.deadline);
   }
 
   /** One thing at a time, until nothing is left (FM-50). */
@@ -271,6 +279,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   // Replies
 
   private endInput(): void {
+    this.partial = false;
     this.decoder.end();
     this.read();
   }
@@ -313,7 +322,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       const mismatch = mismatchOf(place.request, reply);
       if (mismatch !== null) {
         this.misfit(place, stray, withoutTransaction, mismatch);
-      } else if (withoutTransaction && "exception" in reply && this.damaged) {
+      } else if (withoutTransaction && "exception" in reply && this.damaged && !this.decoder.isAtEnd) {
         this.events.push(stray);
       } else {
         place.stage = "ended";

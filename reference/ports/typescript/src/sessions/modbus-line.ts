@@ -24,6 +24,22 @@ export function needsMore(bytes: Uint8Array, unit: Unit): boolean {
   });
 }
 
+/** The bytes of a message that has ended behind the frames at its beginning. */
+export function behindFrames(bytes: Uint8Array, unit: Unit): Uint8Array {
+  let left = bytes;
+  for (let length; left.length > 0 && (length = endedFrame(left, unit, false)) !== null; ) left = left.subarray(length);
+  return left;
+}
+
+/** Whether the rest of a message may come after a silence; `pieces` are what came after each silence before (FM-87). */
+export function mayGoOn(bytes: Uint8Array, unit: Unit, pieces: Uint8Array[]): boolean {
+  let left = bytes;
+  for (let length; left.length > 0 && (length = openFrame(left, unit)) !== null; ) left = left.subarray(length);
+  if (needsMore(left, unit)) return true;
+  if (left.length > MAX_RTU || !lengths(left, unit).includes("silence")) return false;
+  return pieces.every((piece) => behindFrames(piece, unit).length > 0);
+}
+
 /** The longest of the lengths whose CRC is right; null, if there is none. */
 function longestRight(bytes: Uint8Array, unit: Unit): number | null {
   const right = lengths(bytes, unit)

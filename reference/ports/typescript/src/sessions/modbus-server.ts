@@ -4,9 +4,9 @@ import { Refused } from "../check.js";
 import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
 import { decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt, concat } from "../stream.js";
-import { endedFrame, lineError, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
+import { behindFrames, endedFrame, lineError, mayGoOn, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
 import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
-import { silence, type Transport } from "./modbus-transport.js";
+import { pieceTime, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
 export interface ModbusServerConfig {
@@ -18,6 +18,8 @@ export interface ModbusServerConfig {
   unit: Unit;
   /** Unit 0 is a broadcast: carried out, never answered. */
   broadcast: boolean;
+  /** ns for which the rest of an incomplete request is waited for on a serial line. */
+  frame_timeout: number;
   /** How many replies may wait. */
   places: number;
 }
@@ -38,12 +40,16 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   private up = false;
   /** When a busy line is silent; null: it is silent. */
   private silentAt: number | null = null;
+  /** Until then the rest of a request is waited for (FM-87). */
+  private partial = false;
   private readonly replies: Uint8Array[] = [];
   private readonly decoder = new TcpFrameDecoder("client");
   /** The last read ended within corruption (FM-81). */
   private wasLost = false;
   /** Bytes of RTU frames. */
   private held: Uint8Array = new Uint8Array(0);
+  /** Where silences were within them. */
+  private silences: number[] = [];
   /** Behind bytes that are no frame: everything is dropped up to the next silence of a serial line. */
   private dropping = false;
   /** The error of what was dropped on a serial line, which is reported at its silence. */
@@ -62,6 +68,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       silence: silence(framing, baud),
       unit: framing === "tcp" ? null : 1,
       broadcast: framing !== "tcp",
+      frame_timeout: pieceTime(framing, baud),
       places: 8,
       ...given,
     };
@@ -90,6 +97,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       return;
     }
     this.silentAt = now + this.config.silence;
+    this.partial = false;
     if (this.config.framing === "rtu") {
       this.takeLine(bytes);
     } else {
@@ -101,7 +109,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   timeout(now: number): void {
     if (this.silentAt === null || !isDue(this.silentAt, now) || this.isFullStream()) return;
     this.silentAt = null;
-    if (this.config.framing === "rtu") this.judgeLine();
+    if (this.config.framing === "rtu") this.judgeLine(now);
     else this.judgeStall();
     if (this.burst !== null) this.events.push({ event: "corrupt", error: this.burst });
     this.burst = null;
@@ -136,10 +144,11 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.replies.length = 0;
     this.decoder.discard();
     this.wasLost = false;
-    this.held = new Uint8Array(0);
+    this.forget(this.held.length);
     this.dropping = false;
     this.burst = null;
     this.silentAt = null;
+    this.partial = false;
   }
 
   private isFull(): boolean {
@@ -194,21 +203,48 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.request(partsOf(frame));
   }
 
-  /** A serial line at a silence: frames, one behind the other, to the end, or nothing. */
-  private judgeLine(): void {
-    const frames: Uint8Array[] = [];
-    let left = this.held;
-    this.held = new Uint8Array(0);
-    while (left.length > 0) {
-      const length = endedFrame(left, this.config.unit, false);
-      if (length === null) {
-        this.corrupt(left);
+  /** A serial line at a silence, or when the rest of a request has not come: frames, one behind the other, to the end, or nothing. */
+  private judgeLine(now: number): void {
+    const isPause = !this.partial;
+    this.partial = false;
+    while (this.held.length > 0) {
+      const { held, silences, config } = this;
+      const wrong = behindFrames(held, config.unit);
+      if (wrong.length === 0) {
+        this.takeFrames();
         return;
       }
-      frames.push(left.subarray(0, length));
-      left = left.subarray(length);
+      const within = silences.filter((at) => at < held.length);
+      if (isPause && mayGoOn(held, config.unit, within.map((at) => held.subarray(at)))) {
+        silences.push(held.length);
+        for (let length; (length = openFrame(this.held, config.unit)) !== null; ) {
+          const frame = this.held.subarray(0, length);
+          this.forget(length);
+          this.request(partsOf(frame), true);
+        }
+        this.partial = true;
+        this.silentAt = now + config.frame_timeout;
+        return;
+      }
+      const end = within[0] ?? held.length;
+      const ofPiece = behindFrames(held.subarray(0, end), config.unit);
+      this.events.push({ event: "corrupt", error: lineError(ofPiece.length > 0 ? ofPiece : wrong) });
+      this.forget(end);
     }
-    frames.forEach((frame, index) => this.request(partsOf(frame), index < frames.length - 1));
+  }
+
+  private takeFrames(): void {
+    while (this.held.length > 0) {
+      const length = endedFrame(this.held, this.config.unit, false) ?? this.held.length;
+      const frame = this.held.subarray(0, length);
+      this.forget(length);
+      this.request(partsOf(frame), this.held.length > 0);
+    }
+  }
+
+  private forget(length: number): void {
+    this.held = this.held.subarray(length);
+    this.silences = this.silences.map((at) => at - length).filter((at) => at > 0);
   }
 
   /** What a serial line has brought: of more than 1024 bytes without a silence whole frames at the beginning are dropped (FM-63). */
@@ -232,14 +268,14 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       }
       const [unit, code] = [numberAt(this.held, 0), numberAt(this.held, 1)];
       if (unit === 0 || this.isOwn(unit)) this.events.push({ event: "refused", unit, function: code });
-      this.held = this.held.subarray(length);
+      this.forget(length);
     }
   }
 
   /** No frame begins what is held: it is dropped with what comes, and reported at the silence. */
   private drop(): void {
     this.burst = lineError(this.held);
-    this.held = new Uint8Array(0);
+    this.forget(this.held.length);
     this.dropping = true;
   }
 

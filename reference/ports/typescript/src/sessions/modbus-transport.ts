@@ -20,6 +20,11 @@ export function silence(transport: Transport, baud: number): number {
   return { tcp: NEVER, rtu: silenceOf(baud), rtu_over_tcp: STALL }[transport];
 }
 
+/** How long the rest of an incomplete request is waited for: 32 characters and 20 ms (FM-79). */
+export function pieceTime(transport: Transport, baud: number): number {
+  return transport === "rtu" ? lineTime(32, Math.max(baud, 1), BITS) + 20 * MS : 50 * MS;
+}
+
 /** The time of the longest frame on a serial line; a rate of 0 is taken for 1 (FM-77). */
 export function longestFrame(baud: number): number {
   return lineTime(256, Math.max(baud, 1), BITS);

@@ -65,8 +65,9 @@ pub struct Requests {
 #[derive(Debug)]
 pub struct Made {
     unit: u8,
-    request: PduBuf,
-    reply: session::Reply<Result<PduBuf, Error>>,
+    /// The request; its reply takes its place. Boxed, because it moves through two channels.
+    pdu: Box<PduBuf>,
+    reply: session::Reply<Result<Box<PduBuf>, Error>>,
 }
 
 /// Events that are not the outcome of an awaited request.
@@ -257,24 +258,28 @@ impl Client {
     /// # Errors
     /// See [`Error`].
     pub async fn request(&self, request: &Request<'_>) -> Result<PduBuf, Error> {
-        let (unit, request) = (self.unit, PduBuf::new(request)?);
-        self.handle.call(|reply| Made { unit, request, reply }).await?
+        self.ask(request).await.map(|pdu| *pdu)
+    }
+
+    async fn ask(&self, request: &Request<'_>) -> Result<Box<PduBuf>, Error> {
+        let (unit, pdu) = (self.unit, Box::new(PduBuf::new(request)?));
+        self.handle.call(|reply| Made { unit, pdu, reply }).await?
     }
 
     async fn words(&self, request: &Request<'_>) -> Result<Vec<u16>, Error> {
-        let pdu = self.request(request).await?;
+        let pdu = self.ask(request).await?;
         match pdu.reply() {
             Ok(
                 Reply::HoldingRegisters(words)
                 | Reply::InputRegisters(words)
                 | Reply::ReadWriteRegisters(words),
-            ) => Ok(words.iter().collect()),
+            ) => Ok(words.to_vec()),
             _ => Err(misfit(request, &[])),
         }
     }
 
     async fn bits(&self, request: &Request<'_>) -> Result<Vec<bool>, Error> {
-        let pdu = self.request(request).await?;
+        let pdu = self.ask(request).await?;
         match pdu.reply() {
             Ok(Reply::Coils(bits) | Reply::DiscreteInputs(bits)) => {
                 Ok(bits.iter().take(request.quantity_read().into()).collect())
@@ -319,7 +324,7 @@ impl Service for Requests {
         if call.reply.is_abandoned() {
             return;
         }
-        let made = match call.request.request() {
+        let made = match call.pdu.request() {
             Ok(request) => session.request(call.unit, &request).map_err(Error::from),
             Err(error) => Err(Failure::Malformed(error).into()),
         };
@@ -331,36 +336,33 @@ impl Service for Requests {
     }
 
     fn event(&mut self, session: &mut Session, event: ClientEvent, reports: &mut Reports<'_, Event>) {
-        let outcome = match event {
-            ClientEvent::Replied { ticket, .. } => match session.reply(ticket) {
-                Some(Reply::Exception { exception, .. }) => Err(Error::Exception(exception)),
-                Some(reply) => PduBuf::new(&reply).map_err(Error::from),
-                None => return,
-            },
-            ClientEvent::Failed { failure, .. } => {
-                let is_tcp = session.config().framing.has_transactions();
-                if is_tcp && failure == Failure::TimedOut && session.pending() > 0 {
-                    reports.reconnect(io::Error::other("the server has cut a reply off"));
-                }
-                Err(failure.into())
+        let Some(ticket) = event.outcome_of() else {
+            if let ClientEvent::OutOfStep(error) = event {
+                reports.reconnect(io::Error::new(io::ErrorKind::InvalidData, error));
             }
-            ClientEvent::Announced { ticket } => match self.made.iter().find(|(made, _)| *made == ticket) {
-                Some((_, made)) => Ok(made.request),
-                None => return,
-            },
-            event => {
-                if let ClientEvent::OutOfStep(error) = event {
-                    reports.reconnect(io::Error::new(io::ErrorKind::InvalidData, error));
-                }
-                reports.event(Event::Notice(event));
-                return;
-            }
-        };
-        let Some(Made { unit, request, reply }) = event.outcome_of().and_then(|ticket| self.take(ticket))
-        else {
+            reports.event(Event::Notice(event));
             return;
         };
+        if let ClientEvent::Failed { failure: Failure::TimedOut, .. } = event
+            && session.config().framing.has_transactions()
+            && session.pending() > 0
+        {
+            reports.reconnect(io::Error::other("the server has cut a reply off"));
+        }
+        let Some(Made { unit, mut pdu, reply }) = self.take(ticket) else { return };
+        let request = *pdu;
+        let outcome = match event {
+            ClientEvent::Failed { failure, .. } => Err(failure.into()),
+            ClientEvent::Replied { .. } => match session.reply(ticket) {
+                Some(Reply::Exception { exception, .. }) => Err(Error::Exception(exception)),
+                Some(reply) => pdu.put_reply(&reply).map(|()| pdu).map_err(Error::from),
+                None => return,
+            },
+            // A broadcast has no reply: its outcome is the request.
+            _ => Ok(pdu),
+        };
         if let Err(outcome) = reply.send(outcome) {
+            let outcome = outcome.map(|pdu| *pdu);
             reports.event(Event::Abandoned(Box::new(Abandoned { unit, request, outcome })));
         }
     }

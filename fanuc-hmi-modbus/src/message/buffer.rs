@@ -36,6 +36,14 @@ impl PduBuf {
         Ok(())
     }
 
+    /// Encodes a reply into the buffer.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn put_reply(&mut self, reply: &Reply<'_>) -> Result<(), EncodeError> {
+        let len = Pdu::encode(reply, &mut self.bytes)?;
+        self.len = u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })?;
+        Ok(())
+    }
+
     /// Holds these bytes from now on, unless they are too many.
     #[inline]
     pub(crate) fn hold(&mut self, pdu: &[u8]) {

@@ -50,6 +50,15 @@ impl<'a> Words<'a> {
         (0..words.len()).map(move |index| words.get(index).unwrap_or_default())
     }
 
+    /// Returns the registers as a list.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn to_vec(self) -> std::vec::Vec<u16> {
+        match self.0 {
+            WordsIn::Wire(pairs) => pairs.iter().map(|pair| u16::from_be_bytes(*pair)).collect(),
+            WordsIn::Memory(words) => words.to_vec(),
+        }
+    }
+
     /// Copies as many registers as `out` holds, and returns how many.
     #[inline(always)] // where the words come from is known then
     pub fn copy_to(&self, out: &mut [u16]) -> usize {

@@ -76,6 +76,13 @@ impl Left {
         }
     }
 
+    /// Called when the port has taken `taken` of the bytes; `flushed` if they have left it.
+    #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+    pub(crate) fn wrote(&mut self, taken: usize, flushed: bool, now: Duration) {
+        self.take(taken, now);
+        self.unflushed = taken > 0 && !flushed;
+    }
+
     /// The port takes nothing any more.
     pub(crate) fn is_stalled(&self, now: Duration) -> bool {
         self.is_some() && now >= self.taken_at.saturating_add(self.stall)

@@ -80,12 +80,19 @@ pub enum Sent {
 /// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session. In a runtime of tokio whose
 /// clock is paused it is that clock's: a handle, its task and its session then stand in the same virtual time.
 pub fn now() -> Duration {
-    static START: OnceLock<Instant> = OnceLock::new();
     #[cfg(feature = "tokio")]
     let now = ::tokio::time::Instant::now().into_std();
     #[cfg(not(feature = "tokio"))]
     let now = Instant::now();
     now.saturating_duration_since(*START.get_or_init(|| now))
+}
+
+static START: OnceLock<Instant> = OnceLock::new();
+
+/// Converts a time of [`now`]; `None` if the clock of the system does not reach it.
+#[cfg(feature = "tokio")]
+pub(crate) fn instant(at: Duration) -> Option<Instant> {
+    START.get_or_init(Instant::now).checked_add(at)
 }
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,

@@ -34,6 +34,17 @@ pub(crate) enum Outgoing<'a> {
     Flush,
 }
 
+impl<'a> Outgoing<'a> {
+    /// The unsent bytes of the driver's buffer, or a flush if they are all written.
+    pub(crate) fn of(left: &Left, buffer: &'a [u8]) -> Self {
+        match left.of(buffer) {
+            bytes @ [_, ..] => Self::Bytes(bytes),
+            [] if left.unflushed => Self::Flush,
+            [] => Self::Nothing,
+        }
+    }
+}
+
 /// What a port has done.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Passed {
@@ -166,28 +177,11 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
     ) -> Result<ControlFlow<Ended<H::Break>>, P::Error> {
         let mut sending = false;
         loop {
-            loop {
-                // As in `settle`: all that is to be sent, then the events of that.
-                if !sending && let ControlFlow::Break(value) = report_to(session, &mut handler) {
-                    return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-                }
-                // What a dropped future has left comes first.
-                if self.left.is_some() {
-                    break;
-                }
-                let now = self.clock.now();
-                if let Some(length) = session.poll_transmit(now, self.out) {
-                    self.left.begin_with(length, now);
-                    break;
-                }
-                if core::mem::take(&mut sending) {
-                    continue;
-                }
-                // Also where nothing is to be sent, something may have expired, or was read.
-                let Some(event) = session.poll_event() else { break };
-                if let ControlFlow::Break(value) = handler.event(session, event) {
-                    return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-                }
+            let Self { clock, out, left, .. } = &mut *self;
+            let mut each = |session: &mut S, event| handler.event(session, event);
+            if let ControlFlow::Break(value) = prepare(session, left, out, sending, || clock.now(), &mut each)
+            {
+                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
             }
             if self.left.unannounced {
                 handler.before_write(session).await?;
@@ -195,28 +189,13 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
             let due = self.left.due(session, self.clock.now());
-            let Passed { read, written, flushed } =
-                self.wait(session.wants_input(), due, wake.as_mut()).await?;
-            let now = self.clock.now();
-            match written {
-                Some(0) if self.left.is_some() => return Ok(ControlFlow::Break(Ended::ByPeer)),
-                Some(taken) => {
-                    self.left.take(taken, now);
-                    self.left.unflushed = taken > 0 && !flushed;
-                }
-                None => {}
-            }
-            match read {
-                Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
-                Some(length) => session.handle_input(now, self.input.get(..length).unwrap_or_default()),
-                None => {}
-            }
-            session.handle_timeout(now);
-            if self.left.is_stalled(now) {
-                return Ok(ControlFlow::Break(Ended::Stalled));
+            let passed = self.wait(session.wants_input(), due, wake.as_mut()).await?;
+            let Self { clock, input, left, .. } = &mut *self;
+            if let ControlFlow::Break(ended) = take(session, left, input, passed, clock.now()) {
+                return Ok(ControlFlow::Break(ended));
             }
             sending = !self.left.is_some();
-            if read.is_some() || written.is_none() {
+            if passed.read.is_some() || passed.written.is_none() {
                 return Ok(report_to(session, &mut handler).map_break(Ended::ByHandler));
             }
         }
@@ -230,12 +209,7 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         mut wake: Pin<&mut impl Future<Output = ()>>,
     ) -> Result<Passed, P::Error> {
         let Self { port, clock, input, out, left } = self;
-        let outgoing = match left.of(out) {
-            bytes @ [_, ..] => Outgoing::Bytes(bytes),
-            [] if left.unflushed => Outgoing::Flush,
-            [] => Outgoing::Nothing,
-        };
-        let mut passed = pin!(port.pass(wants_input.then_some(input), outgoing));
+        let mut passed = pin!(port.pass(wants_input.then_some(input), Outgoing::of(left, out)));
         let mut time = pin!(async {
             match due {
                 // The latest time of all is never.
@@ -256,6 +230,68 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         left.woken = is_woken;
         passed
     }
+}
+
+/// Before a wait: reports events until there are no more, or puts the bytes to be sent next into `out`. If `sending`, bytes were just sent,
+/// and further bytes come before the events.
+#[inline]
+pub(crate) fn prepare<S: Session, B>(
+    session: &mut S,
+    left: &mut Left,
+    out: &mut [u8],
+    mut sending: bool,
+    now: impl Fn() -> Duration,
+    each: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+) -> ControlFlow<B> {
+    loop {
+        // As in `settle`: all that is to be sent, then the events of that.
+        if !sending {
+            report(session, each)?;
+        }
+        // What a dropped future has left comes first.
+        if left.is_some() {
+            break;
+        }
+        let now = now();
+        if let Some(length) = session.poll_transmit(now, out) {
+            left.begin_with(length, now);
+            break;
+        }
+        if core::mem::take(&mut sending) {
+            continue;
+        }
+        // Also where nothing is to be sent, something may have expired, or was read.
+        let Some(event) = session.poll_event() else { break };
+        each(session, event)?;
+    }
+    ControlFlow::Continue(())
+}
+
+/// After a wait: gives the session the bytes that the port has read, and the time.
+#[inline]
+pub(crate) fn take<S: Session, B>(
+    session: &mut S,
+    left: &mut Left,
+    input: &[u8],
+    passed: Passed,
+    now: Duration,
+) -> ControlFlow<Ended<B>> {
+    let Passed { read, written, flushed } = passed;
+    match written {
+        Some(0) if left.is_some() => return ControlFlow::Break(Ended::ByPeer),
+        Some(taken) => left.wrote(taken, flushed, now),
+        None => {}
+    }
+    match read {
+        Some(0) => return ControlFlow::Break(Ended::ByPeer),
+        Some(length) => session.handle_input(now, input.get(..length).unwrap_or_default()),
+        None => {}
+    }
+    session.handle_timeout(now);
+    if left.is_stalled(now) {
+        return ControlFlow::Break(Ended::Stalled);
+    }
+    ControlFlow::Continue(())
 }
 
 fn report_to<S: Session, E, H: Handler<S, E>>(session: &mut S, handler: &mut H) -> ControlFlow<H::Break> {

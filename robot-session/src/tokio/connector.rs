@@ -18,7 +18,7 @@ use crate::{discard_unacknowledged, is_lost_datagram};
 /// Makes one connection after the other. A closure that dials is one, as [`Dial`].
 pub trait Connector: Send {
     /// What carries the bytes.
-    type Transport: AsyncRead + AsyncWrite + Unpin + Send;
+    type Transport: AsyncRead + AsyncWrite + Unpin + Send + 'static;
 
     /// Whether it dials: then a lost connection is followed by a pause. One that listens takes the next peer at once.
     const DIALS: bool = true;
@@ -44,7 +44,7 @@ impl<F, C, T> Connector for Dial<F>
 where
     F: FnMut() -> C + Send,
     C: Future<Output = io::Result<T>> + Send,
-    T: AsyncRead + AsyncWrite + Unpin + Send,
+    T: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
     type Transport = T;
 

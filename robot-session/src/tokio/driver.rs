@@ -3,7 +3,7 @@
 use core::future::poll_fn;
 use core::ops::ControlFlow;
 use core::pin::Pin;
-use core::task::Poll;
+use core::task::{Context, Poll};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub struct Driver<T> {
 /// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and waking often
 /// before the driver has looked is as good as waking once.
 #[derive(Debug, Clone, Default)]
-pub struct Waker(Arc<Notify>);
+pub struct Waker(pub(super) Arc<Notify>);
 
 impl Waker {
     /// Ends the wait of the driver, or its next one.
@@ -51,11 +51,7 @@ impl Waker {
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self::woken_by(Waker::default(), transport)
-    }
-
-    /// A loop over `transport` that this waker ends the waits of.
-    pub(super) fn woken_by(waker: Waker, transport: T) -> Self {
+        let waker = Waker::default();
         Self { port: Port(transport), input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker }
     }
 
@@ -106,7 +102,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         self.turn_of(session, Keeping(keep, handler)).await
     }
 
-    pub(super) async fn turn_of<S: Session, H: Handler<S, io::Error>>(
+    async fn turn_of<S: Session, H: Handler<S, io::Error>>(
         &mut self,
         session: &mut S,
         handler: H,
@@ -155,41 +151,70 @@ impl Clock for Process {
 }
 
 #[derive(Debug)]
-struct Port<T>(T);
+pub(super) struct Port<T>(pub(super) T);
 
 impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
     type Error = io::Error;
 
     async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> io::Result<Passed> {
-        let mut port = Pin::new(&mut self.0);
         poll_fn(|context| {
             let read = match &mut input {
                 None => Poll::Pending,
-                Some(input) => {
-                    let mut buffer = ReadBuf::new(input);
-                    let read = port.as_mut().poll_read(context, &mut buffer);
-                    read.map_ok(|()| buffer.filled().len())
-                }
+                Some(input) => self.poll_read(context, input),
             };
-            let mut flushed = false;
-            let written = match out {
-                Outgoing::Nothing => Poll::Pending,
-                Outgoing::Bytes(bytes) => match port.as_mut().poll_write(context, bytes) {
-                    Poll::Ready(Ok(0)) => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
-                    // A socket has nothing to flush.
-                    Poll::Ready(Ok(length)) => match port.as_mut().poll_flush(context) {
-                        Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
-                        flush => {
-                            flushed = flush.is_ready();
-                            Poll::Ready(Ok(length))
-                        }
-                    },
-                    written => written,
-                },
-                Outgoing::Flush => port.as_mut().poll_flush(context).map_ok(|()| 0),
-            };
-            Passed::both(read, written).map_ok(|passed| Passed { flushed, ..passed })
+            self.poll_write(context, out).passed(read)
         })
         .await
+    }
+}
+
+impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
+    #[inline]
+    pub(super) fn poll_read(
+        &mut self,
+        context: &mut Context<'_>,
+        input: &mut [u8],
+    ) -> Poll<io::Result<usize>> {
+        let mut buffer = ReadBuf::new(input);
+        let read = Pin::new(&mut self.0).poll_read(context, &mut buffer);
+        read.map_ok(|()| buffer.filled().len())
+    }
+
+    #[inline]
+    pub(super) fn poll_write(&mut self, context: &mut Context<'_>, out: Outgoing<'_>) -> Written {
+        let mut port = Pin::new(&mut self.0);
+        let mut flushed = false;
+        let written = match out {
+            Outgoing::Nothing => Poll::Pending,
+            Outgoing::Bytes(bytes) => match port.as_mut().poll_write(context, bytes) {
+                Poll::Ready(Ok(0)) => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
+                // A socket has nothing to flush.
+                Poll::Ready(Ok(length)) => match port.as_mut().poll_flush(context) {
+                    Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
+                    flush => {
+                        flushed = flush.is_ready();
+                        Poll::Ready(Ok(length))
+                    }
+                },
+                written => written,
+            },
+            Outgoing::Flush => port.as_mut().poll_flush(context).map_ok(|()| 0),
+        };
+        Written { written, flushed }
+    }
+}
+
+/// The result of writing the bytes that are to be sent.
+pub(super) struct Written {
+    pub(super) written: Poll<io::Result<usize>>,
+    flushed: bool,
+}
+
+impl Written {
+    /// Combines it with the result of reading.
+    #[inline]
+    pub(super) fn passed(self, read: Poll<io::Result<usize>>) -> Poll<io::Result<Passed>> {
+        let Self { written, flushed } = self;
+        Passed::both(read, written).map_ok(|passed| Passed { flushed, ..passed })
     }
 }

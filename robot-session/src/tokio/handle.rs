@@ -11,9 +11,13 @@ use std::sync::Arc;
 use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::Waker;
+use super::slot::Slot;
 use crate::Session;
 
 /// What a link adds to its session for handles: its calls, and the matching of outcomes to calls.
+///
+/// While the task sleeps, a caller makes its call itself, so the methods run in any thread, one at a time. If one of them panics, the task
+/// panics.
 pub trait Service: Send {
     /// The session that receives the calls.
     type Session: Session + Send;
@@ -122,6 +126,7 @@ pub struct Handle<S: Service> {
     pub(super) link: watch::Receiver<Link>,
     pub(super) stop: Arc<watch::Sender<bool>>,
     pub(super) waker: Waker,
+    pub(super) slot: Arc<Slot<S>>,
 }
 
 /// Whether there is a connection.
@@ -159,7 +164,21 @@ impl<S: Service> Handle<S> {
     /// The task has ended.
     pub async fn begin<T>(&self, call: impl FnOnce(Reply<T>) -> S::Call) -> Result<Outcome<T>, Closed> {
         let (reply, outcome) = oneshot::channel();
-        self.calls.send(call(Reply(reply))).await.map_err(|_| Closed)?;
+        let call = call(Reply(reply));
+        // While the task sleeps, the caller makes the call itself: waking the task for it costs as much as the call.
+        let call = match self.slot.borrow(&self.calls) {
+            Some(mut connection) => match connection.call(call) {
+                Ok(()) => return Ok(Outcome(outcome)),
+                Err(call) => call,
+            },
+            None => call,
+        };
+        let permit = match self.calls.try_reserve() {
+            Ok(permit) => permit,
+            Err(mpsc::error::TrySendError::Full(())) => self.calls.reserve().await.map_err(|_| Closed)?,
+            Err(mpsc::error::TrySendError::Closed(())) => return Err(Closed),
+        };
+        permit.send(call);
         Ok(Outcome(outcome))
     }
 
@@ -210,6 +229,7 @@ impl<S: Service> Clone for Handle<S> {
             link: self.link.clone(),
             stop: self.stop.clone(),
             waker: self.waker.clone(),
+            slot: Arc::clone(&self.slot),
         }
     }
 }

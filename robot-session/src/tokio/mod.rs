@@ -2,12 +2,16 @@
 //! loop of [`drive`](crate::drive) over any `AsyncRead + AsyncWrite`, and a decoder under `tokio_util`'s framed transports.
 
 mod codec;
+mod connection;
 mod connector;
 mod driver;
 mod handle;
 mod latest;
 mod listener;
+mod polled;
+mod slot;
 mod task;
+mod timer;
 
 /// A value that changes, and who waits for it.
 pub use ::tokio::sync::watch;

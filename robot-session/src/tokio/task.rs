@@ -1,9 +1,10 @@
 //! A session in a task of its own.
 
 use core::fmt;
-use core::future::{Future, pending};
+use core::future::{Future, pending, poll_fn};
 use core::ops::ControlFlow;
 use core::pin::pin;
+use core::task::Poll;
 use core::time::Duration;
 use std::boxed::Box;
 use std::io;
@@ -14,9 +15,12 @@ use ::tokio::select;
 use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
-use super::{Connector, Driver, Handle, Link, Reports, Service, Waker};
-use crate::turn::Handler;
-use crate::{Ended, STALL, Session, now};
+use super::connection::{Connection, Inputs, Waited};
+use super::slot::Slot;
+use super::{Connector, Handle, Link, Reports, Service, Waker};
+use crate::left::Left;
+use crate::turn::prepare;
+use crate::{STALL, Session, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
 const CALLS: usize = 16;
@@ -45,9 +49,17 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
     let (events_of_task, events) = broadcast::channel(EVENTS);
     let (link_of_task, link) = watch::channel(Link::Connecting);
     let (stop, stop_of_task) = watch::channel(false);
-    let served = Served { session: Box::new(session), service, events: events_of_task, reconnect: None };
+    let served = Served {
+        session: Box::new(session),
+        service,
+        events: events_of_task,
+        reconnect: None,
+        has_reported: false,
+    };
+    let slot = Arc::new(Slot::default());
     let task = Task {
-        served,
+        served: Some(served),
+        slot: Arc::clone(&slot),
         connector,
         calls: calls_of_task,
         link: link_of_task,
@@ -56,12 +68,14 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
         reconnect: Reconnect::default(),
         stall: STALL,
     };
-    (Handle { calls, events, link, stop: Arc::new(stop), waker }, task)
+    (Handle { calls, events, link, stop: Arc::new(stop), waker, slot }, task)
 }
 
 /// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], and with the last handle.
 pub struct Task<S: Service, C> {
-    served: Served<S>,
+    /// Until it runs.
+    served: Option<Served<S>>,
+    slot: Arc<Slot<S>>,
     connector: C,
     calls: mpsc::Receiver<S::Call>,
     link: watch::Sender<Link>,
@@ -88,7 +102,7 @@ impl Default for Reconnect {
 }
 
 /// Why a connection is over.
-enum Over {
+pub(super) enum Over {
     /// The task is to end.
     Stopped,
     /// Another one replaces it.
@@ -97,13 +111,15 @@ enum Over {
 }
 
 /// A session, and who gets its events.
-struct Served<S: Service> {
+pub(super) struct Served<S: Service> {
     /// Boxed: what a task returns is moved whenever it is polled.
-    session: Box<S::Session>,
-    service: S,
+    pub(super) session: Box<S::Session>,
+    pub(super) service: S,
     events: broadcast::Sender<S::Event>,
     /// Why the connection is unusable.
     reconnect: Option<io::Error>,
+    /// The service has got events since its state was stored.
+    pub(super) has_reported: bool,
 }
 
 impl<S: Service, C: Connector> Task<S, C> {
@@ -123,11 +139,12 @@ impl<S: Service, C: Connector> Task<S, C> {
     pub async fn run(mut self) -> Box<S::Session> {
         let Reconnect { first, longest } = self.reconnect;
         let mut pause = first;
-        if let Some(after) = self.served.session.discards_after() {
+        let Some(mut served) = self.served.take() else { unreachable!("a task runs once") };
+        if let Some(after) = served.session.discards_after() {
             self.connector.discard_after(after);
         }
         loop {
-            let Self { served, connector, calls, stop, waker, .. } = &mut self;
+            let Self { connector, calls, stop, waker, .. } = &mut self;
             let Some(connected) = served.meanwhile(stop, waker, calls, connector.connect()).await else {
                 break;
             };
@@ -135,7 +152,8 @@ impl<S: Service, C: Connector> Task<S, C> {
             let error = match connected {
                 Ok(transport) => {
                     let begun = Instant::now();
-                    let over = self.serve(transport).await;
+                    let over;
+                    (served, over) = self.serve(served, transport).await;
                     if begun.elapsed() >= pause {
                         pause = first;
                     }
@@ -154,13 +172,13 @@ impl<S: Service, C: Connector> Task<S, C> {
                 && !S::OFFLINE
                 && let Ok(call) = self.calls.try_recv()
             {
-                self.served.service.refuse(call, &error);
+                served.service.refuse(call, &error);
             }
             if has_connected && !C::DIALS {
                 continue;
             }
             let wait = sleep(pause.mul_f64(0.5 + fastrand::f64() / 2.0));
-            let Self { served, calls, stop, waker, .. } = &mut self;
+            let Self { calls, stop, waker, .. } = &mut self;
             if served.meanwhile(stop, waker, calls, wait).await.is_none() {
                 break;
             }
@@ -169,9 +187,9 @@ impl<S: Service, C: Connector> Task<S, C> {
         self.calls.close();
         let error = Arc::new(io::Error::other("the task of the session has ended"));
         while let Some(call) = self.calls.recv().await {
-            self.served.service.refuse(call, &error);
+            served.service.refuse(call, &error);
         }
-        self.served.session
+        served.session
     }
 
     /// Runs it in a thread of its own: for programs without a runtime, whose calls any executor can wait for, such as
@@ -190,75 +208,92 @@ impl<S: Service, C: Connector> Task<S, C> {
     }
 
     /// One connection, from its beginning to its end.
-    async fn serve(&mut self, transport: C::Transport) -> Over {
-        let Self { served, connector, calls, link, stop, waker, stall, .. } = self;
-        let mut driver = Driver::woken_by(waker.clone(), transport).stall(*stall);
-        let mut stopped = pin!(stopped(stop));
-        served.session.handle_connected(now());
+    async fn serve(&mut self, served: Served<S>, transport: C::Transport) -> (Served<S>, Over) {
+        let Self { connector, calls, link, stop, waker, stall, slot, .. } = self;
+        let mut over = pin!(over(stop, connector));
+        let mut woken = pin!(waker.0.notified());
+        let _open = slot.open();
+        let mut connection = Box::new(Connection::new(served, Box::new(transport), *stall));
+        connection.begin();
         link.send_replace(Link::Connected);
         let over = loop {
-            let has_room = served.has_room();
-            let woken = {
-                let Served { session, service, events, reconnect } = &mut *served;
-                let time = until(service.poll_timeout());
-                let told = Told { service, events, reconnect };
-                // A turn that a call interrupts loses nothing.
-                select! {
-                    biased;
-                    () = &mut stopped => break Over::Stopped,
-                    () = connector.replaced() => break Over::Replaced,
-                    call = calls.recv(), if has_room => Woken::Call(call),
-                    turn = driver.turn_of(&mut **session, told) => Woken::Turn(turn),
-                    () = time => Woken::Time,
-                }
-            };
-            match woken {
-                Woken::Time => served.service.handle_timeout(&mut served.session, now()),
-                Woken::Turn(Ok(ControlFlow::Continue(()))) => {
-                    if let Err(error) = served.service.keep(&mut served.session).await {
-                        break Over::Lost(error);
+            match connection.prepare() {
+                Ok(false) => {}
+                Ok(true) => {
+                    if let Err(over) = connection.keep(over.as_mut()).await {
+                        break over;
                     }
                 }
-                Woken::Turn(Ok(ControlFlow::Break(Ended::ByHandler(error))) | Err(error)) => {
-                    break Over::Lost(error);
-                }
-                Woken::Turn(Ok(ControlFlow::Break(Ended::Stalled))) => {
-                    let stalled = "the peer does not read";
-                    break Over::Lost(io::Error::new(io::ErrorKind::TimedOut, stalled));
-                }
-                Woken::Turn(Ok(ControlFlow::Break(Ended::ByPeer))) => {
-                    let closed = "the peer has closed the connection";
-                    break Over::Lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed));
-                }
-                Woken::Call(None) => break Over::Stopped,
-                Woken::Call(Some(call)) => {
-                    served.call(call);
-                    while served.has_room()
-                        && let Ok(call) = calls.try_recv()
-                    {
-                        served.call(call);
+                Err(error) => break Over::Lost(error),
+            }
+            let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker };
+            let mut awake = Some(connection);
+            let waited;
+            (connection, waited) = poll_fn(|context| {
+                let mut connection = match awake.take() {
+                    Some(connection) => connection,
+                    None => {
+                        let Some(mut connection) = slot.take(context) else { return Poll::Pending };
+                        if let Some(handed_over) = connection.wake_up() {
+                            return Poll::Ready((connection, Waited::HandedOver(handed_over)));
+                        }
+                        connection
+                    }
+                };
+                match connection.poll(context, &mut inputs) {
+                    Poll::Ready(waited) => Poll::Ready((connection, waited)),
+                    Poll::Pending => {
+                        slot.put(connection);
+                        Poll::Pending
                     }
                 }
+            })
+            .await;
+            if let ControlFlow::Break(over) = connection.take(waited) {
+                break over;
             }
         };
-        served.session.handle_disconnected(now());
-        served.report();
-        over
+        (connection.end(), over)
     }
 }
 
 impl<S: Service> Served<S> {
-    fn has_room(&self) -> bool {
+    pub(super) fn has_room(&self) -> bool {
         self.service.has_room(&self.session)
+    }
+
+    /// Before a wait: reports events, and puts the bytes to be sent into `out`.
+    pub(super) fn prepare(
+        &mut self,
+        left: &mut Left,
+        out: &mut [u8],
+        is_sending: bool,
+        now: Duration,
+    ) -> io::Result<()> {
+        let Self { session, service, events, reconnect, has_reported } = self;
+        let mut each = |session: &mut S::Session, event| {
+            *has_reported = true;
+            service.event(session, event, &mut Reports { events, reconnect });
+            reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+        };
+        match prepare(&mut **session, left, out, is_sending, || now, &mut each) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(error) => Err(error),
+        }
+    }
+
+    /// Returns the time at which session or service are to be called at the latest.
+    pub(super) fn due(&self, left: &Left, now: Duration) -> Option<Duration> {
+        left.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
     }
 
     fn call(&mut self, call: S::Call) {
         self.service.call(&mut self.session, now(), call);
     }
 
-    /// Every event, where there is no connection that it could end.
-    fn report(&mut self) {
-        let Self { session, service, events, reconnect } = self;
+    /// Reports every event, where there is no connection that it could end.
+    pub(super) fn report(&mut self) {
+        let Self { session, service, events, reconnect, .. } = self;
         while let Some(event) = session.poll_event() {
             service.event(session, event, &mut Reports { events, reconnect });
         }
@@ -293,42 +328,19 @@ impl<S: Service> Served<S> {
     }
 }
 
-/// The service of a session that has a connection.
-struct Told<'a, S: Service> {
-    service: &'a mut S,
-    events: &'a broadcast::Sender<S::Event>,
-    reconnect: &'a mut Option<io::Error>,
-}
-
-impl<S: Service> Handler<S::Session, io::Error> for Told<'_, S> {
-    type Break = io::Error;
-
-    fn event(
-        &mut self,
-        session: &mut S::Session,
-        event: <S::Session as Session>::Event,
-    ) -> ControlFlow<io::Error> {
-        let Self { service, events, reconnect } = self;
-        service.event(session, event, &mut Reports { events, reconnect });
-        reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
-    }
-
-    fn before_write(&mut self, session: &mut S::Session) -> impl Future<Output = io::Result<()>> {
-        self.service.keep(session)
-    }
-}
-
-/// What a wait has brought.
-enum Woken<T, C> {
-    Turn(T),
-    Call(Option<C>),
-    Time,
-}
-
 async fn until(at: Option<Duration>) {
     match at {
         None | Some(Duration::MAX) => pending().await,
         Some(at) => sleep(at.saturating_sub(now())).await,
+    }
+}
+
+/// Waits for the end of the task, or for a connection that replaces this one.
+async fn over(stop: &mut watch::Receiver<bool>, connector: &mut impl Connector) -> Over {
+    select! {
+        biased;
+        () = stopped(stop) => Over::Stopped,
+        () = connector.replaced() => Over::Replaced,
     }
 }
 

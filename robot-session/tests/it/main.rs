@@ -14,6 +14,8 @@ mod end;
 mod event_queue;
 #[cfg(feature = "tokio")]
 mod handle;
+#[cfg(feature = "tokio")]
+mod handle_ends;
 #[cfg(feature = "serialport")]
 mod serial;
 #[cfg(feature = "tokio")]

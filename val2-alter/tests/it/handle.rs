@@ -4,12 +4,15 @@
 
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
-use core::task::{Context, Waker};
+use core::pin::Pin;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::task::{Context, Poll, Waker};
 use core::time::Duration;
 use std::io::{self, Read as _, Write as _};
 use std::sync::{Arc, Mutex};
 use std::{net, thread};
 
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
@@ -127,8 +130,20 @@ struct Line(Arc<net::TcpStream>);
 
 impl Line {
     async fn to_arm(mode: Mode) -> (Arm, Self) {
+        let (arm, line, _) = Self::to_arm_behind_gate(mode).await;
+        (arm, line)
+    }
+
+    /// The arm's task is in a thread of its own, and stops there while it reads bytes and the gate is locked.
+    async fn to_arm_behind_gate(mode: Mode) -> (Arm, Self, Arc<Gate>) {
         let listener = net::TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-        let to = Tcp::new(listener.local_addr().unwrap().to_string());
+        let address = listener.local_addr().unwrap();
+        let gate = Arc::new(Gate::default());
+        let passed = Arc::clone(&gate);
+        let to = Dial(move || {
+            let gate = Arc::clone(&passed);
+            async move { Ok(Gated(TcpStream::connect(address).await?, gate)) }
+        });
         let config = HostConfig {
             baud: FAST,
             mode,
@@ -139,19 +154,22 @@ impl Line {
             ..HostConfig::default()
         };
         let (arm, task) = host(config, None, to).unwrap();
-        tokio::spawn(task.run());
+        drop(task.thread().unwrap());
         let stream = spawn_blocking(move || listener.accept()).await.unwrap().unwrap().0;
         stream.set_read_timeout(Some(LONG)).unwrap();
-        (arm, Self(Arc::new(stream)))
+        (arm, Self(Arc::new(stream)), gate)
     }
 
-    /// Sends a message, and reads its answer.
-    async fn answer(&self, message: RobotMessage) -> HostMessage {
+    fn send(&self, message: RobotMessage) {
+        let mut out = [0; Frame::MAX_LEN];
+        let length = message.encode(Framing::DEFAULT, &mut out).unwrap();
+        (&*self.0).write_all(&out[..length]).unwrap();
+    }
+
+    async fn receive(&self) -> HostMessage {
         let stream = Arc::clone(&self.0);
-        let answering = move || {
-            let (mut out, mut read) = ([0; Frame::MAX_LEN], Vec::new());
-            let length = message.encode(Framing::DEFAULT, &mut out).unwrap();
-            (&*stream).write_all(&out[..length]).unwrap();
+        let receiving = move || {
+            let mut read = Vec::new();
             loop {
                 let mut byte = [0];
                 (&*stream).read_exact(&mut byte).unwrap();
@@ -161,7 +179,13 @@ impl Line {
                 }
             }
         };
-        spawn_blocking(answering).await.unwrap()
+        spawn_blocking(receiving).await.unwrap()
+    }
+
+    /// Sends a message, and reads its answer.
+    async fn answer(&self, message: RobotMessage) -> HostMessage {
+        self.send(message);
+        self.receive().await
     }
 
     async fn start(&self, mode: Mode) -> HostMessage {
@@ -169,12 +193,58 @@ impl Line {
     }
 
     async fn reply(&self, phase: MotionPhase, error: ErrorCode) -> Reply {
-        let (segment_status, segment, percent, transform) = (1.into(), 1, 0, None);
-        let motion = Motion { phase, error, segment_status, segment, percent, transform };
-        match self.answer(RobotMessage::Motion(motion)).await {
+        match self.answer(motion(phase, error)).await {
             HostMessage::Reply(reply) => reply,
             HostMessage::StartReply(_) => panic!("no start was sent"),
         }
+    }
+}
+
+fn motion(phase: MotionPhase, error: ErrorCode) -> RobotMessage {
+    let (segment_status, segment, percent, transform) = (1.into(), 1, 0, None);
+    RobotMessage::Motion(Motion { phase, error, segment_status, segment, percent, transform })
+}
+
+/// While it is locked, a task waits here for the lock.
+#[derive(Default)]
+struct Gate {
+    lock: Mutex<()>,
+    waiting: AtomicBool,
+}
+
+struct Gated(TcpStream, Arc<Gate>);
+
+impl AsyncRead for Gated {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let read = Pin::new(&mut self.0).poll_read(context, buffer);
+        if read.is_ready() {
+            self.1.waiting.store(true, Ordering::SeqCst);
+            drop(self.1.lock.lock().unwrap());
+            self.1.waiting.store(false, Ordering::SeqCst);
+        }
+        read
+    }
+}
+
+impl AsyncWrite for Gated {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.0).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_shutdown(context)
     }
 }
 
@@ -212,17 +282,26 @@ async fn an_offset_that_the_controller_could_not_read_is_not_where_the_arm_is() 
 
 #[tokio::test]
 async fn an_exception_is_sent_once_unless_its_caller_is_gone() {
-    let (arm, line) = Line::to_arm(Mode::CUMULATIVE_23).await;
+    let (arm, line, gate) = Line::to_arm_behind_gate(Mode::CUMULATIVE_23).await;
     line.start(Mode::CUMULATIVE_23).await;
     line.reply(MotionPhase::Running, ErrorCode::None).await;
-    // Both are called before the task runs again.
+    // Both are called while the task works.
+    let locked = gate.lock.lock().unwrap();
+    line.send(motion(MotionPhase::Running, ErrorCode::None));
+    while !gate.waiting.load(Ordering::SeqCst) {
+        thread::sleep(MS);
+    }
     let mut context = Context::from_waker(Waker::noop());
     let mut gone = Box::pin(arm.exception(Exception::from(5)));
     let mut called = Box::pin(arm.exception(Exception::CloseGripper));
     assert!(gone.as_mut().poll(&mut context).is_pending() && called.as_mut().poll(&mut context).is_pending());
     drop(gone);
-    let reply = line.reply(MotionPhase::Running, ErrorCode::None).await;
-    assert_eq!(reply.exception, Exception::CloseGripper);
+    drop(locked);
+    // One of the next two replies: the task may answer the first message before it makes the calls.
+    let HostMessage::Reply(first) = line.receive().await else { panic!("no start was sent") };
+    let second = line.reply(MotionPhase::Running, ErrorCode::None).await;
+    assert!([first.exception, second.exception].contains(&Exception::CloseGripper), "{first:?} {second:?}");
+    assert!(![first.exception, second.exception].contains(&Exception::from(5)), "{first:?} {second:?}");
     let reply = line.reply(MotionPhase::Interrupted, ErrorCode::None).await;
     assert_eq!(reply.exception, Exception::None);
     let outcome = timeout(LONG, called).await.unwrap();

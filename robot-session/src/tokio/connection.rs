@@ -1,0 +1,361 @@
+//! One connection of a task.
+
+use core::any::Any;
+use core::convert::Infallible;
+use core::future::{Future, poll_fn};
+use core::ops::ControlFlow;
+use core::panic::AssertUnwindSafe;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll, Waker as TaskWaker};
+use core::time::Duration;
+use std::boxed::Box;
+use std::io;
+use std::panic::{catch_unwind, resume_unwind};
+use std::vec;
+use std::vec::Vec;
+
+use ::tokio::io::{AsyncRead, AsyncWrite};
+use ::tokio::sync::futures::Notified;
+use ::tokio::sync::mpsc;
+
+use super::driver::{Port, Written};
+use super::polled::Polled;
+use super::task::{Over, Served};
+use super::timer::Timer;
+use super::{Service, Waker};
+use crate::left::Left;
+use crate::turn::{Outgoing, Passed, take};
+use crate::{Ended, Session as _, is_due, now};
+
+/// What carries the bytes of a connection.
+pub(super) trait Stream: AsyncRead + AsyncWrite + Unpin + Send {}
+
+impl<T: AsyncRead + AsyncWrite + Unpin + Send> Stream for T {}
+
+/// A connection, and the session that uses it. The task owns it while it is awake; while the task sleeps it is in the
+/// [`Slot`](super::slot::Slot).
+pub(super) struct Connection<S: Service> {
+    pub(super) served: Served<S>,
+    port: Port<Box<dyn Stream>>,
+    input: Vec<u8>,
+    out: Vec<u8>,
+    left: Left,
+    timer: Timer,
+    clock: Clock,
+    polls: Option<Polls>,
+    /// All bytes that were to be sent are written: the session may have more to send before it reports events.
+    is_sending: bool,
+    /// Bytes were written since the port was last read.
+    has_written: bool,
+    /// A caller has left this to the task.
+    handed_over: Option<HandedOver>,
+}
+
+/// What the task waits for.
+pub(super) struct Inputs<'a, 'w, S: Service, O> {
+    /// The end of the task or of the connection.
+    pub(super) over: Pin<&'a mut O>,
+    pub(super) calls: &'a mut mpsc::Receiver<S::Call>,
+    pub(super) woken: Pin<&'a mut Notified<'w>>,
+    pub(super) waker: &'w Waker,
+}
+
+/// The result of a wait.
+pub(super) enum Waited {
+    /// The connection is over.
+    Over(Over),
+    /// The session has got calls.
+    Called,
+    /// The work that a caller has left to the task.
+    HandedOver(HandedOver),
+    /// The port has read or written, or the task was woken.
+    Passed(Passed),
+    /// The time is over.
+    Time,
+}
+
+/// The work that a caller leaves to the task.
+pub(super) enum HandedOver {
+    /// The call is made; the rest would have to wait.
+    Rest,
+    /// The connection is lost.
+    Lost(io::Error),
+    /// The service has panicked. The task panics in its place.
+    Panic(Box<dyn Any + Send>),
+}
+
+/// The polled inputs of a task.
+struct Polls {
+    over: Polled,
+    calls: Polled,
+    port: Polled,
+    waker: Polled,
+}
+
+/// The clock of a connection. It is read once for what happens at the same time.
+struct Clock {
+    now: Duration,
+    is_used: bool,
+}
+
+impl<S: Service> Connection<S> {
+    pub(super) fn new(served: Served<S>, port: Box<dyn Stream>, stall: Duration) -> Self {
+        Self {
+            served,
+            port: Port(port),
+            input: vec![0; S::Session::MAX_INPUT],
+            out: vec![0; S::Session::MAX_TRANSMIT],
+            left: Left::with_stall(stall),
+            timer: Timer::default(),
+            clock: Clock { now: now(), is_used: true },
+            polls: None,
+            is_sending: false,
+            has_written: false,
+            handed_over: None,
+        }
+    }
+
+    /// Connects the session.
+    pub(super) fn begin(&mut self) {
+        self.served.session.handle_connected(self.clock.now);
+    }
+
+    /// Disconnects the session, and reports the events of that.
+    pub(super) fn end(self) -> Served<S> {
+        let mut served = self.served;
+        served.session.handle_disconnected(now());
+        served.report();
+        served
+    }
+
+    /// Before a wait: reports events, and puts the bytes to be sent into the buffer. Returns whether the state is to be stored then.
+    pub(super) fn prepare(&mut self) -> io::Result<bool> {
+        let Self { served, left, out, is_sending, clock, .. } = self;
+        served.prepare(left, out, *is_sending, clock.now)?;
+        Ok(left.unannounced || served.has_reported)
+    }
+
+    /// Stores the state.
+    pub(super) async fn keep(&mut self, mut over: Pin<&mut impl Future<Output = Over>>) -> Result<(), Over> {
+        let Self { served, left, polls, clock, .. } = self;
+        let is_before_write = left.unannounced && !served.has_reported;
+        let mut keep = pin!(served.service.keep(&mut served.session));
+        let mut has_slept = false;
+        poll_fn(|context| {
+            if let Poll::Ready(kept) = keep.as_mut().poll(context) {
+                return Poll::Ready(kept.map_err(Over::Lost));
+            }
+            has_slept = true;
+            let Polls { over: polled, .. } = Polls::of(polls, context);
+            // What follows an event is stored even if the task is to end.
+            if is_before_write && polled.is_due() {
+                if let Poll::Ready(over) = over.as_mut().poll(&mut polled.context()) {
+                    return Poll::Ready(Err(over));
+                }
+                polled.set_pending();
+            }
+            Poll::Pending
+        })
+        .await?;
+        if has_slept {
+            clock.read();
+        }
+        left.unannounced = false;
+        served.has_reported = false;
+        Ok(())
+    }
+
+    /// After the task has slept: the work that a caller has left to it.
+    pub(super) fn wake_up(&mut self) -> Option<HandedOver> {
+        self.clock.read();
+        self.handed_over.take()
+    }
+
+    /// Polls everything that the task waits for.
+    #[inline(always)]
+    pub(super) fn poll<O: Future<Output = Over>>(
+        &mut self,
+        context: &mut Context<'_>,
+        inputs: &mut Inputs<'_, '_, S, O>,
+    ) -> Poll<Waited> {
+        let Self { served, port, input, out, left, timer, clock, polls, has_written, .. } = self;
+        let polls = Polls::of(polls, context);
+        if polls.over.is_due() {
+            if let Poll::Ready(over) = inputs.over.as_mut().poll(&mut polls.over.context()) {
+                return Poll::Ready(Waited::Over(over));
+            }
+            polls.over.set_pending();
+        }
+        let mut is_called = false;
+        while polls.calls.is_due() && served.has_room() {
+            match inputs.calls.poll_recv(&mut polls.calls.context()) {
+                Poll::Ready(Some(call)) => {
+                    let now = clock.next();
+                    served.service.call(&mut served.session, now, call);
+                }
+                Poll::Ready(None) => return Poll::Ready(Waited::Over(Over::Stopped)),
+                Poll::Pending => {
+                    polls.calls.set_pending();
+                    break;
+                }
+            }
+            is_called = true;
+        }
+        if is_called {
+            return Poll::Ready(Waited::Called);
+        }
+        let outgoing = Outgoing::of(left, out);
+        let mut reads = polls.port.is_due() && served.session.wants_input();
+        // Bytes are written first: mostly the peer sends nothing before it has them. After that the port is read, so that a session
+        // that always has something to send reads too.
+        let writes_first = matches!(outgoing, Outgoing::Bytes(_)) && !*has_written;
+        let first = writes_first.then(|| port.poll_write(&mut polls.port.context(), outgoing));
+        *has_written = matches!(first, Some(Written { written: Poll::Ready(Ok(_)), .. }));
+        reads &= !*has_written;
+        let read = if reads { port.poll_read(&mut polls.port.context(), input) } else { Poll::Pending };
+        if reads && read.is_pending() {
+            polls.port.set_pending();
+        }
+        let written = first.unwrap_or_else(|| port.poll_write(&mut polls.port.context(), outgoing));
+        if let Poll::Ready(passed) = written.passed(read) {
+            return Poll::Ready(match passed {
+                Ok(passed) => Waited::Passed(passed),
+                Err(error) => Waited::Over(Over::Lost(error)),
+            });
+        }
+        if polls.waker.is_due() {
+            if inputs.woken.as_mut().poll(&mut polls.waker.context()).is_ready() {
+                inputs.woken.set(inputs.waker.0.notified());
+                return Poll::Ready(Waited::Passed(Passed::default()));
+            }
+            polls.waker.set_pending();
+        }
+        timer.poll(context, served.due(left, clock.now)).map(|()| Waited::Time)
+    }
+
+    /// Gives the result of a wait to the session.
+    pub(super) fn take(&mut self, waited: Waited) -> ControlFlow<Over> {
+        let Self { served, input, left, clock, is_sending, .. } = self;
+        let passed = match waited {
+            Waited::Over(over) => return ControlFlow::Break(over),
+            Waited::HandedOver(HandedOver::Lost(error)) => return ControlFlow::Break(Over::Lost(error)),
+            Waited::HandedOver(HandedOver::Panic(panic)) => resume_unwind(panic),
+            Waited::Called | Waited::HandedOver(HandedOver::Rest) => {
+                *is_sending = false;
+                return ControlFlow::Continue(());
+            }
+            Waited::Time => {
+                clock.read();
+                if served.service.poll_timeout().is_some_and(|at| is_due(at, clock.now)) {
+                    served.service.handle_timeout(&mut served.session, clock.now);
+                }
+                Passed::default()
+            }
+            Waited::Passed(passed) => passed,
+        };
+        let has_only_written = passed.read.is_none() && passed.written.is_some();
+        if !has_only_written {
+            clock.next();
+        }
+        let taken = take::<_, Infallible>(&mut *served.session, left, input, passed, clock.now);
+        if let ControlFlow::Break(ended) = taken {
+            let (kind, why) = match ended {
+                Ended::Stalled => (io::ErrorKind::TimedOut, "the peer does not read"),
+                _ => (io::ErrorKind::UnexpectedEof, "the peer has closed the connection"),
+            };
+            return ControlFlow::Break(Over::Lost(io::Error::new(kind, why)));
+        }
+        *is_sending = has_only_written && !left.is_some();
+        ControlFlow::Continue(())
+    }
+
+    /// Makes a call, and sends the bytes for it. If more is to be done, the task is woken for it.
+    ///
+    /// # Errors
+    /// The session has no room: the call is given back.
+    pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
+        if self.handed_over.is_some() || !self.served.has_room() {
+            return Err(call);
+        }
+        let made = catch_unwind(AssertUnwindSafe(|| {
+            let now = now();
+            self.served.service.call(&mut self.served.session, now, call);
+            self.send(now)
+        }));
+        self.handed_over = match made {
+            Ok(Ok(Sent::All)) => None,
+            Ok(Ok(Sent::Part)) => Some(HandedOver::Rest),
+            Ok(Err(error)) => Some(HandedOver::Lost(error)),
+            Err(panic) => Some(HandedOver::Panic(panic)),
+        };
+        if let (Some(_), Some(polls)) = (&self.handed_over, &self.polls) {
+            polls.calls.wake();
+        }
+        Ok(())
+    }
+
+    /// Sends the bytes for a call.
+    fn send(&mut self, now: Duration) -> io::Result<Sent> {
+        let Self { served, port, out, left, timer, polls: Some(polls), .. } = self else {
+            return Ok(Sent::Part);
+        };
+        served.prepare(left, out, false, now)?;
+        if left.unannounced || served.has_reported {
+            let keep = pin!(served.service.keep(&mut served.session));
+            match keep.poll(&mut Context::from_waker(TaskWaker::noop())) {
+                Poll::Ready(kept) => kept?,
+                Poll::Pending => return Ok(Sent::Part),
+            }
+            left.unannounced = false;
+            served.has_reported = false;
+        }
+        if left.is_some() {
+            let written = port.poll_write(&mut polls.port.context(), Outgoing::of(left, out));
+            // An error is left to the task, which first reads the bytes that have come.
+            let Poll::Ready(Ok(passed)) = written.passed(Poll::Pending) else { return Ok(Sent::Part) };
+            left.wrote(passed.written.unwrap_or_default(), passed.flushed, now);
+            if left.is_some() || left.unflushed {
+                return Ok(Sent::Part);
+            }
+            served.prepare(left, out, true, now)?;
+        }
+        let is_all = !left.is_some() && !served.has_reported && timer.is_in_time(served.due(left, now));
+        Ok(if is_all { Sent::All } else { Sent::Part })
+    }
+}
+
+/// Whether the bytes for a call are sent.
+enum Sent {
+    /// All of them, and the task sleeps on.
+    All,
+    /// The task goes on.
+    Part,
+}
+
+impl Polls {
+    /// Returns those of the task of `context`. If another task waits now, all inputs are due.
+    fn of<'a>(polls: &'a mut Option<Self>, context: &Context<'_>) -> &'a mut Self {
+        if polls.as_ref().is_some_and(|polls| !polls.over.wakes(context)) {
+            *polls = None;
+        }
+        polls.get_or_insert_with(|| {
+            let [over, calls, port, waker] = core::array::from_fn(|_| Polled::new(context));
+            Self { over, calls, port, waker }
+        })
+    }
+}
+
+impl Clock {
+    /// Reads the clock.
+    fn read(&mut self) {
+        (self.now, self.is_used) = (now(), false);
+    }
+
+    /// Returns the time of what happens now: later than that of what happened before.
+    fn next(&mut self) -> Duration {
+        if core::mem::replace(&mut self.is_used, true) {
+            self.now = now();
+        }
+        self.now
+    }
+}

@@ -1,0 +1,129 @@
+//! The end of a task, and what becomes of its calls.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have pipes")]
+
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use core::time::Duration;
+use std::io;
+use std::sync::Arc;
+
+use crate::common::{Asker, Event};
+use robot_session::tokio::{Closed, Connector, Dial, Handle, Reply, Reports, Service, Task, spawn};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
+use tokio::time::timeout;
+
+const LONG: Duration = Duration::from_secs(3600);
+
+/// Asks one thing after the other; it does not survive the question "panic".
+#[derive(Default)]
+struct Asking(Option<Reply<Result<String, String>>>);
+
+struct Ask(&'static str, Reply<Result<String, String>>);
+
+impl Service for Asking {
+    type Session = Asker;
+    type Call = Ask;
+    type Event = Event;
+
+    fn has_room(&self, _: &Asker) -> bool {
+        self.0.is_none()
+    }
+
+    fn call(&mut self, session: &mut Asker, _: Duration, Ask(text, reply): Ask) {
+        assert_ne!(text, "panic");
+        session.requests.push_back(text.into());
+        self.0 = Some(reply);
+    }
+
+    fn event(&mut self, _: &mut Asker, event: Event, reports: &mut Reports<'_, Event>) {
+        let outcome = match event {
+            Event::Answer(text) => Ok(text),
+            Event::NoAnswer(text) => Err(text),
+            event => return reports.event(event),
+        };
+        drop(self.0.take().unwrap().send(outcome));
+    }
+
+    fn refuse(&mut self, Ask(_, reply): Ask, why: &Arc<io::Error>) {
+        let _ = reply.send(Err(why.to_string()));
+    }
+}
+
+type Asked = Result<Result<String, String>, Closed>;
+
+async fn ask(handle: &Handle<Asking>, text: &'static str) -> Asked {
+    timeout(LONG, handle.call(|reply| Ask(text, reply))).await.expect("every call ends")
+}
+
+fn asking<C: Connector>(connector: C) -> (Handle<Asking>, Task<Asking, C>) {
+    spawn(Asker::new(&[]), Asking::default(), connector)
+}
+
+/// Answers every line with itself.
+async fn echo(mut pipe: DuplexStream) {
+    while let Ok(byte) = pipe.read_u8().await {
+        if pipe.write_u8(byte).await.is_err() {
+            return;
+        }
+    }
+}
+
+fn echoing() -> impl Connector<Transport = DuplexStream> + 'static {
+    Dial(|| {
+        let (near, far) = tokio::io::duplex(64);
+        tokio::spawn(echo(far));
+        async { Ok(near) }
+    })
+}
+
+/// A call that a sleeping task leaves to its caller panics in the task all the same.
+#[tokio::test(start_paused = true)]
+async fn a_panic_of_the_service_ends_the_task_and_not_its_caller() {
+    let (handle, task) = asking(echoing());
+    let task = tokio::spawn(task.run());
+    // From the second on, the task sleeps and its timer is set.
+    for _ in 0..3 {
+        assert_eq!(ask(&handle, "one").await, Ok(Ok("one".into())));
+    }
+    assert_eq!(ask(&handle, "panic").await, Err(Closed));
+    assert!(task.await.unwrap_err().is_panic());
+    assert_eq!(ask(&handle, "two").await, Err(Closed));
+}
+
+/// Without the task: it is not polled between the call and the look at the peer's end.
+#[tokio::test(start_paused = true)]
+async fn a_caller_sends_its_request_itself_while_the_task_sleeps() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let mut pipes = vec![near];
+    let (handle, task) = asking(Dial(move || {
+        let pipe = pipes.pop().ok_or_else(|| io::Error::other("no more pipes"));
+        async { pipe }
+    }));
+    tokio::spawn(task.run());
+    handle.connected().await.unwrap();
+    tokio::task::yield_now().await;
+    let answer = handle.begin(|reply| Ask("one", reply)).await.unwrap();
+    let mut line = [0; 4];
+    assert_eq!(far.read(&mut line).now_or_never(), Some(4));
+    assert_eq!(&line, b"one\n");
+    far.write_all(&line).await.unwrap();
+    assert_eq!(timeout(LONG, answer).await.unwrap(), Ok(Ok("one".into())));
+}
+
+trait NowOrNever: Future {
+    /// What a future is ready with at once.
+    fn now_or_never<T>(self) -> Option<T>
+    where
+        Self: Future<Output = io::Result<T>> + Sized,
+    {
+        let mut context = Context::from_waker(Waker::noop());
+        match pin!(self).poll(&mut context) {
+            Poll::Ready(value) => Some(value.unwrap()),
+            Poll::Pending => None,
+        }
+    }
+}
+
+impl<F: Future> NowOrNever for F {}

@@ -20,6 +20,7 @@ use ::tokio::sync::mpsc;
 
 use super::driver::{Port, Written};
 use super::polled::Polled;
+use super::shared::Shared;
 use super::task::{Over, Served};
 use super::timer::Timer;
 use super::{Service, Waker};
@@ -27,13 +28,16 @@ use crate::left::Left;
 use crate::turn::{Outgoing, Passed, take};
 use crate::{Ended, Session as _, is_due, now};
 
+/// The longest time that a connection which is over waits for the state to be stored.
+const LAST_KEEP: Duration = Duration::from_secs(1);
+
 /// What carries the bytes of a connection.
 pub(super) trait Stream: AsyncRead + AsyncWrite + Unpin + Send {}
 
 impl<T: AsyncRead + AsyncWrite + Unpin + Send> Stream for T {}
 
 /// A connection, and the session that uses it. The task owns it while it is awake; while the task sleeps it is in the
-/// [`Slot`](super::slot::Slot).
+/// [`Shared`](super::shared::Shared).
 pub(super) struct Connection<S: Service> {
     pub(super) served: Served<S>,
     port: Port<Box<dyn Stream>>,
@@ -47,6 +51,10 @@ pub(super) struct Connection<S: Service> {
     is_sending: bool,
     /// Bytes were written since the port was last read.
     has_written: bool,
+    /// Bytes were sent.
+    pub(super) has_sent: bool,
+    /// The time that storing the state may take.
+    stall: Duration,
     /// A caller has left this to the task.
     handed_over: Option<HandedOver>,
 }
@@ -58,6 +66,7 @@ pub(super) struct Inputs<'a, 'w, S: Service, O> {
     pub(super) calls: &'a mut mpsc::Receiver<S::Call>,
     pub(super) woken: Pin<&'a mut Notified<'w>>,
     pub(super) waker: &'w Waker,
+    pub(super) shared: &'a Shared<S>,
 }
 
 /// The result of a wait.
@@ -78,8 +87,8 @@ pub(super) enum Waited {
 pub(super) enum HandedOver {
     /// The call is made; the rest would have to wait.
     Rest,
-    /// The connection is lost.
-    Lost(io::Error),
+    /// The connection is over.
+    Over(Over),
     /// The service has panicked. The task panics in its place.
     Panic(Box<dyn Any + Send>),
 }
@@ -111,6 +120,8 @@ impl<S: Service> Connection<S> {
             polls: None,
             is_sending: false,
             has_written: false,
+            has_sent: false,
+            stall,
             handed_over: None,
         }
     }
@@ -135,34 +146,41 @@ impl<S: Service> Connection<S> {
         Ok(left.unannounced || served.has_reported)
     }
 
-    /// Stores the state.
+    /// Stores the state. It is stored even if the connection is over meanwhile, but for no longer than [`LAST_KEEP`].
     pub(super) async fn keep(&mut self, mut over: Pin<&mut impl Future<Output = Over>>) -> Result<(), Over> {
-        let Self { served, left, polls, clock, .. } = self;
-        let is_before_write = left.unannounced && !served.has_reported;
+        let Self { served, left, polls, clock, timer, stall, .. } = self;
         let mut keep = pin!(served.service.keep(&mut served.session));
-        let mut has_slept = false;
-        poll_fn(|context| {
+        let (mut until, mut is_over) = (None, None);
+        let kept = poll_fn(|context| {
             if let Poll::Ready(kept) = keep.as_mut().poll(context) {
-                return Poll::Ready(kept.map_err(Over::Lost));
+                return Poll::Ready(kept);
             }
-            has_slept = true;
+            let until = until.get_or_insert_with(|| now().saturating_add(*stall));
             let Polls { over: polled, .. } = Polls::of(polls, context);
-            // What follows an event is stored even if the task is to end.
-            if is_before_write && polled.is_due() {
-                if let Poll::Ready(over) = over.as_mut().poll(&mut polled.context()) {
-                    return Poll::Ready(Err(over));
+            if is_over.is_none() && polled.is_due() {
+                match over.as_mut().poll(&mut polled.context()) {
+                    Poll::Ready(over) => {
+                        is_over = Some(over);
+                        *until = now().saturating_add(LAST_KEEP).min(*until);
+                    }
+                    Poll::Pending => polled.set_pending(),
                 }
-                polled.set_pending();
             }
-            Poll::Pending
+            let late = || Err(io::Error::new(io::ErrorKind::TimedOut, "the state was not stored in time"));
+            timer.poll(context, Some(*until)).map(|()| late())
         })
-        .await?;
-        if has_slept {
+        .await;
+        if until.is_some() {
             clock.read();
         }
-        left.unannounced = false;
-        served.has_reported = false;
-        Ok(())
+        match (kept, is_over) {
+            (_, Some(over)) => Err(over),
+            (Err(error), None) => Err(Over::Lost(error)),
+            (Ok(()), None) => {
+                (left.unannounced, served.has_reported) = (false, false);
+                Ok(())
+            }
+        }
     }
 
     /// After the task has slept: the work that a caller has left to it.
@@ -185,6 +203,9 @@ impl<S: Service> Connection<S> {
                 return Poll::Ready(Waited::Over(over));
             }
             polls.over.set_pending();
+        }
+        if inputs.shared.is_finished() {
+            return Poll::Ready(Waited::Over(Over::Stopped));
         }
         let mut is_called = false;
         while polls.calls.is_due() && served.has_room() {
@@ -235,10 +256,11 @@ impl<S: Service> Connection<S> {
 
     /// Gives the result of a wait to the session.
     pub(super) fn take(&mut self, waited: Waited) -> ControlFlow<Over> {
-        let Self { served, input, left, clock, is_sending, .. } = self;
+        let Self { served, input, left, clock, is_sending, has_sent, .. } = self;
         let passed = match waited {
-            Waited::Over(over) => return ControlFlow::Break(over),
-            Waited::HandedOver(HandedOver::Lost(error)) => return ControlFlow::Break(Over::Lost(error)),
+            Waited::Over(over) | Waited::HandedOver(HandedOver::Over(over)) => {
+                return ControlFlow::Break(over);
+            }
             Waited::HandedOver(HandedOver::Panic(panic)) => resume_unwind(panic),
             Waited::Called | Waited::HandedOver(HandedOver::Rest) => {
                 *is_sending = false;
@@ -253,6 +275,7 @@ impl<S: Service> Connection<S> {
             }
             Waited::Passed(passed) => passed,
         };
+        *has_sent |= passed.written.is_some_and(|written| written > 0);
         let has_only_written = passed.read.is_none() && passed.written.is_some();
         if !has_only_written {
             clock.next();
@@ -285,7 +308,7 @@ impl<S: Service> Connection<S> {
         self.handed_over = match made {
             Ok(Ok(Sent::All)) => None,
             Ok(Ok(Sent::Part)) => Some(HandedOver::Rest),
-            Ok(Err(error)) => Some(HandedOver::Lost(error)),
+            Ok(Err(over)) => Some(HandedOver::Over(over)),
             Err(panic) => Some(HandedOver::Panic(panic)),
         };
         if let (Some(_), Some(polls)) = (&self.handed_over, &self.polls) {
@@ -295,29 +318,29 @@ impl<S: Service> Connection<S> {
     }
 
     /// Sends the bytes for a call.
-    fn send(&mut self, now: Duration) -> io::Result<Sent> {
-        let Self { served, port, out, left, timer, polls: Some(polls), .. } = self else {
+    fn send(&mut self, now: Duration) -> Result<Sent, Over> {
+        let Self { served, port, out, left, timer, has_sent, polls: Some(polls), .. } = self else {
             return Ok(Sent::Part);
         };
-        served.prepare(left, out, false, now)?;
+        served.prepare(left, out, false, now).map_err(Over::Unusable)?;
         if left.unannounced || served.has_reported {
             let keep = pin!(served.service.keep(&mut served.session));
             match keep.poll(&mut Context::from_waker(TaskWaker::noop())) {
-                Poll::Ready(kept) => kept?,
+                Poll::Ready(kept) => kept.map_err(Over::Lost)?,
                 Poll::Pending => return Ok(Sent::Part),
             }
-            left.unannounced = false;
-            served.has_reported = false;
+            (left.unannounced, served.has_reported) = (false, false);
         }
         if left.is_some() {
             let written = port.poll_write(&mut polls.port.context(), Outgoing::of(left, out));
             // An error is left to the task, which first reads the bytes that have come.
             let Poll::Ready(Ok(passed)) = written.passed(Poll::Pending) else { return Ok(Sent::Part) };
+            *has_sent = true;
             left.wrote(passed.written.unwrap_or_default(), passed.flushed, now);
             if left.is_some() || left.unflushed {
                 return Ok(Sent::Part);
             }
-            served.prepare(left, out, true, now)?;
+            served.prepare(left, out, true, now).map_err(Over::Unusable)?;
         }
         let is_all = !left.is_some() && !served.has_reported && timer.is_in_time(served.due(left, now));
         Ok(if is_all { Sent::All } else { Sent::Part })

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::Waker;
-use super::slot::Slot;
-use crate::Session;
+use super::shared::Shared;
+use crate::{Session, now};
 
 /// What a link adds to its session for handles: its calls, and the matching of outcomes to calls.
 ///
@@ -62,13 +62,28 @@ pub trait Service: Send {
         ready(Ok(()))
     }
 
+    /// Ends the calls that the session has accepted and not sent, as [`refuse`](Self::refuse) does, and withdraws them from the session:
+    /// for [`Task::give_up_after`](super::Task::give_up_after) there was no usable connection. A service whose calls all end with their
+    /// connection need not override it.
+    fn give_up(
+        &mut self,
+        _session: &mut Self::Session,
+        _why: &Arc<io::Error>,
+        _reports: &mut Reports<'_, Self::Event>,
+    ) {
+    }
+
     /// Ends a call that was not made: there is no connection, or the task has ended.
     fn refuse(&mut self, call: Self::Call, why: &Arc<io::Error>);
 }
 
 /// The receiver of a call's outcome.
 #[derive(Debug)]
-pub struct Reply<T>(oneshot::Sender<T>);
+pub struct Reply<T> {
+    outcome: oneshot::Sender<T>,
+    /// Counts the call as one in progress.
+    _in_progress: Arc<()>,
+}
 
 impl<T> Reply<T> {
     /// Ends the call.
@@ -76,12 +91,12 @@ impl<T> Reply<T> {
     /// # Errors
     /// It is no longer awaited: the outcome is given back.
     pub fn send(self, outcome: T) -> Result<(), T> {
-        self.0.send(outcome)
+        self.outcome.send(outcome)
     }
 
     /// It is no longer awaited.
     pub fn is_abandoned(&self) -> bool {
-        self.0.is_closed()
+        self.outcome.is_closed()
     }
 }
 
@@ -120,13 +135,24 @@ impl<E: Clone> Reports<'_, E> {
 
 /// The caller's side of a session: calls, events, the state of the connection, and shutdown. Cloning it is cheap; the
 /// [`Task`](super::Task) ends when the last one is dropped.
+///
+/// # Every call ends
+/// While its task runs, a call has an outcome in a bounded time, whatever the peer does:
+/// - While there is a connection, the session's own times hold: those of its configuration. Calls that have to wait for others wait for
+///   their outcomes. An order or a motion takes as long as the peer reports that it goes on.
+/// - Without a connection, a call waits for the current attempt to connect, and fails with it.
+/// - When a connection is lost, the outcome of a call that was sent is unknown, unless its session can continue it on the next connection.
+///   A call that was not sent waits for the next one.
+/// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. That of a peer which closes it
+///   at once is not usable, nor is one while the state cannot be stored.
+/// - With the task, all calls end: [`Closed`].
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
     pub(super) events: broadcast::Receiver<S::Event>,
     pub(super) link: watch::Receiver<Link>,
-    pub(super) stop: Arc<watch::Sender<bool>>,
+    pub(super) stop: Arc<watch::Sender<Option<Duration>>>,
     pub(super) waker: Waker,
-    pub(super) slot: Arc<Slot<S>>,
+    pub(super) shared: Arc<Shared<S>>,
 }
 
 /// Whether there is a connection.
@@ -139,10 +165,12 @@ pub enum Link {
     Connected,
     /// The last attempt has failed, or the last connection is lost, for this reason. Another attempt follows.
     Failed(Arc<io::Error>),
+    /// The task has ended, and no connection follows: it was shut down, its future was dropped, or it has panicked.
+    Ended,
 }
 
-/// The task of the session has ended: it was shut down, or the thread or runtime that it ran in is gone. A call that ends so was not made,
-/// or its outcome is unknown.
+/// The task of the session has ended, or was told to: it was shut down, its future was dropped, or it has panicked. A call that ends so was
+/// not made, or its outcome is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Closed;
 
@@ -163,10 +191,13 @@ impl<S: Service> Handle<S> {
     /// # Errors
     /// The task has ended.
     pub async fn begin<T>(&self, call: impl FnOnce(Reply<T>) -> S::Call) -> Result<Outcome<T>, Closed> {
+        if self.shared.is_ending() {
+            return Err(Closed);
+        }
         let (reply, outcome) = oneshot::channel();
-        let call = call(Reply(reply));
+        let call = call(Reply { outcome: reply, _in_progress: self.shared.begin_call() });
         // While the task sleeps, the caller makes the call itself: waking the task for it costs as much as the call.
-        let call = match self.slot.borrow(&self.calls) {
+        let call = match self.shared.borrow(&self.calls) {
             Some(mut connection) => match connection.call(call) {
                 Ok(()) => return Ok(Outcome(outcome)),
                 Err(call) => call,
@@ -184,7 +215,7 @@ impl<S: Service> Handle<S> {
 
     /// Makes a call without awaiting its outcome, if there is room for it now; returns whether there is.
     pub fn try_call(&self, call: S::Call) -> bool {
-        self.calls.try_send(call).is_ok()
+        !self.shared.is_ending() && self.calls.try_send(call).is_ok()
     }
 
     /// The events from now on. A slow reader loses the oldest ones, and gets their number.
@@ -207,9 +238,22 @@ impl<S: Service> Handle<S> {
         Ok(())
     }
 
-    /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with their outcomes.
+    /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with the outcomes of a lost connection.
+    /// If the state is just being stored, the task waits for that for a second at most. A task that nobody runs yet ends when it is run.
     pub async fn shutdown(&self) {
-        self.stop.send_replace(true);
+        self.end_at(Duration::ZERO).await;
+    }
+
+    /// Refuses new calls, waits until those in progress have ended, then ends as [`shutdown`](Self::shutdown) does: after `time` at the
+    /// latest, and then the outcomes are those of a lost connection. Dropping the future changes nothing of that.
+    pub async fn shutdown_after(&self, time: Duration) {
+        self.end_at(now().saturating_add(time)).await;
+    }
+
+    async fn end_at(&self, at: Duration) {
+        self.shared.end();
+        drop(self.shared.take_unrun());
+        self.stop.send_modify(|stop| *stop = Some(stop.map_or(at, |stop| stop.min(at))));
         let mut link = self.link.clone();
         while link.changed().await.is_ok() {}
     }
@@ -229,7 +273,7 @@ impl<S: Service> Clone for Handle<S> {
             link: self.link.clone(),
             stop: self.stop.clone(),
             waker: self.waker.clone(),
-            slot: Arc::clone(&self.slot),
+            shared: Arc::clone(&self.shared),
         }
     }
 }

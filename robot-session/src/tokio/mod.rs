@@ -9,7 +9,7 @@ mod handle;
 mod latest;
 mod listener;
 mod polled;
-mod slot;
+mod shared;
 mod task;
 mod timer;
 
@@ -23,6 +23,6 @@ pub use driver::{Driver, Waker};
 pub use handle::{Closed, Handle, Link, Outcome, Reply, Reports, Service};
 pub use latest::{Latest, Source, latest};
 pub use listener::serve;
-pub use task::{Reconnect, Task, spawn, spawn_woken_by};
+pub use task::{GIVE_UP_AFTER, Reconnect, Task, spawn, spawn_woken_by};
 #[cfg(feature = "tokio-serial")]
 pub use tokio_serial;

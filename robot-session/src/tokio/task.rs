@@ -16,16 +16,18 @@ use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
 use super::connection::{Connection, Inputs, Waited};
-use super::slot::Slot;
+use super::shared::{LinkState, Shared, Unrun};
 use super::{Connector, Handle, Link, Reports, Service, Waker};
 use crate::left::Left;
 use crate::turn::prepare;
-use crate::{STALL, Session, now};
+use crate::{STALL, Session, is_due, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
 const CALLS: usize = 16;
 /// How many events are kept for who has not read them yet.
 const EVENTS: usize = 256;
+/// The time after which calls fail again that waited for others to fail.
+const AGAIN: Duration = Duration::from_millis(10);
 /// A session without a connection that is due is called as often as this at most.
 const SHORTEST: Duration = Duration::from_millis(1);
 
@@ -47,8 +49,8 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
 ) -> (Handle<S>, Task<S, C>) {
     let (calls, calls_of_task) = mpsc::channel(CALLS);
     let (events_of_task, events) = broadcast::channel(EVENTS);
-    let (link_of_task, link) = watch::channel(Link::Connecting);
-    let (stop, stop_of_task) = watch::channel(false);
+    let (link_of_task, link) = LinkState::new();
+    let (stop, stop_of_task) = watch::channel(None);
     let served = Served {
         session: Box::new(session),
         service,
@@ -56,33 +58,44 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
         reconnect: None,
         has_reported: false,
     };
-    let slot = Arc::new(Slot::default());
+    let shared = Arc::new(Shared::new(Unrun { calls: calls_of_task, link: link_of_task }));
     let task = Task {
-        served: Some(served),
-        slot: Arc::clone(&slot),
+        served,
+        unrun: Ends(Arc::clone(&shared)),
         connector,
-        calls: calls_of_task,
-        link: link_of_task,
         stop: stop_of_task,
         waker: waker.clone(),
         reconnect: Reconnect::default(),
         stall: STALL,
+        give_up_after: GIVE_UP_AFTER,
     };
-    (Handle { calls, events, link, stop: Arc::new(stop), waker, slot }, task)
+    (Handle { calls, events, link, stop: Arc::new(stop), waker, shared }, task)
 }
 
-/// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], and with the last handle.
+/// The time without a usable connection after which calls that wait for one fail, unless a [`Task`] is given another: 20 s.
+pub const GIVE_UP_AFTER: Duration = Duration::from_secs(20);
+
+/// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], and with the last handle. Nothing happens
+/// before it is run.
+#[must_use = "calls wait until the task is run"]
 pub struct Task<S: Service, C> {
-    /// Until it runs.
-    served: Option<Served<S>>,
-    slot: Arc<Slot<S>>,
+    served: Served<S>,
+    unrun: Ends<S>,
     connector: C,
-    calls: mpsc::Receiver<S::Call>,
-    link: watch::Sender<Link>,
-    stop: watch::Receiver<bool>,
+    stop: watch::Receiver<Option<Duration>>,
     waker: Waker,
     reconnect: Reconnect,
     stall: Duration,
+    give_up_after: Duration,
+}
+
+/// Ends the calls of a task that is dropped before it runs.
+struct Ends<S: Service>(Arc<Shared<S>>);
+
+impl<S: Service> Drop for Ends<S> {
+    fn drop(&mut self) {
+        drop(self.0.take_unrun());
+    }
 }
 
 /// The delays of a [`Task`] before it reconnects: doubled after each attempt, and half of it random, so that many tasks that
@@ -107,7 +120,10 @@ pub(super) enum Over {
     Stopped,
     /// Another one replaces it.
     Replaced,
+    /// The port has failed, or the state could not be stored.
     Lost(io::Error),
+    /// The service has ended it.
+    Unusable(io::Error),
 }
 
 /// A session, and who gets its events.
@@ -124,72 +140,89 @@ pub(super) struct Served<S: Service> {
 
 impl<S: Service, C: Connector> Task<S, C> {
     /// The delays before it reconnects.
-    #[must_use]
     pub fn reconnect(self, reconnect: Reconnect) -> Self {
         Self { reconnect, ..self }
     }
 
-    /// How long the peer may read nothing, if not [`STALL`].
-    #[must_use]
+    /// The time for which the peer may read nothing, and storing the state may take, if not [`STALL`]. Then the connection ends.
     pub fn stall(self, stall: Duration) -> Self {
         Self { stall, ..self }
     }
 
+    /// The time without a usable connection after which calls that wait for one fail, if not [`GIVE_UP_AFTER`]; [`Duration::MAX`]:
+    /// never. A connection is usable if something was sent on it, unless the service then found the peer silent or wrong within that
+    /// time. The time begins when the task runs, when a usable connection is lost, and whenever calls have failed so.
+    pub fn give_up_after(self, time: Duration) -> Self {
+        Self { give_up_after: time, ..self }
+    }
+
     /// Runs it; gives the session back.
-    pub async fn run(mut self) -> Box<S::Session> {
-        let Reconnect { first, longest } = self.reconnect;
+    pub async fn run(self) -> Box<S::Session> {
+        let Self { served, unrun, mut connector, stop, waker, reconnect, stall, give_up_after } = self;
+        let shared = Arc::clone(&unrun.0);
+        let Some(Unrun { calls, link }) = shared.take_unrun() else { return served.session };
+        // When this future is dropped, all calls end before the link does.
+        let mut served = served;
+        let mut inbox = Inbox { calls, stop, waker, shared };
+        let mut outage = Outage::new(give_up_after);
+        let Reconnect { first, longest } = reconnect;
         let mut pause = first;
-        let Some(mut served) = self.served.take() else { unreachable!("a task runs once") };
         if let Some(after) = served.session.discards_after() {
-            self.connector.discard_after(after);
+            connector.discard_after(after);
         }
         loop {
-            let Self { connector, calls, stop, waker, .. } = &mut self;
-            let Some(connected) = served.meanwhile(stop, waker, calls, connector.connect()).await else {
+            let Some(connected) = served.meanwhile(&mut inbox, &mut outage, connector.connect()).await else {
                 break;
             };
             let has_connected = connected.is_ok();
             let error = match connected {
                 Ok(transport) => {
                     let begun = Instant::now();
-                    let over;
-                    (served, over) = self.serve(served, transport).await;
-                    if begun.elapsed() >= pause {
+                    let mut connection = Box::new(Connection::new(served, Box::new(transport), stall));
+                    connection.begin();
+                    link.set(Link::Connected);
+                    let (connection, over) = serve(connection, &mut inbox, &mut connector).await;
+                    let lasted = begun.elapsed();
+                    let soon_unusable = matches!(over, Over::Unusable(_)) && lasted < give_up_after;
+                    if connection.has_sent && !soon_unusable {
+                        outage = Outage::new(give_up_after);
+                    }
+                    served = connection.end();
+                    if lasted >= pause {
                         pause = first;
                     }
                     match over {
                         Over::Stopped => break,
                         Over::Replaced => continue,
-                        Over::Lost(error) => error,
+                        Over::Lost(error) | Over::Unusable(error) => error,
                     }
                 }
                 Err(error) => error,
             };
             let error = Arc::new(error);
-            self.link.send_replace(Link::Failed(Arc::clone(&error)));
-            // What waits when a connection is lost waits for the next one, unless there is none.
-            while !has_connected
-                && !S::OFFLINE
-                && let Ok(call) = self.calls.try_recv()
-            {
-                served.service.refuse(call, &error);
+            link.set(Link::Failed(Arc::clone(&error)));
+            if !has_connected {
+                served.refuse_waiting(&mut inbox, &error);
             }
+            outage.why = Some(error);
             if has_connected && !C::DIALS {
                 continue;
             }
             let wait = sleep(pause.mul_f64(0.5 + fastrand::f64() / 2.0));
-            let Self { calls, stop, waker, .. } = &mut self;
-            if served.meanwhile(stop, waker, calls, wait).await.is_none() {
+            if served.meanwhile(&mut inbox, &mut outage, wait).await.is_none() {
                 break;
             }
             pause = pause.saturating_mul(2).min(longest);
         }
-        self.calls.close();
+        let Inbox { mut calls, .. } = inbox;
+        calls.close();
         let error = Arc::new(io::Error::other("the task of the session has ended"));
-        while let Some(call) = self.calls.recv().await {
+        while let Some(call) = calls.recv().await {
             served.service.refuse(call, &error);
         }
-        served.session
+        let Served { session, service, .. } = served;
+        drop(service);
+        session
     }
 
     /// Runs it in a thread of its own: for programs without a runtime, whose calls any executor can wait for, such as
@@ -206,54 +239,89 @@ impl<S: Service, C: Connector> Task<S, C> {
         let runtime = ::tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         Builder::new().spawn(move || runtime.block_on(self.run()))
     }
+}
 
-    /// One connection, from its beginning to its end.
-    async fn serve(&mut self, served: Served<S>, transport: C::Transport) -> (Served<S>, Over) {
-        let Self { connector, calls, link, stop, waker, stall, slot, .. } = self;
-        let mut over = pin!(over(stop, connector));
-        let mut woken = pin!(waker.0.notified());
-        let _open = slot.open();
-        let mut connection = Box::new(Connection::new(served, Box::new(transport), *stall));
-        connection.begin();
-        link.send_replace(Link::Connected);
-        let over = loop {
-            match connection.prepare() {
-                Ok(false) => {}
-                Ok(true) => {
-                    if let Err(over) = connection.keep(over.as_mut()).await {
-                        break over;
-                    }
+/// One connection, from its beginning to its end.
+async fn serve<S: Service>(
+    mut connection: Box<Connection<S>>,
+    inbox: &mut Inbox<S>,
+    connector: &mut impl Connector,
+) -> (Box<Connection<S>>, Over) {
+    let Inbox { calls, stop, waker, shared } = inbox;
+    let mut over = pin!(over(stop, connector));
+    let mut woken = pin!(waker.0.notified());
+    let _open = shared.open();
+    loop {
+        match connection.prepare() {
+            Ok(false) => {}
+            Ok(true) => {
+                if let Err(over) = connection.keep(over.as_mut()).await {
+                    return (connection, over);
                 }
-                Err(error) => break Over::Lost(error),
             }
-            let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker };
-            let mut awake = Some(connection);
-            let waited;
-            (connection, waited) = poll_fn(|context| {
-                let mut connection = match awake.take() {
-                    Some(connection) => connection,
-                    None => {
-                        let Some(mut connection) = slot.take(context) else { return Poll::Pending };
-                        if let Some(handed_over) = connection.wake_up() {
-                            return Poll::Ready((connection, Waited::HandedOver(handed_over)));
-                        }
-                        connection
+            Err(error) => return (connection, Over::Unusable(error)),
+        }
+        let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker, shared };
+        let mut awake = Some(connection);
+        let waited;
+        (connection, waited) = poll_fn(|context| {
+            let mut connection = match awake.take() {
+                Some(connection) => connection,
+                None => {
+                    let Some(mut connection) = shared.take(context) else { return Poll::Pending };
+                    if let Some(handed_over) = connection.wake_up() {
+                        return Poll::Ready((connection, Waited::HandedOver(handed_over)));
                     }
-                };
-                match connection.poll(context, &mut inputs) {
-                    Poll::Ready(waited) => Poll::Ready((connection, waited)),
-                    Poll::Pending => {
-                        slot.put(connection);
-                        Poll::Pending
-                    }
+                    connection
                 }
-            })
-            .await;
-            if let ControlFlow::Break(over) = connection.take(waited) {
-                break over;
+            };
+            match connection.poll(context, &mut inputs) {
+                Poll::Ready(waited) => Poll::Ready((connection, waited)),
+                Poll::Pending => {
+                    shared.put(connection);
+                    Poll::Pending
+                }
             }
-        };
-        (connection.end(), over)
+        })
+        .await;
+        if let ControlFlow::Break(over) = connection.take(waited) {
+            return (connection, over);
+        }
+    }
+}
+
+/// The task's ends of the channels to the handles.
+struct Inbox<S: Service> {
+    calls: mpsc::Receiver<S::Call>,
+    /// The time at which the task ends.
+    stop: watch::Receiver<Option<Duration>>,
+    waker: Waker,
+    shared: Arc<Shared<S>>,
+}
+
+/// The time without a connection on which something was sent.
+struct Outage {
+    limit: Duration,
+    /// The time at which waiting calls fail.
+    until: Duration,
+    /// The last failure.
+    why: Option<Arc<io::Error>>,
+}
+
+impl Outage {
+    /// An outage that begins now.
+    fn new(limit: Duration) -> Self {
+        Self { limit, until: now().saturating_add(limit), why: None }
+    }
+
+    /// Returns the reason why waiting calls fail, if they do; then they have that time again.
+    fn ends(&mut self) -> Option<Arc<io::Error>> {
+        if !is_due(self.until, now()) {
+            return None;
+        }
+        self.until = now().saturating_add(self.limit);
+        let nobody = || Arc::new(io::Error::new(io::ErrorKind::TimedOut, "there is no peer"));
+        Some(self.why.clone().unwrap_or_else(nobody))
     }
 }
 
@@ -300,26 +368,50 @@ impl<S: Service> Served<S> {
         self.reconnect = None;
     }
 
+    /// Refuses the calls that wait for a connection. Returns whether there were any.
+    fn refuse_waiting(&mut self, inbox: &mut Inbox<S>, why: &Arc<io::Error>) -> bool {
+        let mut has_refused = false;
+        while !S::OFFLINE
+            && let Ok(call) = inbox.calls.try_recv()
+        {
+            self.service.refuse(call, why);
+            has_refused = true;
+        }
+        has_refused
+    }
+
     /// Waits without a connection, for which the session keeps its deadlines. `None`: the task is to end.
     async fn meanwhile<T>(
         &mut self,
-        stop: &mut watch::Receiver<bool>,
-        waker: &Waker,
-        calls: &mut mpsc::Receiver<S::Call>,
+        inbox: &mut Inbox<S>,
+        outage: &mut Outage,
         wait: impl Future<Output = T>,
     ) -> Option<T> {
         let mut wait = pin!(wait);
+        let stop = inbox.stop.clone();
         let mut stopped = pin!(stopped(stop));
         loop {
-            let due = self.session.poll_timeout();
-            let time = until(due.map(|at| at.max(now().saturating_add(SHORTEST))));
+            if let Some(why) = outage.ends() {
+                if self.refuse_waiting(inbox, &why) {
+                    // Callers that found the channel full can make their calls now: they fail too.
+                    outage.until = now().saturating_add(AGAIN);
+                }
+                let Self { session, service, events, reconnect, .. } = &mut *self;
+                service.give_up(session, &why, &mut Reports { events, reconnect });
+                self.report();
+            }
+            let due = self.session.poll_timeout().map(|at| at.max(now().saturating_add(SHORTEST)));
+            let time = until(due.into_iter().chain([outage.until]).min());
             let takes_calls = S::OFFLINE && self.has_room();
+            let finished =
+                poll_fn(|_| if inbox.shared.is_finished() { Poll::Ready(()) } else { Poll::Pending });
             select! {
                 biased;
                 () = &mut stopped => return None,
+                () = finished => return None,
                 value = &mut wait => return Some(value),
-                call = calls.recv(), if takes_calls => self.call(call?),
-                () = waker.woken() => {}
+                call = inbox.calls.recv(), if takes_calls => self.call(call?),
+                () = inbox.waker.woken() => {}
                 () = time => {}
             }
             self.session.handle_timeout(now());
@@ -336,17 +428,28 @@ async fn until(at: Option<Duration>) {
 }
 
 /// Waits for the end of the task, or for a connection that replaces this one.
-async fn over(stop: &mut watch::Receiver<bool>, connector: &mut impl Connector) -> Over {
+async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Connector) -> Over {
     select! {
         biased;
-        () = stopped(stop) => Over::Stopped,
+        () = stopped(stop.clone()) => Over::Stopped,
         () = connector.replaced() => Over::Replaced,
     }
 }
 
-/// The task is to end: on request, or because no handle is left.
-async fn stopped(stop: &mut watch::Receiver<bool>) {
-    let _ = stop.wait_for(|stop| *stop).await;
+/// Waits for the time at which the task is to end, or until no handle is left.
+async fn stopped(mut stop: watch::Receiver<Option<Duration>>) {
+    loop {
+        let at = *stop.borrow_and_update();
+        select! {
+            biased;
+            changed = stop.changed() => {
+                if changed.is_err() {
+                    return;
+                }
+            }
+            () = until(at) => return,
+        }
+    }
 }
 
 impl<S: Service, C> fmt::Debug for Task<S, C> {

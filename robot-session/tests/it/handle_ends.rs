@@ -10,7 +10,7 @@ use std::io;
 use std::sync::Arc;
 
 use crate::common::{Asker, Event};
-use robot_session::tokio::{Closed, Connector, Dial, Handle, Reply, Reports, Service, Task, spawn};
+use robot_session::tokio::{Closed, Connector, Dial, Handle, Link, Reply, Reports, Service, Task, spawn};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
 use tokio::time::timeout;
 
@@ -127,3 +127,52 @@ trait NowOrNever: Future {
 }
 
 impl<F: Future> NowOrNever for F {}
+
+/// Its state says so, no connection is waited for, and no call.
+async fn assert_ended(handle: &Handle<Asking>) {
+    assert!(matches!(&*handle.link().borrow(), Link::Ended), "{handle:?}");
+    assert_eq!(timeout(LONG, handle.connected()).await, Ok(Err(Closed)));
+    assert_eq!(ask(handle, "one").await, Err(Closed));
+    assert_eq!(timeout(LONG, handle.shutdown()).await, Ok(()));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_task_that_has_ended_says_so() {
+    let (handle, task) = asking(echoing());
+    let task = tokio::spawn(task.run());
+    handle.connected().await.unwrap();
+    handle.shutdown().await;
+    assert_ended(&handle).await;
+    drop(task.await.unwrap());
+
+    let (handle, task) = asking(echoing());
+    let task = tokio::spawn(task.run());
+    handle.connected().await.unwrap();
+    let unanswered = handle.begin(|reply| Ask("one", reply)).await.unwrap();
+    task.abort();
+    assert!(task.await.unwrap_err().is_cancelled());
+    assert_eq!(unanswered.await.map(drop), Err(Closed));
+    assert_ended(&handle).await;
+
+    let (handle, task) = asking(echoing());
+    let task = tokio::spawn(task.run());
+    assert_eq!(ask(&handle, "panic").await, Err(Closed));
+    assert!(task.await.unwrap_err().is_panic());
+    assert_ended(&handle).await;
+
+    let (handle, task) = asking(echoing());
+    let waiting = handle.begin(|reply| Ask("one", reply)).await.unwrap();
+    drop(task);
+    assert_eq!(waiting.await.map(drop), Err(Closed));
+    assert_ended(&handle).await;
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_task_that_nobody_runs_is_shut_down() {
+    let (handle, task) = asking(echoing());
+    let waiting = handle.begin(|reply| Ask("one", reply)).await.unwrap();
+    timeout(LONG, handle.shutdown()).await.unwrap();
+    assert_eq!(waiting.await.map(drop), Err(Closed));
+    assert_ended(&handle).await;
+    drop(timeout(LONG, task.run()).await.unwrap());
+}

@@ -16,6 +16,8 @@ mod event_queue;
 mod handle;
 #[cfg(feature = "tokio")]
 mod handle_ends;
+#[cfg(feature = "tokio")]
+mod handle_outcomes;
 #[cfg(feature = "serialport")]
 mod serial;
 #[cfg(feature = "tokio")]

@@ -108,7 +108,7 @@ pub enum Error {
     /// An earlier run failed, and nothing of this one was sent: check the machine first.
     #[error("an earlier run failed; nothing of this one was sent")]
     NotSent,
-    /// There is no connection, and the attempt to make one has failed; nothing was sent.
+    /// There is no connection, or none on which it could be sent; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
     /// The task has ended. What was taken of the run is unknown.
@@ -272,6 +272,14 @@ impl Instructions {
         }
     }
 
+    /// The first run has failed, and those after it are not sent.
+    fn end_runs(&mut self, error: Error) {
+        self.end_run(Err(error));
+        while !self.runs.is_empty() {
+            self.end_run(Err(Error::NotSent));
+        }
+    }
+
     /// How many instructions, which were one frame, have an outcome.
     fn taken(&mut self, session: &mut Host, count: u8, answer: &[u8]) {
         for _ in 0..count {
@@ -309,10 +317,7 @@ impl Instructions {
                 // Of the run nothing more is sent; a query is.
                 self.singles.extend(self.submitted.pop_back().flatten());
             }
-            self.end_run(Err(error));
-            while !self.runs.is_empty() {
-                self.end_run(Err(Error::NotSent));
-            }
+            self.end_runs(error);
         }
         session.resume();
         self.fill(session);
@@ -349,6 +354,22 @@ impl Service for Instructions {
             _ => {}
         }
         reports.event(event);
+    }
+
+    fn give_up(&mut self, session: &mut Host, why: &Arc<io::Error>, _: &mut Reports<'_, HostEvent>) {
+        // What was sent has an outcome since its connection was lost.
+        session.take_back();
+        self.singles.extend(self.submitted.drain(..).flatten());
+        for single in core::mem::take(&mut self.singles) {
+            self.refuse(Call::Single(single), why);
+        }
+        if let Some(Run { taken: taken @ 1.., .. }) = self.runs.front() {
+            let taken = *taken;
+            self.end_runs(Error::Unknown { taken, count: 0, reason: UnknownReason::Disconnected });
+        }
+        for run in core::mem::take(&mut self.runs) {
+            self.refuse(Call::Run(run), why);
+        }
     }
 
     fn refuse(&mut self, call: Call, why: &Arc<io::Error>) {

@@ -9,6 +9,8 @@ mod controller;
 mod edges;
 mod envelope;
 #[cfg(feature = "tokio")]
+mod give_up;
+#[cfg(feature = "tokio")]
 mod handle;
 mod host;
 mod machine;

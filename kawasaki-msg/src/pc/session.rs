@@ -8,6 +8,8 @@ use super::source::{JobSource, Supply};
 use super::state::{
     Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Rejection, Report, Rest, Sent,
 };
+#[cfg(feature = "tokio")]
+use super::state::{Order, Start};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
 use crate::dialect::{Dialect, Params};
@@ -192,6 +194,19 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             *command = (id, value);
         }
         Ok(())
+    }
+
+    /// Forgets order and commands, as a program that is restarted does. Returns whether the robot may know of the order: it is to be
+    /// [resumed](Self::resume) then. Call it without a connection.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn forget(&mut self) -> bool {
+        let is_unsent = matches!(
+            self.core.machine.order,
+            Order::Idle | Order::Starting { start: Start::Unsent | Start::Foreign { .. }, .. }
+        );
+        self.core.machine = Machine::new();
+        self.source = None;
+        !is_unsent
     }
 
     /// Whether a job of the order, or of the last one, counted from 0, is known to be executed.

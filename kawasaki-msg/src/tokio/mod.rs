@@ -107,9 +107,17 @@ pub enum Error {
     /// The caller's fault; nothing was sent.
     #[error(transparent)]
     Call(#[from] SessionError),
-    /// There is no connection, and the attempt to make one has failed; nothing was sent.
+    /// There is no connection, or none on which it could be sent; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
+    /// For [`Task::give_up_after`] there was no connection on which the order could go on. The robot may still execute jobs.
+    #[error("no connection for order {}: {why}; it can be resumed", kept.order)]
+    GivenUp {
+        /// The progress of the order, for [`Pc::resume`].
+        kept: Kept,
+        /// The last failure of a connection.
+        why: Arc<io::Error>,
+    },
     /// The robot has refused the order because of its active one (0: none), after all configured retries.
     #[error("the robot refuses the order; its active one is {active}")]
     Refused {

@@ -164,6 +164,31 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
         Ok(())
     }
 
+    fn give_up(
+        &mut self,
+        session: &mut Session<W>,
+        why: &Arc<io::Error>,
+        reports: &mut Reports<'_, PcEvent>,
+    ) {
+        if self.active.is_none() && self.commands.is_empty() {
+            return;
+        }
+        for reply in core::mem::take(&mut self.commands) {
+            let _ = reply.send(Err(Error::NotConnected(Arc::clone(why))));
+        }
+        let kept = Kept::of(session);
+        let Kept { order, executed, sent, .. } = kept;
+        let why = Arc::clone(why);
+        if session.forget() {
+            // The order can be resumed: it stays stored.
+            self.kept = (0, session.sent());
+            reports.event(PcEvent::OutcomeUnknown { order, executed, sent });
+            self.end(|_| Err(Error::GivenUp { kept, why }));
+        } else {
+            self.end(|_| Err(Error::NotConnected(why)));
+        }
+    }
+
     fn refuse(&mut self, call: Call<W>, why: &Arc<io::Error>) {
         let error = Error::NotConnected(Arc::clone(why));
         match call {

@@ -9,6 +9,8 @@ mod edges;
 #[cfg(all(feature = "alloc", feature = "std"))]
 mod examples;
 #[cfg(feature = "tokio")]
+mod give_up;
+#[cfg(feature = "tokio")]
 mod handle;
 mod jobs;
 mod layouts;

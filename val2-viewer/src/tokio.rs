@@ -96,13 +96,12 @@ impl Service for Display {
 
     fn event(
         &mut self,
-        _session: &mut Workstation,
+        session: &mut Workstation,
         event: WorkstationEvent,
         reports: &mut Reports<'_, WorkstationEvent>,
     ) {
         match event {
-            // How long it holds the session says: it is stale then.
-            WorkstationEvent::Pose(pose) => self.source.set(pose, None),
+            WorkstationEvent::Pose(pose) => self.source.set(pose, session.live_until()),
             WorkstationEvent::Stale => self.source.clear(),
             _ => {}
         }

@@ -11,7 +11,7 @@ use crate::now;
 #[derive(Debug, Clone)]
 pub struct Latest<T>(watch::Receiver<Option<(T, Duration)>>);
 
-/// Where the values come from.
+/// The sender of the values. When it is dropped, there is no value any more.
 #[derive(Debug)]
 pub struct Source<T>(watch::Sender<Option<(T, Duration)>>);
 
@@ -33,14 +33,20 @@ impl<T> Source<T> {
     }
 }
 
+impl<T> Drop for Source<T> {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
+
 impl<T: Clone> Latest<T> {
-    /// The latest value; `None` when there is none, or it is too old, even if the task of the link does nothing any more.
+    /// The latest value; `None` when there is none, or it is too old, even if the task of the link does nothing any more or has ended.
     pub fn get(&self) -> Option<T> {
         let value = self.0.borrow();
         value.as_ref().filter(|(_, until)| now() < *until).map(|(value, _)| value.clone())
     }
 
-    /// Waits for the next value, or for its end: `None`. Of several the last.
+    /// Waits for the next value, or for its end: `None`. Of several the last. At the end of the task a value ends too.
     ///
     /// # Errors
     /// The task of the link has ended.

@@ -307,8 +307,12 @@ async fn a_latest_value_is_there_until_its_time_is_over_or_it_is_cleared() {
     assert_eq!(latest.next().await, Ok(None));
     source.clear();
     assert!(tokio::time::timeout(SHORT, latest.next()).await.is_err(), "nothing has changed");
+    // Without a source it is not the latest any more.
+    source.set(3, None);
+    assert_eq!(latest.next().await, Ok(Some(3)));
     drop(source);
-    assert_eq!(latest.next().await, Err(Closed));
+    assert_eq!(latest.get(), None);
+    assert_eq!((latest.next().await, latest.next().await), (Ok(None), Err(Closed)));
 }
 
 #[test]

@@ -19,6 +19,22 @@ use val2_viewer::{ENQ, Host, HostConfig, HostEvent, WorkstationConfig};
 const LONG: Duration = Duration::from_secs(20);
 const MS: Duration = Duration::from_millis(1);
 
+/// A host whose arm has always the same pose.
+async fn posing(stream: TcpStream, x: i16) {
+    let mut driver = Driver::new(stream);
+    let mut session = Host::new(HostConfig::default()).unwrap();
+    session.handle_connected(now());
+    loop {
+        session.set_pose(now(), [x; 12]);
+        let turn = driver.turn(&mut session, |_, _: HostEvent| ControlFlow::<()>::Continue(()));
+        if let Ok(turn) = timeout(50 * MS, turn).await
+            && !matches!(turn, Ok(ControlFlow::Continue(())))
+        {
+            return;
+        }
+    }
+}
+
 #[tokio::test]
 async fn the_pose_is_the_latest_until_the_host_is_gone_and_comes_back_with_it() {
     let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
@@ -26,20 +42,7 @@ async fn the_pose_is_the_latest_until_the_host_is_gone_and_comes_back_with_it() 
     let (mut arm, task) = workstation(WorkstationConfig::default(), to).unwrap();
     tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
     for x in [7, 9] {
-        let mut driver = Driver::new(listener.accept().await.unwrap().0);
-        let serving = tokio::spawn(async move {
-            let mut session = Host::new(HostConfig::default()).unwrap();
-            session.handle_connected(now());
-            loop {
-                session.set_pose(now(), [x; 12]);
-                let turn = driver.turn(&mut session, |_, _: HostEvent| ControlFlow::<()>::Continue(()));
-                if let Ok(turn) = timeout(50 * MS, turn).await
-                    && !matches!(turn, Ok(ControlFlow::Continue(())))
-                {
-                    return;
-                }
-            }
-        });
+        let serving = tokio::spawn(posing(listener.accept().await.unwrap().0, x));
         let pose = timeout(LONG, arm.pose.next()).await.unwrap().unwrap();
         assert_eq!(pose.unwrap().pose, [x; 12]);
         assert!(arm.pause(true));
@@ -91,4 +94,37 @@ async fn a_pause_without_a_connection_holds_when_there_is_one() {
         }
     };
     assert_eq!((timeout(LONG, reading).await.unwrap(), asked[0]), (1, ENQ));
+}
+
+#[tokio::test]
+async fn a_task_that_has_ended_or_is_not_run_any_more_has_no_pose() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let to = listener.local_addr().unwrap().to_string();
+    let config = WorkstationConfig::default();
+    let (mut arm, task) = workstation(config, Tcp::new(to.clone())).unwrap();
+    let mut running = Box::pin(task.run());
+    let serving = async {
+        let host = tokio::spawn(posing(listener.accept().await.unwrap().0, 7));
+        assert!(timeout(LONG, arm.pose.next()).await.unwrap().unwrap().is_some());
+        host
+    };
+    let host = tokio::select! {
+        host = serving => host,
+        _ = &mut running => panic!("it runs on"),
+    };
+    assert!(arm.pose.get().is_some());
+    sleep(config.stale_after).await;
+    assert_eq!(arm.pose.get(), None, "the task is not polled any more");
+    drop(running);
+    host.abort();
+
+    let (mut arm, task) = workstation(config, Tcp::new(to)).unwrap();
+    let task = tokio::spawn(task.run());
+    tokio::spawn(posing(listener.accept().await.unwrap().0, 7));
+    while timeout(LONG, arm.pose.next()).await.unwrap().unwrap().is_none() {}
+    task.abort();
+    assert!(task.await.is_err());
+    assert_eq!(arm.pose.get(), None);
+    assert!(matches!(&*arm.handle.link().borrow(), Link::Ended));
+    timeout(LONG, async { while arm.pose.next().await.is_ok() {} }).await.unwrap();
 }

@@ -102,7 +102,8 @@ pub struct Motion<W> {
 }
 
 impl<W> Motion<W> {
-    /// Waits for a job: `false` when the robot's task has ended and none is left. A dropped future loses nothing.
+    /// Waits for a job: `false` when the robot's task has ended, the session that it returned is dropped, and no job is unread. A dropped
+    /// future loses nothing.
     pub async fn wait(&mut self) -> bool {
         loop {
             let is_abandoned = self.motion.is_abandoned();

@@ -106,7 +106,7 @@ async fn a_task_that_has_ended_or_is_not_run_any_more_has_no_pose() {
     let serving = async {
         let host = tokio::spawn(posing(listener.accept().await.unwrap().0, 7));
         assert!(timeout(LONG, arm.pose.next()).await.unwrap().unwrap().is_some());
-        host
+        host.abort_handle()
     };
     let host = tokio::select! {
         host = serving => host,

@@ -204,9 +204,9 @@ async fn timed<T>(future: impl Future<Output = T>) -> (T, Duration) {
     (value, begun.elapsed())
 }
 
-/// Within two ticks of the timer, and the time of an attempt.
+/// Later by no more than a connection and a pause.
 fn assert_about(found: Duration, expected: Duration) {
-    assert!((expected..expected + 60 * MS).contains(&found), "{found:?} is not {expected:?}");
+    assert!((expected..expected + 260 * MS).contains(&found), "{found:?} is not {expected:?}");
 }
 
 #[tokio::test(start_paused = true)]
@@ -240,7 +240,7 @@ async fn callers_beyond_the_room_for_calls_do_not_wait_longer() {
     for call in calls {
         assert_eq!(call.await.unwrap(), Ok(Err("there is no peer".into())));
     }
-    assert_about(begun.elapsed() - 60 * MS, GIVE_UP_AFTER);
+    assert_about(begun.elapsed(), GIVE_UP_AFTER);
 }
 
 #[tokio::test(start_paused = true)]

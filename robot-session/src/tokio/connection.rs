@@ -357,14 +357,18 @@ enum Sent {
 
 impl Polls {
     /// Returns those of the task of `context`. If another task waits now, all inputs are due.
+    #[inline]
     fn of<'a>(polls: &'a mut Option<Self>, context: &Context<'_>) -> &'a mut Self {
         if polls.as_ref().is_some_and(|polls| !polls.over.wakes(context)) {
             *polls = None;
         }
-        polls.get_or_insert_with(|| {
-            let [over, calls, port, waker] = core::array::from_fn(|_| Polled::new(context));
-            Self { over, calls, port, waker }
-        })
+        polls.get_or_insert_with(|| Self::new(context))
+    }
+
+    #[cold]
+    fn new(context: &Context<'_>) -> Self {
+        let [over, calls, port, waker] = core::array::from_fn(|_| Polled::new(context));
+        Self { over, calls, port, waker }
     }
 }
 

@@ -3,9 +3,11 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::{Context, Waker};
 use std::boxed::Box;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use ::tokio::runtime;
 use ::tokio::sync::{mpsc, watch};
+use ::tokio::task::try_id;
 
 use super::connection::Connection;
 use super::{Link, Service};
@@ -19,6 +21,8 @@ pub(super) struct Shared<S: Service> {
     is_ending: AtomicBool,
     /// Each [`Reply`](super::Reply) owns a clone.
     in_progress: Arc<()>,
+    /// The runtime of the task. A caller without one enters it for what it does in place of the task.
+    runtime: OnceLock<runtime::Handle>,
 }
 
 struct Contents<S: Service> {
@@ -61,7 +65,12 @@ impl<S: Service> Shared<S> {
     /// The state of a task that does not run yet.
     pub(super) fn new(unrun: Unrun<S>) -> Self {
         let contents = Contents { unrun: Some(unrun), connection: None, task: None, is_open: false };
-        Self { contents: Mutex::new(contents), is_ending: AtomicBool::new(false), in_progress: Arc::new(()) }
+        Self {
+            contents: Mutex::new(contents),
+            is_ending: AtomicBool::new(false),
+            in_progress: Arc::new(()),
+            runtime: OnceLock::new(),
+        }
     }
 
     /// Removes and returns the task's ends of its channels, if it does not run yet.
@@ -125,6 +134,7 @@ impl<S: Service> Shared<S> {
 
     /// Opens the place of the connection, until the value that is returned is dropped.
     pub(super) fn open(&self) -> Open<'_, S> {
+        self.runtime.get_or_init(runtime::Handle::current);
         self.contents().is_open = true;
         Open(self)
     }
@@ -143,10 +153,11 @@ pub(super) struct Borrowed<'a, S: Service> {
 impl<S: Service> Borrowed<'_, S> {
     /// [`Connection::call`].
     pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
-        match &mut self.connection {
-            Some(connection) => connection.call(call),
-            None => Err(call),
-        }
+        let Some(connection) = &mut self.connection else { return Err(call) };
+        // Whether the caller is a task is known without a cost; to enter a runtime costs as much as the rest of this.
+        let entered = self.shared.runtime.get().filter(|_| try_id().is_none());
+        let _entered = entered.map(runtime::Handle::enter);
+        connection.call(call)
     }
 }
 

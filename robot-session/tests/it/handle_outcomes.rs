@@ -5,6 +5,7 @@
 use core::future::{Future, pending};
 use core::pin::Pin;
 use core::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use core::task::{Context, Poll, Waker};
 use core::time::Duration;
 use std::collections::VecDeque;
 use std::io;
@@ -378,4 +379,25 @@ async fn a_task_without_calls_ends_at_once() {
     assert!(timeout(S, handle.shutdown_after(LONG)).await.is_err());
     assert_about(timed(handle.shutdown()).await.1, Duration::ZERO);
     assert_eq!(call.await.unwrap(), Ok(Ok(false)));
+}
+
+/// It makes the call itself while the task sleeps, and storing the state needs the runtime of the task.
+#[test]
+fn a_caller_may_be_without_a_runtime() {
+    let (handle, task, received) = cell(Disk::Takes(MS), [Peer::Answers(MS)]);
+    drop(task.thread().unwrap());
+    for _ in 0..3 {
+        let mut call = Box::pin(handle.call(|reply| reply));
+        let mut context = Context::from_waker(Waker::noop());
+        let outcome = loop {
+            match call.as_mut().poll(&mut context) {
+                Poll::Ready(outcome) => break outcome,
+                Poll::Pending => std::thread::sleep(MS),
+            }
+        };
+        assert_eq!(outcome, Ok(Ok(true)));
+        // The next byte is due at once, by its caller.
+        std::thread::sleep(310 * MS);
+    }
+    assert_eq!(received.load(SeqCst), 3);
 }

@@ -40,7 +40,8 @@ impl Keep for () {
     }
 }
 
-/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …]` for every change, of which the last whole one counts.
+/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] *CHECKSUM` for every change, of which the last counts. The checksum is the
+/// CRC-32 of the line before it, in hex. Earlier versions wrote lines without one: such lines are read before the first that has one.
 ///
 /// A change is written and synchronised to the disk by the task itself, which does nothing else for that time: where the disk is slow,
 /// [`Task::thread`](robot_session::tokio::Task::thread) gives the task a thread of its own.
@@ -58,7 +59,9 @@ impl Journal {
     /// Opens a journal, or begins one; with it, the order that an earlier program has begun and not ended. One program has it at a time.
     ///
     /// # Errors
-    /// The file system's; another program has the journal; it holds something else.
+    /// The file system's; another program has the journal; it holds something else, or a line of it is damaged
+    /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, and
+    /// begin a new order after the last executed job, with another file.
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, Option<Kept>)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         if FileExt::try_lock(&file).is_err() {
@@ -68,7 +71,12 @@ impl Journal {
         file.read_to_string(&mut text)?;
         // What has no end was not kept.
         let whole = text.rfind('\n').map_or("", |end| text.get(..=end).unwrap_or_default());
-        let last = whole.lines().last().map(Kept::from_str).transpose()?;
+        let last = whole.lines().last().map(|line| match line.rsplit_once(" *") {
+            Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(checksum(text)) => Kept::from_str(text),
+            None if !whole.contains('*') => Kept::from_str(line),
+            _ => Err(damaged(line)),
+        });
+        let last = last.transpose()?;
         let length = whole.len() as u64;
         file.set_len(length)?;
         file.seek(SeekFrom::Start(length))?;
@@ -80,8 +88,8 @@ impl Journal {
         let Kept { order, executed, sent, ahead } = kept;
         let written = write!(self.line, "{order} {executed} {sent}");
         let ahead = ahead.iter().try_for_each(|index| write!(self.line, " {index}"));
-        written.and(ahead).map_err(io::Error::other)?;
-        self.line.push('\n');
+        let sum = checksum(&self.line);
+        written.and(ahead).and(writeln!(self.line, " *{sum:08x}")).map_err(io::Error::other)?;
         self.file.write_all(self.line.as_bytes())?;
         self.file.sync_data()?;
         self.length += self.line.len() as u64;
@@ -120,18 +128,32 @@ impl FromStr for Kept {
     type Err = io::Error;
 
     fn from_str(line: &str) -> io::Result<Self> {
-        let wrong = || {
-            let message =
-                std::format!("this is no journal of an order: {line:?} is not ORDER EXECUTED SENT [AHEAD …]");
-            io::Error::new(io::ErrorKind::InvalidData, message)
-        };
+        let wrong = || damaged(line);
         let mut words = line.split(' ');
         let mut word = || words.next().ok_or_else(wrong);
         let (order, executed, sent) = (word()?.parse(), word()?.parse(), word()?.parse());
         let ahead = words.map(str::parse).collect();
         match (order, executed, sent, ahead) {
-            (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => Ok(Self { order, executed, sent, ahead }),
+            (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => {
+                let kept = Self { order, executed, sent, ahead };
+                let fits = executed <= sent && kept.ahead.iter().all(|index| *index < sent);
+                if fits { Ok(kept) } else { Err(wrong()) }
+            }
             _ => Err(wrong()),
         }
     }
+}
+
+fn damaged(line: &str) -> io::Error {
+    let message = std::format!(
+        "this is not the journal of an order, or it is damaged: {line:?} is not ORDER EXECUTED SENT [AHEAD …] *CHECKSUM"
+    );
+    io::Error::new(io::ErrorKind::InvalidData, message)
+}
+
+/// CRC-32, as in IEEE 802.3.
+fn checksum(line: &str) -> u32 {
+    !line.bytes().fold(u32::MAX, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| sum >> 1 ^ if sum & 1 == 1 { 0xEDB8_8320 } else { 0 })
+    })
 }

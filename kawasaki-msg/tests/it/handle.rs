@@ -189,7 +189,7 @@ fn a_journal_counts_to_its_last_whole_line() {
     for sent in 0..200_000 {
         let (mut journal, begun) = Journal::open(&path).unwrap();
         assert!(begun.is_some());
-        let mut kept = Kept { order: 7, executed: 3, sent, ahead: Vec::new() };
+        let mut kept = Kept { order: 7, executed: 3, sent: sent + 3, ahead: Vec::new() };
         let until = if sent == 0 { 3 } else { 1 };
         for _ in 0..until {
             block_on.block_on(journal.keep(&kept)).unwrap();
@@ -201,6 +201,44 @@ fn a_journal_counts_to_its_last_whole_line() {
     }
     fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(b"# notes\n").unwrap();
     let error = Journal::open(&path).unwrap_err();
-    assert!(error.to_string().contains("no journal"), "{error}");
+    assert!(error.to_string().contains("this is not the journal of an order"), "{error}");
     assert!(fs::metadata(&path).unwrap().len() > 0, "it is left as it is");
+}
+
+/// A digit of the last line that is another one would be believed: jobs would be lost or repeated.
+#[test]
+fn a_changed_digit_in_a_journal_is_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    let (mut journal, _) = Journal::open(&path).unwrap();
+    for sent in [5, 17] {
+        let kept = Kept { order: 7, executed: 3, sent, ahead: vec![4] };
+        block_on.block_on(journal.keep(&kept)).unwrap();
+    }
+    drop(journal);
+    let text = fs::read(&path).unwrap();
+    let last = text.len() - "7 3 17 4 *12345678\n".len();
+    for at in last..text.len() - 1 {
+        let mut changed = text.clone();
+        changed[at] ^= 1;
+        fs::write(&path, &changed).unwrap();
+        let error = Journal::open(&path).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidData, "byte {at}");
+    }
+    // Nor is a line without its checksum, after lines that have one.
+    for line in ["7 3 18 4\n", "7 3 2 *00000000\n"] {
+        fs::write(&path, [&text, line.as_bytes()].concat()).unwrap();
+        assert!(Journal::open(&path).is_err(), "{line}");
+    }
+    // Values that cannot be, in a line of an earlier version.
+    for line in ["7 3 2\n", "7 1 5 9\n"] {
+        fs::write(&path, line).unwrap();
+        assert!(Journal::open(&path).is_err(), "{line}");
+    }
+    fs::write(&path, &text).unwrap();
+    assert_eq!(
+        Journal::open(&path).unwrap().1,
+        Some(Kept { order: 7, executed: 3, sent: 17, ahead: vec![4] })
+    );
 }

@@ -133,9 +133,10 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let length = || std::fs::metadata(&path).unwrap().len();
-    // A line of half of it: "50 1 2", a job of 5 digits, the others of 4 digits, each after a blank, and the end of the line.
-    let mut kept = Kept { order: 50, executed: 1, sent: 2, ahead: vec![1000; (1 << 19) / 5 - 1] };
-    kept.ahead[0] = 10_000;
+    // A line of half of it: "50 1 20000", two jobs of 5 digits, the others of 4 digits, each after a blank, the checksum of ten bytes,
+    // and the end of the line.
+    let mut kept = Kept { order: 50, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
+    (kept.ahead[0], kept.ahead[1]) = (10_000, 10_000);
     let (mut journal, _) = Journal::open(&path).unwrap();
     journal.keep(&kept).await.unwrap();
     assert_eq!(length(), MOST / 2);

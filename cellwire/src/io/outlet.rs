@@ -1,6 +1,6 @@
 //! Standard output or error of a program that never waits for its reader.
 
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
@@ -29,7 +29,17 @@ struct State {
     is_writing: bool,
     /// Lines that there was no room for, after what waits.
     dropped: u64,
-    failed: Option<ErrorKind>,
+    failed: Option<Failed>,
+}
+
+/// Why nothing can be written any more.
+#[derive(Debug)]
+struct Failed(io::Error);
+
+impl Failed {
+    fn again(&self) -> io::Error {
+        self.0.raw_os_error().map_or_else(|| self.0.kind().into(), io::Error::from_raw_os_error)
+    }
 }
 
 impl Outlet {
@@ -51,8 +61,8 @@ impl Outlet {
     /// When an earlier line could not be written.
     pub(super) fn put(&self, line: &[u8]) -> io::Result<()> {
         let mut state = self.0.lock();
-        if let Some(kind) = state.failed {
-            return Err(kind.into());
+        if let Some(failed) = &state.failed {
+            return Err(failed.again());
         }
         // Lines keep their order: after one that was dropped there is no room for a shorter one.
         if state.dropped > 0 || state.waiting.len() + line.len() > ROOM {
@@ -64,10 +74,15 @@ impl Outlet {
         Ok(())
     }
 
-    /// Waits until everything is written, or for a reader who does not come.
-    pub(super) fn finish(&self) {
+    /// Waits until everything is written, a second at most: a slow reader gets it later.
+    ///
+    /// # Errors
+    /// When a line could not be written.
+    pub(super) fn finish(&self) -> io::Result<()> {
         let is_busy = |state: &mut State| state.is_writing || !state.waiting.is_empty();
-        drop(self.0.changed.wait_timeout_while(self.0.lock(), PATIENCE, is_busy));
+        let waited = self.0.changed.wait_timeout_while(self.0.lock(), PATIENCE, is_busy);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        state.failed.as_ref().map_or(Ok(()), |failed| Err(failed.again()))
     }
 }
 
@@ -92,7 +107,7 @@ impl Shared {
             drop(state);
             if let Err(error) = out.write_all(&lines).and_then(|()| out.flush()) {
                 let mut state = self.lock();
-                (state.failed, state.is_writing, state.waiting) = (Some(error.kind()), false, Vec::new());
+                (state.failed, state.is_writing, state.waiting) = (Some(Failed(error)), false, Vec::new());
                 self.changed.notify_all();
                 return;
             }
@@ -103,6 +118,7 @@ impl Shared {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::ErrorKind;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     /// Writes nothing until it is told.
@@ -143,11 +159,11 @@ mod tests {
         outlet.put(b"last\n").unwrap();
         go.send(()).unwrap();
         assert_eq!(written.recv().unwrap(), b"last\n");
-        outlet.finish();
+        outlet.finish().unwrap();
         // The reader is gone: the line after the next is an error.
         drop(go);
         outlet.put(b"lost\n").unwrap();
-        outlet.finish();
+        assert_eq!(outlet.finish().unwrap_err().kind(), ErrorKind::BrokenPipe);
         assert_eq!(outlet.put(b"refused\n").unwrap_err().kind(), ErrorKind::BrokenPipe);
     }
 }

@@ -4,17 +4,19 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::mpsc::Sender;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 
 use crate::io::outlet::Outlet;
 use cellwire_links::json;
 
-/// Standard output is closed.
+/// Returns whether an error is that standard output is closed.
 pub fn is_closed(error: &anyhow::Error) -> bool {
     let is_broken = |error: &io::Error| error.kind() == ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
+
+const UNWRITTEN: &str = "cannot write to standard output";
 
 /// Standard output and error, once writes never wait.
 static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
@@ -36,7 +38,7 @@ pub fn never_wait() -> Result<()> {
 
 /// Before the program ends: what waits is written, if it is read within a second.
 pub fn finish() {
-    OUTLETS.get().into_iter().flatten().for_each(Outlet::finish);
+    OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
 }
 
 /// Prints one line of JSON and flushes it, so that a script can read it while the tool runs.
@@ -48,11 +50,10 @@ pub fn log(line: &Value) -> Result<()> {
     json::write(line, &mut bytes)?;
     bytes.push(b'\n');
     if let Some([out, _]) = OUTLETS.get() {
-        return Ok(out.put(&bytes)?);
+        return out.put(&bytes).context(UNWRITTEN);
     }
     let mut out = io::stdout().lock();
-    out.write_all(&bytes)?;
-    Ok(out.flush()?)
+    out.write_all(&bytes).and_then(|()| out.flush()).context(UNWRITTEN)
 }
 
 /// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
@@ -60,7 +61,19 @@ pub fn log(line: &Value) -> Result<()> {
 /// # Errors
 /// When standard output is closed.
 pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
-    log(&json!({"ready": device, kind: place}))
+    announce(&json!({"ready": device, kind: place}))
+}
+
+/// Prints a line that others wait for, and waits until it is written; a reader that accepts nothing delays this by a second.
+///
+/// # Errors
+/// When standard output does not accept it.
+pub fn announce(line: &Value) -> Result<()> {
+    log(line)?;
+    match OUTLETS.get() {
+        Some([out, _]) => out.finish().context(UNWRITTEN),
+        None => Ok(()),
+    }
 }
 
 /// Where remarks go while a screen covers standard error.

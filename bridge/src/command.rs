@@ -17,6 +17,7 @@ use crate::store::{Busy, Store};
 use crate::{Health, Hub, Site, http, links, signals};
 use cellwire::command::manual::{self, Shell};
 use cellwire::command::settings::lines;
+use cellwire::io::interrupt;
 use cellwire::io::output::{self, log, remark};
 use cellwire::io::tcp;
 
@@ -38,7 +39,7 @@ struct Args {
     man: Option<PathBuf>,
 }
 
-/// Links and broker get two seconds each, and the rest is the disk's.
+/// The links get five seconds, the broker two, and the rest is the disk's.
 const LONGEST_END: Duration = Duration::from_secs(10);
 
 const EXAMPLES: &str = "\
@@ -83,10 +84,10 @@ fn run(file: &Path, check: bool) -> Result<()> {
         return check_store(&site);
     }
     output::never_wait()?;
-    let reload = signals::handle(
-        LONGEST_END,
-        "the bridge did not end within 10 s and was terminated; the store is kept",
-    )?;
+    interrupt::account(
+        "commands without an outcome are reported as unknown at the next start; the store is kept".into(),
+    );
+    let reload = signals::handle(LONGEST_END, "the bridge did not end within 10 s and was terminated")?;
     let health = Arc::new(Health::default());
     let place = match &site.health.listen {
         Some(address) => {
@@ -99,7 +100,7 @@ fn run(file: &Path, check: bool) -> Result<()> {
     let mut print = |line| drop(log(&line));
     let count = site.cell.len();
     let hub = Hub::start(site, clients, health, reload, &mut print)?;
-    log(&json!({"ready": "bridge", "cells": count, "health": place}))?;
+    output::announce(&json!({"ready": "bridge", "cells": count, "health": place}))?;
     hub.run()
 }
 

@@ -26,7 +26,7 @@ pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> 
         for signal in signals.forever() {
             match signal {
                 SIGHUP => shared.store(true, Ordering::Relaxed),
-                _ => end(interrupt::count()),
+                _ => interrupt::count(false).into_iter().for_each(&mut end),
             }
         }
     };

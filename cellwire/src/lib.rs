@@ -19,6 +19,7 @@ use self::command::{
     ports, replay, settings, simulate, tap, vectors,
 };
 use self::io::drive::Lost;
+use self::io::journal::{NoTable, Unwritten};
 use self::io::output::{self, remark};
 use cellwire_links::fanuc_hmi_modbus::client_settings;
 use cellwire_links::settings::Setting;
@@ -48,7 +49,8 @@ Examples:
 Exit status:
   0 success   1 corrupt input, or a failed check   2 the command could not be run
   3 a connection was lost   4 standard output was closed
-  5 implausible telemetry was recorded   6 a Modbus server refused a request";
+  5 implausible telemetry was recorded   6 a Modbus server refused a request
+  7 a file of outcomes could not be written   130 a signal ended the command";
 
 #[derive(Subcommand)]
 enum Command {
@@ -75,7 +77,8 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
-/// lost, 4 standard output was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request.
+/// lost, 4 standard output was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request, 7 a file of outcomes could
+/// not be written.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
     io::windows::exact_waits();
@@ -111,6 +114,7 @@ pub fn main() -> ExitCode {
                 () if error.is::<Lost>() => 3,
                 () if error.is::<Implausible>() => 5,
                 () if error.is::<modbus::Refused>() => 6,
+                () if error.is::<Unwritten>() || error.is::<NoTable>() => 7,
                 () => 2,
             })
         }

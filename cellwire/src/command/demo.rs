@@ -12,6 +12,7 @@ use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::line::Lines;
+use crate::io::output::remark;
 use crate::io::trace::TraceArgs;
 use crate::links::link_parser;
 use cellwire_links::LINKS;
@@ -19,7 +20,7 @@ use cellwire_links::link::Link;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
-/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated. A time above its budget at the 99th
+/// Prints a table for each link. A signal ends the demo at once, and the simulated devices with it. The exit status is 0 only if nothing was lost or repeated. A time above its budget at the 99th
 /// percentile is reported; it fails the demo only with --check-times, since other programs on this machine can cause delays.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -81,6 +82,17 @@ pub fn run(args: &Args) -> Result<bool> {
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
         let progress = progress_line(link.name, args.json);
+        let at = progress.clone();
+        interrupt::before_exit(move || {
+            if !at.is_finished() {
+                let (done, of) = (at.position(), at.length().unwrap_or_default());
+                at.finish_and_clear();
+                remark(&format!(
+                    "{}: interrupted at {done} of {of}; its devices were simulated, and have ended",
+                    link.name
+                ));
+            }
+        });
         let options = DemoOptions {
             seconds: args.seconds,
             faults: args.faults,

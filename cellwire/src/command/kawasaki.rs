@@ -10,15 +10,14 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::settings::SetArgs;
-use super::work::{Work, WorkArgs, say_resumed};
+use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::io::bell::Bell;
 use crate::io::input::seconds;
-use crate::io::journal::Outcome;
+use crate::io::journal::{Outcome, Tally};
 use crate::io::output::{log, ready};
 use crate::io::trace::TraceArgs;
-use crate::io::{input, interrupt};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use cellwire_links::settings;
@@ -164,19 +163,19 @@ fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<J
     let run = |journal: &mut Journal, progress: &ProgressBar| {
         serve(args, &settings, config, &jobs, journal, progress)
     };
-    let (ended, journal) = args.work.run(work, run, |journal| outcomes(&jobs, journal))?;
-    let count = |outcome| journal.count(outcome);
-    let active = if let Ended::Refused { active } = ended { Some(active) } else { None };
-    log(&json!({
-        "event": "ended", "why": match ended {
+    let ran = args.work.run(work, run, |journal| outcomes(&jobs, journal))?;
+    let count = |outcome| ran.journal.count(outcome);
+    let active = if let Ended::Refused { active } = ran.ended { Some(active) } else { None };
+    let line = json!({
+        "event": "ended", "why": match ran.ended {
             Ended::Complete => "complete",
             Ended::Stopped => "stopped",
             Ended::Refused { .. } => "refused",
         },
         "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "not_sent": count(Outcome::NotSent),
-        "active_order": active, "journal": journal.path(),
-    }))?;
-    Ok(ended == Ended::Complete)
+        "machine": machine(&ran.journal.tally()), "active_order": active, "journal": ran.journal.path(),
+    });
+    Ok(ran.say(&line)? == Ended::Complete)
 }
 
 fn serve(
@@ -187,8 +186,7 @@ fn serve(
     journal: &mut Journal,
     progress: &ProgressBar,
 ) -> Result<Ended> {
-    // Whatever ends it, the journal is whole.
-    interrupt::handle()?;
+    let typed = work::operator(Bell::default())?;
     let endpoint = match (&args.listen, &args.connect_to) {
         (Some(address), _) => Endpoint::Listen(address.clone()),
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
@@ -198,14 +196,19 @@ fn serve(
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
-    let operator = Operator {
-        words: input::lines(Bell::default()),
-        notify: &mut |event| log(&event),
-        progress: &mut |done| progress.set_position(done as u64),
-    };
+    let (notify, progress) = (&mut |event| log(&event), &mut work::shown(progress, journal, machine));
+    let operator = Operator::new(typed, notify, progress);
     let absence = (!args.robot_timeout.is_zero()).then_some(args.robot_timeout);
     let runner = Runner::new(jobs, config, journal, settings.order, absence, operator);
     runner.run(&mut meeting, &trace)
+}
+
+/// What the robot still does.
+fn machine(tally: &Tally) -> String {
+    match tally.queued {
+        0 => "the robot has no jobs of this file queued".into(),
+        queued => format!("the robot may still execute up to {queued} queued jobs"),
+    }
 }
 
 /// `number,line,outcome` of every job.

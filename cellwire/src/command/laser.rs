@@ -7,12 +7,11 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{Work, WorkArgs, say_resumed};
+use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
 use crate::io::bell::Bell;
-use crate::io::input;
-use crate::io::journal::Outcome;
+use crate::io::journal::{Outcome, Tally};
 use crate::io::output::{log, remark};
 use crate::io::port::AnyPort;
 use cellwire_links::settings;
@@ -50,12 +49,15 @@ enum Command {
 /// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
 /// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether
 /// instructions were queued, it stops and asks: check the machine and type `done`, `repeat` or `stop`. `pause`, `continue` and
-/// `stop` can be typed at any time, and take effect after the frame in flight. Ctrl-C is `stop`; a second one ends the command at once,
-/// and leaves that frame unknown: up to seven instructions.
+/// `stop` can be typed at any time, and take effect after the frame in flight.
 ///
-/// "Done" means queued: a controller that loses its queue (a power cut) has not executed all of it.
+/// Ctrl-C, SIGTERM and a closed terminal are `stop`, and wait 30 s at most for the outcome of the frame in flight; a second signal ends
+/// the command at once, and leaves that frame unknown: up to seven instructions. The end of standard input is not a stop.
 ///
-/// Exit status: 0 every instruction is done; 1 stopped, or refused; 2 not begun; 3 the connection was lost.
+/// "Done" means queued: after a stop the controller executes its queue, and one that loses it (a power cut) has not executed all of it.
+///
+/// Exit status: 0 every instruction is done; 1 stopped, or refused; 2 not started; 3 the connection was lost; 7 the journal could not be
+/// written; 130 ended at once.
 #[derive(Debug, clap::Args)]
 struct RunArgs {
     /// The program: .csv, .svg, or G-code
@@ -106,41 +108,51 @@ pub fn run(args: &Args) -> Result<bool> {
     let work = Work { file: &args.file, what: "program", fingerprint, parts };
     let run =
         |journal: &mut Journal, progress: &ProgressBar| execute(args, &program, journal, progress, host);
-    let (ended, journal) = args.work.run(work, run, |journal| outcomes(&program, journal))?;
-    let count = |outcome| journal.count(outcome);
-    log(&json!({
-        "event": "ended", "why": match ended {
+    let ran = args.work.run(work, run, |journal| outcomes(&program, journal))?;
+    let count = |outcome| ran.journal.count(outcome);
+    let line = json!({
+        "event": "ended", "why": match ran.ended.0 {
             Ended::Complete => "complete",
             Ended::Stopped => "stopped",
             Ended::Refused => "refused",
         },
         "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
-        "not_sent": count(Outcome::NotSent), "journal": journal.path(),
-    }))?;
-    Ok(ended == Ended::Complete)
+        "not_sent": count(Outcome::NotSent), "machine": machine(ran.ended.1, &ran.journal.tally()),
+        "journal": ran.journal.path(),
+    });
+    Ok(ran.say(&line)?.0 == Ended::Complete)
 }
 
+/// How the run has ended, and how many instructions were done before it.
 fn execute(
     args: &RunArgs,
     program: &Program,
     journal: &mut Journal,
     progress: &ProgressBar,
     host: laser_eb90::HostConfig,
-) -> Result<Ended> {
+) -> Result<(Ended, usize)> {
+    let typed = work::operator(Bell::default())?;
     say_resumed(journal)?;
-    let operator = Operator {
-        words: input::lines_or_stop(Bell::default())?,
-        notify: &mut |event| log(&event),
-        progress: &mut |done| progress.set_position(done as u64),
-    };
+    let before = journal.count(Outcome::Done);
+    let (notify, progress) =
+        (&mut |event| log(&event), &mut work::shown(progress, journal, |tally| machine(before, tally)));
+    let operator = Operator::new(typed, notify, progress);
     // A question is asked when its answer can be used.
     let port = args.port.as_deref().unwrap_or_default();
     let port = AnyPort::open(port, host.baud, args.work.connect.timeout())?;
     let mut runner = Runner::new(program, journal, host, operator);
     if !runner.settle_unknown("an earlier run ended before the answer")? {
-        return Ok(Ended::Stopped);
+        return Ok((Ended::Stopped, before));
     }
-    runner.run(port)
+    Ok((runner.run(port)?, before))
+}
+
+/// What the controller still does: done means queued, and no message reports what of that is executed.
+fn machine(before: usize, tally: &Tally) -> String {
+    match tally.done.saturating_sub(before) {
+        0 => "nothing was queued".into(),
+        queued => format!("the controller may still execute up to {queued} queued instructions"),
+    }
 }
 
 /// `number,line,word,outcome` of every instruction.

@@ -7,11 +7,10 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{Work, WorkArgs, say_resumed};
+use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
 use crate::io::bell::Bell;
-use crate::io::input;
 use crate::io::journal::Outcome;
 use crate::io::output::log;
 use cellwire_links::settings;
@@ -29,6 +28,9 @@ Examples:
   cellwire mma run --task plate.toml --dry-run --draw plate.svg
   cellwire mma run --task plate.toml --robot 192.168.0.1:2001 --platform 192.168.0.2:2002 --periphery 192.168.0.4:7000
   cellwire simulate mma-robot --listen 127.0.0.1:2001      a device to try it on";
+
+/// The devices were not seen at rest.
+const MAY_MOVE: &str = "a device may still finish its last motion";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -50,8 +52,11 @@ enum Command {
 /// outcome of every part; after any interruption the same command resumes. If the outcome of a part
 /// is unknown, or a device fails, it asks: check the cell and type `done` (the part is in its
 /// place), `repeat` or `stop`. `pause`, `continue` and `stop` can be typed at any time and take
-/// effect after the current part; `abort` stops everything immediately. Ctrl-C is `stop`; a second
-/// one ends the command at once.
+/// effect after the current part; `abort` stops everything immediately.
+///
+/// Ctrl-C, SIGTERM and a closed terminal are `stop`, and `abort` if the robot has not gone to the
+/// part yet, or does not place it within 30 s; the devices then get 5 s. A second signal ends the
+/// command at once: a device then finishes its last motion. The end of standard input is not a stop.
 ///
 /// Cameras, valves and vacuum switch are simulated, or connected over TCP with lines of text. The
 /// controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`.
@@ -59,7 +64,8 @@ enum Command {
 /// `slot [mm,mm,mm,rad]` (camera 2) or `none`, a valve with `ok`, and either with `error TEXT`
 /// on failure. It writes `switch high` and `switch low` whenever the vacuum switch changes.
 ///
-/// Exit status: 0 every part is placed; 1 stopped; 2 not begun; 3 a connection was lost.
+/// Exit status: 0 every part is placed; 1 stopped; 2 not started; 3 a connection was lost; 7 the
+/// journal could not be written; 130 ended at once.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 struct RunArgs {
@@ -94,13 +100,16 @@ pub fn run(args: &Args) -> Result<bool> {
     }
     let work = Work { file: &args.task, what: "task", fingerprint: settings.fingerprint(), parts };
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
-    let (ended, journal) = args.work.run(work, run, states)?;
-    log(&json!({
-        "event": "ended", "why": if ended == Ended::Complete { "complete" } else { "stopped" },
+    let ran = args.work.run(work, run, states)?;
+    let (journal, is_complete) = (&ran.journal, ran.ended == Ended::Complete);
+    let machine = if ran.ended == (Ended::Stopped { at_rest: false }) { MAY_MOVE } else { "at rest" };
+    let line = json!({
+        "event": "ended", "why": if is_complete { "complete" } else { "stopped" },
         "placed": journal.count(Outcome::Done), "begun": journal.count(Outcome::Unknown),
-        "waiting": journal.count(Outcome::NotSent), "journal": journal.path(),
-    }))?;
-    Ok(ended == Ended::Complete)
+        "waiting": journal.count(Outcome::NotSent), "machine": machine, "journal": journal.path(),
+    });
+    ran.say(&line)?;
+    Ok(is_complete)
 }
 
 fn execute(
@@ -109,16 +118,15 @@ fn execute(
     journal: &mut Journal,
     progress: &ProgressBar,
 ) -> Result<Ended> {
-    say_resumed(journal)?;
     let bell = Bell::default();
-    let operator = Operator {
-        words: input::lines_or_stop(bell.clone())?,
-        notify: &mut |event| log(&event),
-        progress: &mut |placed| progress.set_position(placed as u64),
-    };
+    let typed = work::operator(bell.clone())?;
+    say_resumed(journal)?;
+    let (notify, progress) =
+        (&mut |event| log(&event), &mut work::shown(progress, journal, |_| MAY_MOVE.into()));
+    let operator = Operator::new(typed, notify, progress);
     let mut runner = Runner::new(journal, operator, bell.clone());
     if !runner.settle_begun()? {
-        return Ok(Ended::Stopped);
+        return Ok(Ended::Stopped { at_rest: true });
     }
     let timeout = args.work.connect.timeout();
     let address = |given: &Option<String>| given.clone().unwrap_or_default();

@@ -1,17 +1,21 @@
 //! What the clients have in common that do each part of some work once.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::Receiver;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use indicatif::{ProgressBar, ProgressDrawTarget};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::settings::SetArgs;
+use crate::cell::run::{END_WITHIN, STOP_WITHIN};
+use crate::io::bell::Bell;
 use crate::io::drive::Lost;
-use crate::io::files;
-use crate::io::journal::{self, Journal, Outcome, Record};
-use crate::io::output::log;
+use crate::io::input::{self, Typed};
+use crate::io::journal::{self, Journal, NoTable, Outcome, Record, Tally, Unwritten};
+use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
+use crate::io::{files, interrupt};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {
@@ -48,6 +52,16 @@ pub(super) struct Work<'a> {
     pub(super) parts: usize,
 }
 
+/// A run that has ended.
+pub(super) struct Ran<R, T> {
+    /// How.
+    pub(super) ended: T,
+    /// Its journal.
+    pub(super) journal: Journal<R>,
+    /// Whether the table of `--out` is written.
+    table: Result<()>,
+}
+
 impl WorkArgs {
     /// Does the parts that the journal does not have as done. The table of all parts is written however that ends.
     ///
@@ -58,15 +72,22 @@ impl WorkArgs {
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
         table: impl FnOnce(&Journal<R>) -> String,
-    ) -> Result<(T, Journal<R>)> {
+    ) -> Result<Ran<R, T>> {
         let Work { file, what, fingerprint, parts } = work;
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
         let mut journal = Journal::open(&path, what, fingerprint, parts, self.again)?;
         let ended = self.go_on(what, parts, &mut journal, run);
-        if let Some(out) = &self.out {
-            files::write(out, table(&journal).as_bytes())?;
+        let table = match &self.out {
+            Some(out) => files::write(out, table(&journal).as_bytes()).context(NoTable),
+            None => Ok(()),
+        };
+        match (ended, table) {
+            (Ok(ended), table) => Ok(Ran { ended, journal, table }),
+            (Err(error), table) => {
+                table.unwrap_or_else(|error| remark(&format!("warning: {error:#}")));
+                Err(error)
+            }
         }
-        Ok((ended?, journal))
     }
 
     fn go_on<R: Record, T>(
@@ -83,14 +104,53 @@ impl WorkArgs {
         progress.set_position(journal.count(Outcome::Done) as u64);
         let ended = run(journal, &progress);
         progress.finish_and_clear();
-        ended.map_err(|error| match error.downcast_ref() {
-            Some(Lost(why)) => {
-                let (done, path) = (journal.count(Outcome::Done), journal.path().display());
-                Lost(format!("{why}; {done} of {parts} done: the same command continues from {path}")).into()
+        ended.map_err(|error| {
+            let (tally, path) = (journal.tally(), journal.path().display());
+            match error.downcast_ref() {
+                Some(Lost(why)) => {
+                    Lost(format!("{why}; {tally}: the same command continues from {path}")).into()
+                }
+                None if error.is::<Unwritten>() => error.context(format!(
+                    "the run has ended with {tally}: when the cause is removed, the same command continues"
+                )),
+                None => error,
             }
-            None => error,
         })
     }
+}
+
+impl<R, T> Ran<R, T> {
+    /// Prints the last line, on standard error if standard output does not accept it.
+    ///
+    /// # Errors
+    /// When neither standard output nor the table of `--out` could be written.
+    pub(super) fn say(self, line: &Value) -> Result<T> {
+        log(line).inspect_err(|_| remark(&line.to_string()))?;
+        self.table?;
+        Ok(self.ended)
+    }
+}
+
+/// What an operator types, and signals: the first one is a stop, the second one ends the program, which prints `account` then.
+pub(super) fn operator(bell: Bell) -> Result<Receiver<Typed>> {
+    // A run that waits for its machine ends by itself before that.
+    input::operator(bell, STOP_WITHIN + 2 * END_WITHIN)
+}
+
+/// Shows how much of the work is done, and sets the line for a program that has to end at once. `machine` is what the machine still
+/// does.
+pub(super) fn shown<R: Record, M: Fn(&Tally) -> String>(
+    progress: &ProgressBar,
+    journal: &Journal<R>,
+    machine: M,
+) -> impl FnMut(Tally) + use<R, M> {
+    let (progress, path) = (progress.clone(), journal.path().display().to_string());
+    let show = move |tally: Tally| {
+        progress.set_position(tally.done as u64);
+        interrupt::account(format!("{tally}; {}; the same command continues from {path}", machine(&tally)));
+    };
+    show(journal.tally());
+    show
 }
 
 /// Says that the work was begun before.

@@ -2,10 +2,9 @@
 
 use core::ops::RangeInclusive;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, ErrorKind, IsTerminal as _};
 use std::path::Path;
-use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
@@ -79,61 +78,52 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// What is typed on standard input, line by line, until it ends. The bell is rung for each line, and at the end.
-pub fn lines(bell: Bell) -> Receiver<String> {
-    let (typed, lines) = Typed::new(bell);
-    thread::spawn(move || typed.read());
-    lines
+/// What an operator does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Typed {
+    /// Types a line.
+    Line(String),
+    /// Types nothing more: standard input has ended, or is not a terminal.
+    End,
+    /// Asks for a stop: the first signal, or a terminal that was closed.
+    Stop,
 }
 
-/// As [`lines`]; the first interrupt is the line `stop`. Another one ends the program, as does the first after the end of the input.
+/// Reads what an operator does, until the program ends; the bell is rung for each. A first signal is [`Typed::Stop`]. A second one ends the
+/// program, and so does a stop that has not ended the program after `limit`.
 ///
 /// # Errors
-/// When interrupts have another handler already.
-pub fn lines_or_stop(bell: Bell) -> Result<Receiver<String>> {
-    let (typed, lines) = Typed::new(bell);
-    let stop = typed.clone();
+/// When the system has no room for a thread.
+pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Typed>> {
+    let (sender, typed) = mpsc::channel();
+    // When nobody receives any more, the run is over.
+    let put = move |what| {
+        let _ = sender.send(what);
+        bell.ring();
+    };
+    let (stop, mut late) =
+        (put.clone(), interrupt::within(limit, "the command did not stop in time, and was ended"));
     interrupt::watch(move |count| {
-        if count > 1 || !stop.take("stop".into()) {
-            std::process::exit(interrupt::INTERRUPTED);
+        if count == 1 {
+            stop(Typed::Stop);
         }
+        late(count);
     })?;
-    thread::spawn(move || typed.read());
-    Ok(lines)
-}
-
-/// Where lines go until standard input ends.
-#[derive(Clone)]
-struct Typed {
-    lines: Arc<Mutex<Option<Sender<String>>>>,
-    bell: Bell,
-}
-
-impl Typed {
-    fn new(bell: Bell) -> (Self, Receiver<String>) {
-        let (sender, lines) = mpsc::channel();
-        (Self { lines: Arc::new(Mutex::new(Some(sender))), bell }, lines)
-    }
-
-    /// False when nobody takes it any more.
-    fn take(&self, line: String) -> bool {
-        let is_taken = self.lines().as_ref().is_some_and(|lines| lines.send(line).is_ok());
-        self.bell.ring();
-        is_taken
-    }
-
-    fn read(&self) {
+    thread::spawn(move || {
+        let was_terminal = io::stdin().is_terminal();
         for line in io::stdin().lines() {
-            let Ok(line) = line else { break };
-            if !self.take(line) {
-                break;
+            match line {
+                Ok(line) => put(Typed::Line(line)),
+                // It is not a word.
+                Err(error) if error.kind() == ErrorKind::InvalidData => put(Typed::Line(String::new())),
+                Err(_) => break,
             }
         }
-        *self.lines() = None;
-        self.bell.ring();
-    }
-
-    fn lines(&self) -> MutexGuard<'_, Option<Sender<String>>> {
-        self.lines.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+        // Without a session of its own the process gets no SIGHUP. After Ctrl-D the terminal is still there.
+        if was_terminal && !io::stdin().is_terminal() {
+            put(Typed::Stop);
+        }
+        put(Typed::End);
+    });
+    Ok(typed)
 }

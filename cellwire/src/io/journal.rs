@@ -1,12 +1,16 @@
-//! What became of the parts of some work, in a file that outlives the process: what was done is not done twice unasked.
+//! The outcome of each part of some work, in a file that outlives the process: finished parts are not repeated unasked.
 //!
-//! One JSON object a line: first the head, which says of what work the journal is, then the entries. Each is on the disk before
-//! [`note`](Journal::note) returns. Who notes what is about to be sent as unknown before it is sent leaves that unknown when
-//! killed, and nothing else.
+//! One JSON object a line, and its checksum: first the head, which names the work, then the entries. Each is on the disk before
+//! [`note`](Journal::note) returns. A run that notes parts as unknown before it sends them leaves these unknown when it is killed, and no
+//! others.
+//!
+//! The checksum is the CRC-32 of all lines up to this one, in hex: a changed digit, a missing line and lines in another sequence are damage.
+//! Earlier versions wrote lines without checksums: such lines are read at the beginning of a journal.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -47,8 +51,9 @@ impl Outcome {
     }
 }
 
-/// What is known of parts that follow one another.
+/// The outcome of consecutive parts.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Span {
     /// It is the same of all of them.
     pub outcome: Outcome,
@@ -58,16 +63,63 @@ pub struct Span {
     pub count: usize,
 }
 
-/// What the entries of a journal say together. `Vec<Outcome>` is that of work whose entries are outcomes and nothing else.
+/// The parts are counted from 1, as in what is printed.
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { outcome, first, count } = self;
+        write!(f, "{} to {} {}", first + 1, first + count, outcome.name().replace('_', " "))
+    }
+}
+
+/// How many parts of the work have each outcome.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tally {
+    /// All parts.
+    pub parts: usize,
+    /// The finished parts.
+    pub done: usize,
+    /// The parts whose outcome is unknown; sent parts without an outcome among them.
+    pub unknown: usize,
+    /// Of the unknown parts those that the machine has in its queue, as far as is known.
+    pub queued: usize,
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { parts, done, unknown, .. } = self;
+        write!(f, "{done} of {parts} done, {unknown} unknown")
+    }
+}
+
+/// An entry could not be written: the disk is full, for example.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write the journal {}: {why}; it lacks: {entry}", .path.display())]
+pub struct Unwritten {
+    path: PathBuf,
+    why: io::Error,
+    entry: String,
+}
+
+/// The table of outcomes could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("the outcomes are in the journal alone")]
+pub struct NoTable;
+
+/// The record of a journal's entries. `Vec<Outcome>` is that of work whose entries are outcomes alone.
 pub trait Record {
-    /// What is noted.
-    type Entry: Serialize + DeserializeOwned;
+    /// An entry. Its `Display` is for people.
+    type Entry: Serialize + DeserializeOwned + fmt::Display;
 
     /// Nothing is known of any part.
     fn new(parts: usize) -> Self;
 
-    /// Takes what was noted.
-    fn take(&mut self, entry: &Self::Entry);
+    /// Adds an entry. `None`, and nothing is added, if the entry does not fit the ones before.
+    fn take(&mut self, entry: &Self::Entry) -> Option<()>;
+
+    /// The parts that the machine has in its queue, as far as is known.
+    fn queued(&self) -> usize {
+        0
+    }
 
     /// What is known of each part; of what is in flight, as it was before.
     fn settled(&self) -> &[Outcome];
@@ -85,10 +137,10 @@ impl Record for Vec<Outcome> {
         vec![Outcome::NotSent; parts]
     }
 
-    fn take(&mut self, entry: &Span) {
-        for known in self.iter_mut().skip(entry.first).take(entry.count) {
-            *known = entry.outcome;
-        }
+    fn take(&mut self, entry: &Span) -> Option<()> {
+        let end = entry.first.checked_add(entry.count).filter(|_| entry.count > 0)?;
+        self.get_mut(entry.first..end)?.fill(entry.outcome);
+        Some(())
     }
 
     fn settled(&self) -> &[Outcome] {
@@ -109,6 +161,9 @@ pub struct Journal<R> {
     path: PathBuf,
     file: File,
     record: R,
+    /// The bytes of its whole lines, and their checksum.
+    length: u64,
+    sum: u32,
 }
 
 impl<R: Record> Journal<R> {
@@ -135,9 +190,9 @@ impl<R: Record> Journal<R> {
             file.set_len(0).with_context(what)?;
         }
         let head = Head { work: fingerprint, parts };
-        let mut journal = Self { path: path.to_owned(), file, record: R::new(parts) };
+        let mut journal = Self { path: path.to_owned(), file, record: R::new(parts), length: 0, sum: 0 };
         if !journal.read(work, &head).with_context(what)? {
-            journal.append(&head)?;
+            journal.append(&head).with_context(|| format!("cannot write the journal {}", path.display()))?;
         }
         Ok(journal)
     }
@@ -162,6 +217,17 @@ impl<R: Record> Journal<R> {
         self.outcomes().iter().filter(|known| **known == outcome).count()
     }
 
+    /// How many parts have which outcome.
+    pub fn tally(&self) -> Tally {
+        let (outcomes, queued) = (self.outcomes(), self.record.queued());
+        let (mut done, mut unknown) = (0, 0);
+        for outcome in &*outcomes {
+            done += usize::from(*outcome == Outcome::Done);
+            unknown += usize::from(*outcome == Outcome::Unknown);
+        }
+        Tally { parts: outcomes.len(), done, unknown, queued }
+    }
+
     /// The first part with this outcome that is not in flight.
     pub fn first(&self, outcome: Outcome) -> Option<usize> {
         self.record.settled().iter().position(|known| *known == outcome)
@@ -177,49 +243,95 @@ impl<R: Record> Journal<R> {
     /// Writes an entry, safely on the disk.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// [`Unwritten`] if the disk does not accept it.
     pub fn note(&mut self, entry: &R::Entry) -> Result<()> {
-        self.append(entry)?;
-        self.record.take(entry);
+        self.append(entry).map_err(|why| {
+            let path = self.path.clone();
+            Unwritten { path, why, entry: entry.to_string() }
+        })?;
+        self.record.take(entry).context("the journal's entries do not fit: please report this as a bug")
+    }
+
+    /// After an error the file is as it was before, as far as the disk permits that.
+    fn append(&mut self, line: &impl Serialize) -> io::Result<()> {
+        let mut line = serde_json::to_vec(line)?;
+        let sum = checksum(self.sum, &line);
+        writeln!(line, " {sum:08x}")?;
+        let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
+        if written.is_err() {
+            self.file.set_len(self.length)?;
+            self.file.seek(SeekFrom::Start(self.length))?;
+            return written;
+        }
+        (self.sum, self.length) = (sum, self.length + line.len() as u64);
         Ok(())
     }
 
-    fn append(&mut self, line: &impl Serialize) -> Result<()> {
-        let what = || format!("cannot write the journal {}", self.path.display());
-        let mut line = serde_json::to_vec(line)?;
-        line.push(b'\n');
-        self.file.write_all(&line).with_context(what)?;
-        self.file.sync_data().with_context(what)
-    }
-
-    /// Reads what is there; false when there is nothing. A last line that was not written to its end is removed.
+    /// Reads the file; false when it is empty. A last line without a line feed was not written completely, and is removed.
     fn read(&mut self, work: &str, head: &Head) -> Result<bool> {
         self.file.seek(SeekFrom::Start(0))?;
         let mut reader = BufReader::new(self.file.try_clone()?);
-        let (mut line, mut number, mut whole) = (Vec::new(), 0_u64, 0_u64);
+        let (mut line, mut number, mut has_sums) = (Vec::new(), 0_u64, false);
         loop {
             line.clear();
             let length = reader.read_until(b'\n', &mut line)? as u64;
-            if line.last() != Some(&b'\n') {
-                break;
-            }
-            whole += length;
+            let Some(text) = line.strip_suffix(b"\n") else { break };
             number += 1;
-            let foreign = || format!("line {number} is not a journal line; remove the file to start over");
+            let (text, sum) = split(text);
+            self.sum = checksum(self.sum, text);
+            let is_whole = sum.map_or(!has_sums, |sum| sum == self.sum);
+            has_sums |= sum.is_some();
             if number > 1 {
-                self.record.take(&serde_json::from_slice(&line).ok().with_context(foreign)?);
-                continue;
+                let entry =
+                    Some(text).filter(|_| is_whole).and_then(|text| serde_json::from_slice(text).ok());
+                let taken = entry.and_then(|entry| self.record.take(&entry));
+                taken.with_context(|| self.damage(work, number))?;
+            } else {
+                let found = Some(text)
+                    .filter(|_| is_whole)
+                    .and_then(|text| serde_json::from_slice::<Head>(text).ok());
+                let found = found.with_context(|| self.damage(work, number))?;
+                ensure!(
+                    found == *head,
+                    "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
+                );
             }
-            let found: Head = serde_json::from_slice(&line).ok().with_context(foreign)?;
-            ensure!(
-                found == *head,
-                "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
-            );
+            self.length += length;
         }
-        self.file.set_len(whole)?;
-        self.file.seek(SeekFrom::Start(whole))?;
+        self.file.set_len(self.length)?;
+        self.file.seek(SeekFrom::Start(self.length))?;
         Ok(number > 0)
     }
+
+    /// What is known if this line is damaged, and what to do.
+    fn damage(&self, work: &str, number: u64) -> String {
+        let Tally { parts, done, .. } = self.tally();
+        let known = match number {
+            1 => "nothing is known of what was done".to_owned(),
+            _ => format!(
+                "the lines before it have {done} of {parts} parts as done, and the machine may have executed more"
+            ),
+        };
+        format!(
+            "line {number} is damaged, or not a line of a journal: {known}. Check the machine. To do the rest alone, give it as a {work} of its own; --again does every part of this {work}, finished parts too"
+        )
+    }
+}
+
+/// A line without its line feed, and its checksum if it has one.
+fn split(line: &[u8]) -> (&[u8], Option<u32>) {
+    let sum = line.split_last_chunk::<9>().and_then(|(text, sum)| {
+        let sum = sum.strip_prefix(b" ").and_then(|sum| core::str::from_utf8(sum).ok())?;
+        Some((text, u32::from_str_radix(sum, 16).ok()?))
+    });
+    sum.map_or((line, None), |(text, sum)| (text, Some(sum)))
+}
+
+/// The checksum of a line after lines that have this one.
+fn checksum(before: u32, line: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new_with_initial(before);
+    hasher.update(line);
+    hasher.finalize()
 }
 
 #[cfg(test)]
@@ -255,6 +367,90 @@ mod tests {
         assert_eq!(*open(5, true).unwrap().outcomes(), [Outcome::NotSent; 5]);
         std::fs::write(&path, "none\n").unwrap();
         let error = format!("{:#}", open(5, false).unwrap_err());
-        assert!(error.ends_with("line 1 is not a journal line; remove the file to start over"), "{error}");
+        let what = "line 1 is damaged, or not a line of a journal: nothing is known of what was done. ";
+        assert!(error.contains(what) && error.contains("finished parts too"), "{error}");
+    }
+
+    /// A journal of seven parts, and its lines.
+    struct Written(tempfile::TempDir, Vec<String>);
+
+    impl Written {
+        fn new() -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("plate.journal");
+            let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5a".into(), 7, false).unwrap();
+            for (outcome, first, count) in [
+                (Outcome::Unknown, 0, 3),
+                (Outcome::Done, 0, 3),
+                (Outcome::Unknown, 3, 4),
+                (Outcome::Done, 3, 4),
+            ] {
+                journal.note(&Span { outcome, first, count }).unwrap();
+            }
+            drop(journal);
+            let lines = std::fs::read_to_string(&path).unwrap().lines().map(str::to_owned).collect();
+            Self(folder, lines)
+        }
+
+        /// Opens it again with other lines.
+        fn open(&self, lines: &[String]) -> Result<Vec<Outcome>, String> {
+            let path = self.0.path().join("plate.journal");
+            std::fs::write(&path, lines.join("\n") + "\n").unwrap();
+            let journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5a".into(), 7, false);
+            journal.map(|journal| journal.outcomes().into_owned()).map_err(|error| format!("{error:#}"))
+        }
+    }
+
+    #[test]
+    fn every_changed_character_and_every_line_that_is_missing_or_in_another_place_is_damage() {
+        let written = Written::new();
+        let lines = &written.1;
+        assert_eq!(written.open(lines), Ok(vec![Outcome::Done; 7]));
+        for (at, line) in lines.iter().enumerate() {
+            for place in 0..line.len() {
+                let mut changed = lines.clone();
+                let mut bytes = line.clone().into_bytes();
+                bytes[place] ^= 1;
+                changed[at] = String::from_utf8(bytes).unwrap();
+                let error = written.open(&changed).expect_err(&changed[at]);
+                assert!(error.contains(&format!("line {} is damaged", at + 1)), "{}: {error}", changed[at]);
+            }
+        }
+        for at in 1..lines.len() - 1 {
+            let (mut without, mut swapped) = (lines.clone(), lines.clone());
+            without.remove(at);
+            swapped.swap(at, at + 1);
+            for changed in [without, swapped] {
+                let error = written.open(&changed).unwrap_err();
+                let known = if at > 2 { 3 } else { 0 };
+                let known = format!(
+                    "line {} is damaged, or not a line of a journal: the lines before it have {known} of 7 parts as done",
+                    at + 1
+                );
+                assert!(error.contains(&known), "{error}");
+            }
+        }
+    }
+
+    /// They have no checksums; what cannot be is damage there, too.
+    #[test]
+    fn lines_of_earlier_versions_are_read_and_none_comes_after_a_checksum() {
+        let written = Written::new();
+        let lines = &written.1;
+        let old: Vec<String> = lines.iter().map(|line| line[..line.len() - 9].to_owned()).collect();
+        assert_eq!(written.open(&old), Ok(vec![Outcome::Done; 7]));
+        for line in [
+            r#"{"outcome":"done","first":0,"count":9}"#,
+            r#"{"outcome":"done","first":7,"count":1}"#,
+            r#"{"outcome":"done","first":18446744073709551615,"count":2}"#,
+            r#"{"outcome":"done","first":0,"count":0}"#,
+        ] {
+            let mut changed = old.clone();
+            changed[2] = line.into();
+            assert!(written.open(&changed).unwrap_err().contains("line 3 is damaged"), "{line}");
+        }
+        let mut mixed = lines.clone();
+        mixed[4] = old[4].clone();
+        assert!(written.open(&mixed).unwrap_err().contains("line 5 is damaged"));
     }
 }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use crate::operated::Tool;
 
-const TCP: &str = "udp=false";
+pub(crate) const TCP: &str = "udp=false";
 const UDP: &str = "udp=true";
 
 fn plant(name: &str) -> String {
@@ -16,7 +16,7 @@ fn plant(name: &str) -> String {
 }
 
 /// A table of pallet moves, and what a robot has executed of it.
-struct Cell {
+pub(crate) struct Cell {
     folder: tempfile::TempDir,
     carrier: &'static str,
     /// Where the PC listens, once it has.
@@ -25,7 +25,7 @@ struct Cell {
 }
 
 impl Cell {
-    fn new(carrier: &'static str, jobs: usize) -> Self {
+    pub(crate) fn new(carrier: &'static str, jobs: usize) -> Self {
         let row = |n: usize| {
             let tool = if n.is_multiple_of(2) { "open" } else { "closed" };
             format!("{}.500,-1.{n:03},{}.000,0.001,90.000,0.000,{tool},{}", n % 360, n % 100, 1 + n % 100)
@@ -47,12 +47,22 @@ impl Cell {
     }
 
     /// The client that listens; it is ready.
-    fn run(&mut self, more: &[&str]) -> Tool {
+    pub(crate) fn run(&mut self, more: &[&str]) -> Tool {
+        let args = self.arguments(more);
+        self.ready(Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>()))
+    }
+
+    /// The arguments of a client that listens.
+    pub(crate) fn arguments(&self, more: &[&str]) -> Vec<String> {
         let (file, plant) = (self.text("pallet.csv"), plant("pallet"));
         let mut args = vec!["kawasaki", "run", &file, "--settings", &plant, "--set", self.carrier];
         args.extend(["--listen", &self.address]);
         args.extend(more);
-        let tool = Tool::start(&args);
+        args.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Waits until a client listens.
+    pub(crate) fn ready(&mut self, tool: Tool) -> Tool {
         let ready = tool.line();
         assert_eq!(ready["ready"], "kawasaki");
         self.address = ready["listen"].as_str().unwrap().to_owned();
@@ -60,7 +70,7 @@ impl Cell {
     }
 
     /// A robot that connects to it, and writes down what it executes.
-    fn robot(&self, more: &[&str]) -> Tool {
+    pub(crate) fn robot(&self, more: &[&str]) -> Tool {
         let (record, plant) = (format!("record={}", self.text("record.csv")), plant("pallet"));
         let mut args = vec!["simulate", "kawasaki-robot", "--settings", &plant, "--set", self.carrier];
         args.extend(["--connect", &self.address, "--set", &record, "--set", "reconnect_delay=100ms"]);
@@ -71,20 +81,20 @@ impl Cell {
     }
 
     /// What the robots have executed: the fields of each job.
-    fn executed(&self) -> Vec<String> {
+    pub(crate) fn executed(&self) -> Vec<String> {
         let text = fs::read_to_string(self.path("record.csv")).unwrap_or_default();
         text.lines().skip(1).map(|row| row.splitn(3, ',').nth(2).unwrap().to_owned()).collect()
     }
 
     /// Each job once, in order.
-    fn assert_executed_once(&self) {
+    pub(crate) fn assert_executed_once(&self) {
         let executed = self.executed();
         let first = executed.iter().zip(&self.rows).position(|(found, given)| found != given);
         assert_eq!((executed.len(), first), (self.rows.len(), None), "lost or repeated");
     }
 }
 
-fn finish(run: Tool, done: usize) {
+pub(crate) fn finish(run: Tool, done: usize) {
     let ended = run.event("ended");
     assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &done.into()), "{ended}");
     assert_eq!(run.end().0, Some(0));

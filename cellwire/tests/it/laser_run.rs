@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::operated::{PATIENCE, Tool};
 
 /// A place for a program, and a robot.
-struct Cell {
+pub(crate) struct Cell {
     folder: tempfile::TempDir,
     /// The longest queue, and instructions that take no time, unless a test says otherwise.
     robot: Option<Tool>,
@@ -22,7 +22,7 @@ struct Cell {
 const FRESH: [&str; 6] = ["--set", "longest_frame=1", "--set", "max_pause=0", "--set", "settle=100ms"];
 
 impl Cell {
-    fn new(settings: &[&str]) -> Self {
+    pub(crate) fn new(settings: &[&str]) -> Self {
         let mut cell = Self { folder: tempfile::tempdir().unwrap(), robot: None };
         cell.start_robot(settings);
         cell
@@ -39,12 +39,12 @@ impl Cell {
         self.robot = Some(robot);
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// A program of this many cuts.
-    fn program(&self, cuts: usize) -> PathBuf {
+    pub(crate) fn program(&self, cuts: usize) -> PathBuf {
         let mut text = String::from("word,x,y,z,a,b,length\n");
         for n in 0..cuts {
             writeln!(text, "cut,{n},{},0,0,0,{n}", n % 7).unwrap();
@@ -54,17 +54,23 @@ impl Cell {
         path
     }
 
-    fn run(&self, program: &Path, more: &[&str]) -> Tool {
+    pub(crate) fn run(&self, program: &Path, more: &[&str]) -> Tool {
+        let args = self.arguments(program, more);
+        Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+
+    /// The arguments of a run.
+    pub(crate) fn arguments(&self, program: &Path, more: &[&str]) -> Vec<String> {
         let port = self.path("laser");
         let mut args = vec!["laser", "run", program.to_str().unwrap(), "--port", port.to_str().unwrap()];
         args.extend(["--set", "baud=115200", "--set", "answer_timeout=2s"]);
         args.extend(FRESH);
         args.extend(more);
-        Tool::start(&args)
+        args.into_iter().map(str::to_owned).collect()
     }
 
     /// How many instructions the robot has queued so far.
-    fn queued(&self, at_least: u64) -> u64 {
+    pub(crate) fn queued(&self, at_least: u64) -> u64 {
         let robot = self.robot.as_ref().unwrap();
         let mut queued = 0;
         loop {

@@ -62,6 +62,8 @@ mod rig;
 mod settings;
 #[cfg(unix)]
 mod shadow;
+#[cfg(target_os = "linux")]
+mod stop;
 #[cfg(unix)]
 mod tap;
 #[cfg(unix)]

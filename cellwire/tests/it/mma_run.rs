@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::operated::{PATIENCE, Tool};
 
 /// Waits for a step of the task.
-fn step(tool: &Tool, step: &str) {
+pub(crate) fn step(tool: &Tool, step: &str) {
     while tool.event("step")["step"] != step {}
 }
 
@@ -39,14 +39,14 @@ impl Device {
     }
 }
 
-struct Cell {
+pub(crate) struct Cell {
     folder: tempfile::TempDir,
     robot: Device,
     platform: Device,
 }
 
 impl Cell {
-    fn new(speed: u32) -> Self {
+    pub(crate) fn new(speed: u32) -> Self {
         let robot = Device::start("mma-robot", "127.0.0.1:0", speed);
         let platform = Device::start("mma-platform", "127.0.0.1:0", speed);
         Self { folder: tempfile::tempdir().unwrap(), robot, platform }
@@ -68,11 +68,17 @@ impl Cell {
     }
 
     fn run(&self, parts: usize, more: &[&str]) -> Tool {
+        let args = self.arguments(parts, more);
+        Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+
+    /// The arguments of a run.
+    pub(crate) fn arguments(&self, parts: usize, more: &[&str]) -> Vec<String> {
         let task = self.task(parts);
         let mut args = vec!["mma", "run", "--task", task.to_str().unwrap()];
         args.extend(["--robot", &self.robot.address, "--platform", &self.platform.address]);
         args.extend(more);
-        Tool::start(&args)
+        args.into_iter().map(str::to_owned).collect()
     }
 }
 

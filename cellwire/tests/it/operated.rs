@@ -21,13 +21,14 @@ pub(crate) struct Tool {
 
 impl Tool {
     pub(crate) fn start(args: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_cellwire"))
-            .args(args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        command.args(args).stdin(Stdio::piped());
+        Self::spawn(command)
+    }
+
+    /// The program with the standard input that the command has.
+    pub(crate) fn spawn(mut command: Command) -> Self {
+        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let (sender, lines) = mpsc::channel();
         let stdout = process.stdout.take().unwrap();
         thread::spawn(move || {
@@ -80,7 +81,12 @@ impl Tool {
     /// As Ctrl-C.
     #[cfg(unix)]
     pub(crate) fn interrupt(&self) {
-        let kill = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().unwrap();
+        self.signal("-INT");
+    }
+
+    #[cfg(unix)]
+    pub(crate) fn signal(&self, signal: &str) {
+        let kill = Command::new("kill").args([signal, &self.process.id().to_string()]).status().unwrap();
         assert!(kill.success());
     }
 

@@ -41,6 +41,7 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     if let Some(advice) = teleop::window::advice(&config.alter) {
         remark(&format!("warning: {advice}"));
     }
+    interrupt::account("the arm gets no values any more, and the robot ends ALTER".into());
     let teleop = Teleop::start(config, clock, &traces)?;
     teleop.order(Order::GripperKeys(gripper));
     let orders = teleop.orders();
@@ -56,8 +57,10 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let has_ended = model.has_ended();
     drop(screen);
     terminal::leave();
-    if let Some(what) = model.unfinished() {
-        remark(&format!("warning: {what}"));
+    match model.unfinished() {
+        Some(what) => remark(&format!("warning: {what}")),
+        None if interrupt::requested() => remark("interrupted: the arm is at rest, and ALTER has ended"),
+        None => {}
     }
     let traces = end(teleop);
     traces.iter().for_each(|line| remark(line));
@@ -68,7 +71,7 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
 
 fn end_at_once() {
     terminal::leave();
-    std::process::exit(interrupt::INTERRUPTED);
+    interrupt::end_at_once("ended at once");
 }
 
 fn show(

@@ -4,21 +4,109 @@ pub mod kawasaki;
 pub mod laser;
 pub mod mma;
 
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
 
 use anyhow::Result;
+use robot_session::now;
 use serde::Serialize;
 use serde_json::Value;
 
-/// Who is told, and asked.
-#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+use crate::io::input::Typed;
+use crate::io::journal::Tally;
+use crate::io::output::remark;
+
+/// After a signal, the longest wait for the machine to stop by itself.
+pub const STOP_WITHIN: Duration = Duration::from_secs(30);
+/// The longest wait after that, for a machine that was told to stop at once, and for whatever blocks.
+pub const END_WITHIN: Duration = Duration::from_secs(5);
+
+/// The operator of a run, and where the run is reported.
+#[allow(missing_debug_implementations, reason = "it has closures")]
 pub struct Operator<'a> {
-    /// The lines that the operator types; it may end.
-    pub words: Receiver<String>,
-    /// What happens, as objects.
-    pub notify: &'a mut dyn FnMut(Value) -> Result<()>,
-    /// How much of the work is done.
-    pub progress: &'a mut dyn FnMut(usize),
+    typed: Receiver<Typed>,
+    notify: &'a mut dyn FnMut(Value) -> Result<()>,
+    progress: &'a mut dyn FnMut(Tally),
+    /// Whether nobody types any more.
+    is_absent: bool,
+    /// When the stop of a signal was asked for.
+    stop_at: Option<Duration>,
+    /// Whether a report could not be written: reports are dropped since then.
+    is_deaf: bool,
+    /// Whether the stop because of that is still to be returned by [`next`](Self::next).
+    stops: bool,
+}
+
+impl<'a> Operator<'a> {
+    /// An operator who does what `typed` receives. `notify` prints an event, `progress` shows how much of the work is done.
+    pub fn new(
+        typed: Receiver<Typed>,
+        notify: &'a mut dyn FnMut(Value) -> Result<()>,
+        progress: &'a mut dyn FnMut(Tally),
+    ) -> Self {
+        Self { typed, notify, progress, is_absent: false, stop_at: None, is_deaf: false, stops: false }
+    }
+
+    /// What the operator does next, within `wait`; without one, however long that takes. `None` if that is nothing, and when nobody
+    /// types any more.
+    pub fn next(&mut self, wait: Option<Duration>) -> Option<Typed> {
+        if core::mem::take(&mut self.stops) {
+            return Some(self.stop());
+        }
+        let typed = match wait {
+            None if self.is_absent => return None,
+            None => self.typed.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            Some(wait) => self.typed.recv_timeout(wait),
+        };
+        match typed {
+            Ok(Typed::Line(line)) => Some(Typed::Line(line)),
+            Ok(Typed::Stop) => Some(self.stop()),
+            Ok(Typed::End) | Err(RecvTimeoutError::Disconnected) => {
+                self.is_absent = true;
+                None
+            }
+            Err(RecvTimeoutError::Timeout) => None,
+        }
+    }
+
+    fn stop(&mut self) -> Typed {
+        self.stop_at.get_or_insert_with(now);
+        Typed::Stop
+    }
+
+    /// Whether nobody types any more.
+    pub fn is_absent(&self) -> bool {
+        self.is_absent
+    }
+
+    /// Whether the stop of a signal has taken this long.
+    pub fn has_waited(&self, limit: Duration) -> bool {
+        self.stop_at.is_some_and(|at| now() >= at.saturating_add(limit))
+    }
+
+    /// When the stop of a signal has taken this long; at once if the operator has not been asked for a stop that is due.
+    pub fn due(&self, limit: Duration) -> Option<Duration> {
+        if self.stops {
+            return Some(Duration::ZERO);
+        }
+        self.stop_at.map(|at| at.saturating_add(limit))
+    }
+
+    /// Reports an event. If it cannot be written, the run is to stop: nobody sees what happens.
+    pub fn notify(&mut self, event: Value) {
+        if self.is_deaf {
+            return;
+        }
+        if let Err(error) = (self.notify)(event) {
+            remark(&format!("{error:#}: the run stops"));
+            (self.is_deaf, self.stops) = (true, true);
+        }
+    }
+
+    /// Shows how much of the work is done.
+    pub fn progress(&mut self, tally: Tally) {
+        (self.progress)(tally);
+    }
 }
 
 /// A word on standard input.

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::OrderArg;
 use crate::command::settings::SetArgs;
+use crate::io::interrupt;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
@@ -105,6 +106,8 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
     let mut client = place.connect()?;
     let request =
         Request::WriteRegisters { address: place.address, values: Words::from(registers.as_slice()) };
+    interrupt::handle_after_reply()?;
+    interrupt::account("the controller may hold the new value".into());
     if place.ask(&mut client, &request)?.is_none() {
         return Ok(false);
     }

@@ -9,12 +9,13 @@ use serde_json::{Value, json};
 
 use super::Refused;
 use crate::io::drive::Lost;
-use crate::io::input;
 use crate::io::output::log;
+use crate::io::{input, interrupt};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
 use cellwire_links::json::value as object;
 
 pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<bool> {
+    interrupt::handle_after_reply()?;
     let input = input::open(file)?;
     let mut client = Client::open(port)?;
     let (mut all, mut refused) = (true, 0u64);
@@ -29,6 +30,11 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         if lost.is_some() {
             log(&failed(Failure::NotSent))?;
             continue;
+        }
+        interrupt::account(format!("the server may execute the request of line {number}"));
+        if interrupt::requested() {
+            interrupt::account(format!("line {number} and the following were not sent"));
+            interrupt::end_at_once("interrupted");
         }
         // Each request has its line, also when the connection is lost.
         let mut answer = match ask(&mut client, &frame) {
@@ -50,6 +56,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         }
         all &= answer.get("failed").is_none();
         log(&answer)?;
+        interrupt::account(String::new());
     }
     if let Some(lost) = lost {
         return Err(lost);

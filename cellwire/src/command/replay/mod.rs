@@ -106,6 +106,7 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         last = Instant::now();
         sent += 1;
+        interrupt::account(format!("{sent} of {} messages were sent, and may have an effect", parts.len()));
     }
     play.rest(&mut *transport, args.patience)?;
     play.linger(&mut *transport);

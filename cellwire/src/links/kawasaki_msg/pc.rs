@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use cellwire_sim::Told;
-use kawasaki_msg::PcEvent;
+use kawasaki_msg::{JobSource, LargePc, PcEvent, SessionError};
 use robot_session::{Driver, Session, Transport as _};
 
 use super::meeting::Meeting;
@@ -107,6 +107,14 @@ pub fn run<P: Program>(
     }
     server.disconnected(meeting, "the PC has ended")?;
     Ok(server.driver.transport_mut().packets)
+}
+
+/// The order ends after the job that is being executed; if the plant has no message for that, after the jobs that the robot has queued.
+pub fn break_off<S: JobSource>(session: &mut LargePc<'static, S>) {
+    if let Err(SessionError::Lacks { .. }) = session.interrupt() {
+        // It is ending already, or has not begun: then it is retried.
+        let _ = session.end();
+    }
 }
 
 struct Server<'r, P: Program> {

@@ -1,6 +1,7 @@
 //! What became of every job, and how far the order in flight is.
 
 use std::borrow::Cow;
+use std::fmt;
 
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,23 @@ pub enum Entry {
     Answer(Span),
 }
 
+/// The jobs are counted from 1, in the order.
+impl fmt::Display for Entry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Order { order, .. } => write!(f, "order {order}, of which nothing was sent"),
+            Self::Progress { executed, sent } => {
+                write!(f, "{executed} jobs of the order executed, and {sent} about to be sent")
+            }
+            Self::Ahead { ahead } => write!(f, "job {} of the order executed", ahead + 1),
+            Self::End { end, unknown } => {
+                write!(f, "the order over with {end} jobs executed, {} unknown", unknown - end)
+            }
+            Self::Answer(span) => span.fmt(f),
+        }
+    }
+}
+
 /// What became of the jobs, and of the orders that they were sent in.
 #[derive(Debug)]
 pub struct Orders {
@@ -81,17 +99,17 @@ impl Journal {
         Ok(self.record().flight.as_ref().map(|flight| flight.places.clone()).unwrap_or_default())
     }
 
-    /// How far the order is, if that is news. It has to be noted before the packet is sent.
+    /// Notes how far the order is, before the packet is sent; returns whether that is news.
     ///
     /// # Errors
     /// When the disk does not take it.
-    pub fn progress(&mut self, executed: u32, sent: u32) -> Result<()> {
-        match &self.record().flight {
-            Some(flight) if (flight.executed, flight.sent) != (executed, sent) => {
-                self.note(&Entry::Progress { executed, sent })
-            }
-            _ => Ok(()),
+    pub fn progress(&mut self, executed: u32, sent: u32) -> Result<bool> {
+        let flight = self.record().flight.as_ref();
+        let is_news = flight.is_some_and(|flight| (flight.executed, flight.sent) != (executed, sent));
+        if is_news {
+            self.note(&Entry::Progress { executed, sent })?;
         }
+        Ok(is_news)
     }
 }
 
@@ -102,34 +120,40 @@ impl Record for Orders {
         Self { outcomes: Record::new(jobs), flight: None, numbers: Vec::new() }
     }
 
-    fn take(&mut self, entry: &Entry) {
-        match entry {
-            Entry::Order { order, max_number } => {
+    fn take(&mut self, entry: &Entry) -> Option<()> {
+        match (entry, &mut self.flight) {
+            (Entry::Order { order, max_number }, None) => {
                 let open = |(place, known): (usize, &Outcome)| (*known == Outcome::NotSent).then_some(place);
-                let places = self.outcomes.iter().enumerate().filter_map(open).collect();
+                let places: Vec<usize> = self.outcomes.iter().enumerate().filter_map(open).collect();
                 let (order, max_number) = (*order, *max_number);
                 self.flight =
                     Some(Flight { order, max_number, places, executed: 0, sent: 0, ahead: Vec::new() });
                 self.numbers.push(order);
             }
-            Entry::Progress { executed, sent } => {
-                if let Some(flight) = &mut self.flight {
-                    (flight.executed, flight.sent) = (*executed, (*sent).max(flight.sent));
-                    flight.ahead.retain(|index| index >= executed);
-                }
+            (Entry::Progress { executed, sent }, Some(flight)) => {
+                (executed <= sent && flight.fits(*sent)).then_some(())?;
+                (flight.executed, flight.sent) = (*executed, (*sent).max(flight.sent));
+                flight.ahead.retain(|index| index >= executed);
             }
-            Entry::Ahead { ahead } => {
-                if let Some(flight) = &mut self.flight {
-                    flight.ahead.push(*ahead);
-                }
+            (Entry::Ahead { ahead }, Some(flight)) => {
+                (*ahead < flight.sent).then_some(())?;
+                flight.ahead.push(*ahead);
             }
-            Entry::End { end, unknown } => {
-                if let Some(flight) = self.flight.take() {
-                    flight.settle(&mut self.outcomes, *end, *unknown);
-                }
+            (Entry::End { end, unknown }, Some(flight)) => {
+                (end <= unknown && flight.fits(*unknown)).then_some(())?;
+                let flight = self.flight.take()?;
+                flight.settle(&mut self.outcomes, *end, *unknown);
             }
-            Entry::Answer(span) => self.outcomes.take(span),
+            (Entry::Answer(span), None) => self.outcomes.take(span)?,
+            _ => return None,
         }
+        Some(())
+    }
+
+    fn queued(&self) -> usize {
+        let flight = self.flight.as_ref();
+        flight
+            .map_or(0, |flight| ((flight.sent - flight.executed) as usize).saturating_sub(flight.ahead.len()))
     }
 
     fn settled(&self) -> &[Outcome] {
@@ -147,6 +171,11 @@ impl Record for Orders {
 }
 
 impl Flight {
+    /// Whether the order has this many jobs.
+    fn fits(&self, jobs: u32) -> bool {
+        jobs as usize <= self.places.len()
+    }
+
     /// Enters the outcomes of its jobs.
     fn settle(&self, outcomes: &mut [Outcome], executed: u32, unknown: u32) {
         for (index, place) in (0..).zip(&self.places) {

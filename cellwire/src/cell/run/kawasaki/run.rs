@@ -1,19 +1,19 @@
 //! The run: one order after another, until every job is done.
 
 use std::io;
-use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use kawasaki_msg::{LargePc, PcConfig, PcEvent, Phase, SessionError};
+use kawasaki_msg::{LargePc, PcConfig, PcEvent, Phase};
 use robot_session::now;
 use serde_json::{Value, json};
 
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
-use crate::cell::run::{Operator, Word};
+use crate::cell::run::{Operator, STOP_WITHIN, Word};
 use crate::io::drive::Lost;
+use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
 use crate::io::trace::Trace;
 use crate::links::kawasaki_msg::meeting::Meeting;
@@ -116,9 +116,10 @@ impl<'a> Runner<'a> {
             self.reported = flight.executed;
             self.before = self.jobs.work.len() - flight.places.len();
             let (order, sent) = (flight.order, flight.sent);
-            (self.operator.notify)(
-                json!({"event": "order_resumed", "order": order, "executed": flight.executed, "sent": sent}),
-            )?;
+            let executed = flight.executed;
+            self.operator.notify(
+                json!({"event": "order_resumed", "order": order, "executed": executed, "sent": sent}),
+            );
         }
         pc::run(meeting, pc, trace, &mut self)?;
         Ok(self.ended.unwrap_or(Ended::Stopped))
@@ -137,27 +138,19 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The order ends after the job that is being executed; where the plant lacks that, after those that the robot has queued.
-    fn break_off(session: &mut Pc<'a>) {
-        if let Err(SessionError::Lacks { .. }) = session.interrupt() {
-            // It is ending already, or is not begun: then it is retried.
-            let _ = session.end();
-        }
-    }
-
     /// What the operator has typed since.
     fn listen(&mut self) -> Result<()> {
         loop {
-            let text = match self.operator.words.try_recv() {
-                Ok(text) => text,
-                Err(TryRecvError::Empty) => return Ok(()),
-                Err(TryRecvError::Disconnected) => {
+            let (word, text) = match self.operator.next(Some(Duration::ZERO)) {
+                Some(Typed::Line(text)) => (Word::parse(&text), text),
+                Some(Typed::Stop) => (Some(Word::Stop), String::new()),
+                Some(Typed::End) | None => {
                     // There is no operator to continue it.
-                    self.stopping |= self.paused || self.question.is_some();
+                    self.stopping |= self.operator.is_absent() && (self.paused || self.question.is_some());
                     return Ok(());
                 }
             };
-            let event = match (Word::parse(&text), self.question) {
+            let event = match (word, self.question) {
                 (Some(Word::Stop | Word::Abort), _) => {
                     self.stopping = true;
                     "stopping"
@@ -178,7 +171,7 @@ impl<'a> Runner<'a> {
                         None => self.hint(&format!(
                             "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
                             first + count
-                        ))?,
+                        )),
                     }
                     continue;
                 }
@@ -191,34 +184,34 @@ impl<'a> Runner<'a> {
                     "continued"
                 }
                 (Some(Word::Pause | Word::Continue), Some(_)) => {
-                    self.hint("answer done, repeat or stop")?;
+                    self.hint("answer done, repeat or stop");
                     continue;
                 }
                 // An early answer may not be meant for this question.
                 (Some(Word::Done | Word::Repeat), None) => {
-                    self.unasked(&text)?;
+                    self.unasked(&text);
                     continue;
                 }
                 (None, None) if text.trim().parse::<usize>().is_ok() => {
-                    self.unasked(&text)?;
+                    self.unasked(&text);
                     continue;
                 }
                 (None, None) => {
-                    self.hint(Word::HINT)?;
+                    self.hint(Word::HINT);
                     continue;
                 }
             };
-            (self.operator.notify)(json!({"event": event}))?;
+            self.operator.notify(json!({"event": event}));
         }
     }
 
-    fn unasked(&mut self, typed: &str) -> Result<()> {
+    fn unasked(&mut self, typed: &str) {
         let hint = "there is no open question: answers count only after a question";
-        (self.operator.notify)(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}))
+        self.operator.notify(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}));
     }
 
-    fn hint(&mut self, hint: &str) -> Result<()> {
-        (self.operator.notify)(json!({"event": "hint", "hint": hint}))
+    fn hint(&mut self, hint: &str) {
+        self.operator.notify(json!({"event": "hint", "hint": hint}));
     }
 
     /// Of the jobs that were asked about, the first `done` are.
@@ -231,7 +224,7 @@ impl<'a> Runner<'a> {
             self.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
         }
         self.question = None;
-        (self.operator.progress)(self.journal.count(Outcome::Done));
+        self.operator.progress(self.journal.tally());
         let answer = if done == 0 {
             json!("repeat")
         } else if done == count {
@@ -239,21 +232,21 @@ impl<'a> Runner<'a> {
         } else {
             json!(first + done)
         };
-        (self.operator.notify)(
-            json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}),
-        )
+        self.operator
+            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+        Ok(())
     }
 
-    fn ask(&mut self, first: usize, count: usize) -> Result<()> {
+    fn ask(&mut self, first: usize, count: usize) {
         self.question = Some((first, count));
         let line = self.span("question", first, count);
         let answers = ["done", "repeat", "stop", "the number of the last job that is done"];
-        (self.operator.notify)(with(line, &[("answers", json!(answers))]))
+        self.operator.notify(with(line, &[("answers", json!(answers))]));
     }
 
     /// The jobs of the order up to this count are done.
-    fn done(&mut self, executed: u32) -> Result<()> {
-        let Some(flight) = &self.journal.record().flight else { return Ok(()) };
+    fn done(&mut self, executed: u32) {
+        let Some(flight) = &self.journal.record().flight else { return };
         let from = self.reported;
         self.reported = executed.max(from);
         let indices = from as usize..executed as usize;
@@ -262,9 +255,8 @@ impl<'a> Runner<'a> {
             .chunk_by(|a, b| a + 1 == *b)
             .filter_map(|run| Some(self.span("done", *run.first()?, run.len())))
             .collect();
-        lines.into_iter().try_for_each(&mut *self.operator.notify)?;
-        (self.operator.progress)(self.before + executed as usize);
-        Ok(())
+        lines.into_iter().for_each(|line| self.operator.notify(line));
+        self.operator.progress(self.journal.tally());
     }
 
     /// An event about jobs that follow one another: the number of the first, and the lines of the file that they are from.
@@ -275,37 +267,41 @@ impl<'a> Runner<'a> {
     }
 
     fn event(&mut self, event: PcEvent) -> Result<()> {
-        match event {
-            PcEvent::Progress { executed, .. } => return self.done(executed),
+        let shown = match event {
+            PcEvent::Progress { executed, .. } => {
+                self.done(executed);
+                return Ok(());
+            }
             PcEvent::ExecutedAhead { index } => {
                 self.journal.note(&Entry::Ahead { ahead: index })?;
                 let flight = self.journal.record().flight.as_ref();
                 let place = flight.and_then(|flight| flight.places.get(index as usize).copied());
-                let line = place.map(|place| self.span("done", place, 1));
-                return line.map_or(Ok(()), &mut *self.operator.notify);
+                let Some(place) = place else { return Ok(()) };
+                self.span("done", place, 1)
             }
             PcEvent::OrderOver { executed, complete, .. } => {
-                self.done(executed)?;
+                self.done(executed);
                 let was_sent = self.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
                 self.journal.note(&Entry::End { end: executed, unknown: executed })?;
-                (self.operator.notify)(serde_json::to_value(event)?)?;
+                self.operator.notify(serde_json::to_value(event)?);
                 if complete || self.paused || self.stopping || !was_sent {
                     return Ok(());
                 }
                 // It was ended at the robot.
                 self.paused = true;
-                return self
-                    .hint("the robot has ended the order: type continue to execute the rest, or stop");
+                self.hint("the robot has ended the order: type continue to execute the rest, or stop");
+                return Ok(());
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
-                self.done(executed)?;
+                self.done(executed);
                 self.journal.note(&Entry::End { end: executed, unknown: sent })?;
                 let why = "the robot no longer has the order: it was restarted, or received another one";
-                return (self.operator.notify)(json!({"event": "unknown", "order": order, "why": why}));
+                json!({"event": "unknown", "order": order, "why": why})
             }
             PcEvent::OrderRefused { given_up: true, active, .. } => {
                 self.journal.note(&Entry::End { end: 0, unknown: 0 })?;
                 self.ended = Some(Ended::Refused { active });
+                serde_json::to_value(event)?
             }
             PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),
             PcEvent::PeerStatus { phase, order, .. } => {
@@ -314,11 +310,12 @@ impl<'a> Runner<'a> {
                     return Ok(());
                 }
                 let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop";
-                return (self.operator.notify)(json!({"event": "alarm", "order": order, "what": what}));
+                json!({"event": "alarm", "order": order, "what": what})
             }
-            _ => {}
-        }
-        (self.operator.notify)(serde_json::to_value(event)?)
+            _ => serde_json::to_value(event)?,
+        };
+        self.operator.notify(shown);
+        Ok(())
     }
 
     fn check_absence(&self) -> Result<()> {
@@ -341,10 +338,18 @@ impl<'a> Program for Runner<'a> {
         if session.order().is_none() {
             return Ok(());
         }
-        self.journal.progress(session.executed(), session.sent()).map_err(|error| {
-            self.failed = Some(error);
-            io::Error::other("the journal cannot be written")
-        })
+        if self.failed.is_some() {
+            return Err(io::Error::other("the journal could not be written"));
+        }
+        match self.journal.progress(session.executed(), session.sent()) {
+            Ok(is_news) if is_news => self.operator.progress(self.journal.tally()),
+            Ok(_) => {}
+            Err(error) => {
+                self.failed = Some(error.context("the packet was not sent, and the connection was closed"));
+                return Err(io::Error::other("the journal cannot be written"));
+            }
+        }
+        Ok(())
     }
 
     fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
@@ -353,12 +358,12 @@ impl<'a> Program for Runner<'a> {
         }
         self.listen()?;
         if session.order().is_some() {
-            if self.stopping && !self.connected {
-                // Nothing can be sent: the robot executes what it has queued.
+            if self.stopping && (!self.connected || self.operator.has_waited(STOP_WITHIN)) {
+                // Nothing can be sent, or it has no effect: the robot executes what it has queued.
                 return Ok(false);
             }
             if self.paused || self.stopping {
-                Self::break_off(session);
+                pc::break_off(session);
             }
             self.check_absence()?;
             return Ok(true);
@@ -370,7 +375,7 @@ impl<'a> Program for Runner<'a> {
             return Ok(true);
         }
         if let Some((first, count)) = self.journal.unknown() {
-            self.ask(first, count)?;
+            self.ask(first, count);
         } else if self.journal.count(Outcome::NotSent) == 0 {
             self.ended = Some(Ended::Complete);
         } else {
@@ -392,7 +397,8 @@ impl<'a> Program for Runner<'a> {
             }
             Notification::Traced(path) => json!({"event": "trace", "path": path}),
         };
-        (self.operator.notify)(line)
+        self.operator.notify(line);
+        Ok(())
     }
 }
 

@@ -1,18 +1,18 @@
 //! The run: one frame at a time, so that never more than one is unknown.
 
-use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
 use robot_session::{Driver, Session as _, Transport, now};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
-use crate::cell::run::{Operator, Word};
+use crate::cell::run::{Operator, STOP_WITHIN, Word};
 use crate::io::drive::{Lost, turn};
+use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
 
 /// How often the operator's words are looked at.
@@ -78,7 +78,7 @@ impl<'a> Runner<'a> {
         let mut host = Host::new(self.config)?;
         host.handle_connected(now());
         loop {
-            self.listen()?;
+            self.listen();
             if host.is_idle() && self.flight.is_none() {
                 if self.stopping {
                     return Ok(Ended::Stopped);
@@ -86,6 +86,10 @@ impl<'a> Runner<'a> {
                 if !self.paused && !self.submit(&mut host)? {
                     return Ok(Ended::Complete);
                 }
+            }
+            if self.flight.is_some() && self.operator.has_waited(STOP_WITHIN) {
+                self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
+                return Ok(Ended::Stopped);
             }
             let goes_on = turn(&mut driver, &mut host, Some(GLANCE), |host, event| self.take(host, event));
             if !matches!(goes_on, Ok(true)) && self.flight.is_some() {
@@ -140,7 +144,7 @@ impl<'a> Runner<'a> {
         if count == 0 {
             bail!("the host accepts no instruction: please report this as a bug");
         }
-        self.journal.note(&Span { outcome: Outcome::Unknown, first, count })?;
+        self.note(Outcome::Unknown, first, count).context("nothing of it was sent")?;
         self.flight = Some((first, count));
         Ok(true)
     }
@@ -157,9 +161,9 @@ impl<'a> Runner<'a> {
                 let why = self.why(reason);
                 self.outcome(Outcome::Unknown, &why)
             }
-            HostEvent::Unasked { word } => (self.operator.notify)(json!({"event": "unasked", "word": word})),
-            HostEvent::Corrupt(error) => (self.operator.notify)(json!({"event": "corrupt", "error": error})),
-            other => (self.operator.notify)(json!({"event": "notice", "what": format!("{other:?}")})),
+            HostEvent::Unasked { word } => self.notify(json!({"event": "unasked", "word": word})),
+            HostEvent::Corrupt(error) => self.notify(json!({"event": "corrupt", "error": error})),
+            other => self.notify(json!({"event": "notice", "what": format!("{other:?}")})),
         }
     }
 
@@ -179,14 +183,24 @@ impl<'a> Runner<'a> {
 
     fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
         let Some((first, count)) = self.flight.take() else { return Ok(()) };
-        self.journal.note(&Span { outcome, first, count })?;
-        (self.operator.progress)(self.journal.count(Outcome::Done));
+        self.note(outcome, first, count)?;
         let mut line =
             json!({"event": outcome, "first": first + 1, "count": count, "lines": self.lines(first, count)});
         if let (Some(line), false) = (line.as_object_mut(), why.is_empty()) {
             line.insert("why".into(), why.into());
         }
-        (self.operator.notify)(line)
+        self.notify(line)
+    }
+
+    fn note(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
+        self.journal.note(&Span { outcome, first, count })?;
+        self.operator.progress(self.journal.tally());
+        Ok(())
+    }
+
+    fn notify(&mut self, event: Value) -> Result<()> {
+        self.operator.notify(event);
+        Ok(())
     }
 
     /// The lines of the file that instructions are from.
@@ -195,73 +209,76 @@ impl<'a> Runner<'a> {
         [line(first), line(first + count - 1)]
     }
 
-    /// Asks what became of instructions; false when the operator stops or says nothing any more.
+    /// Asks what became of instructions; false when the operator stops or types nothing any more.
     fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
         let lines = self.lines(first, count);
-        (self.operator.notify)(json!({
+        self.operator.notify(json!({
             "event": "question", "first": first + 1, "count": count, "lines": lines, "why": why,
             "answers": ["done", "repeat", "stop"],
-        }))?;
+        }));
         loop {
-            let outcome = match self.operator.words.recv().map(|word| self.word(&word)) {
-                Ok(Ok(Word::Done)) => Outcome::Done,
-                Ok(Ok(Word::Repeat)) => Outcome::NotSent,
-                Ok(Ok(Word::Stop | Word::Abort)) | Err(_) => return Ok(false),
-                Ok(Ok(Word::Pause | Word::Continue)) => {
-                    (self.operator.notify)(json!({"event": "hint", "hint": "answer done, repeat or stop"}))?;
-                    continue;
-                }
-                Ok(Err(error)) => {
-                    error?;
-                    continue;
-                }
+            let outcome = match self.operator.next(None) {
+                None | Some(Typed::Stop | Typed::End) => return Ok(false),
+                Some(Typed::Line(text)) => match Word::parse(&text) {
+                    Some(Word::Done) => Outcome::Done,
+                    Some(Word::Repeat) => Outcome::NotSent,
+                    Some(Word::Stop | Word::Abort) => return Ok(false),
+                    Some(Word::Pause | Word::Continue) => {
+                        self.hint("answer done, repeat or stop");
+                        continue;
+                    }
+                    None => {
+                        self.hint(Word::HINT);
+                        continue;
+                    }
+                },
             };
-            self.journal.note(&Span { outcome, first, count })?;
-            (self.operator.progress)(self.journal.count(Outcome::Done));
+            self.note(outcome, first, count)?;
             let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
-            (self.operator.notify)(
-                json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}),
-            )?;
+            self.operator
+                .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
             return Ok(true);
         }
     }
 
-    /// What the operator has typed since.
-    fn listen(&mut self) -> Result<()> {
-        // While it is paused there is nothing else to do.
+    /// Does what the operator has asked for since the last call.
+    fn listen(&mut self) {
         loop {
+            // While it is paused there is nothing else to do.
             let wait = if self.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
-            let text = match self.operator.words.recv_timeout(wait) {
-                Ok(text) => text,
-                Err(RecvTimeoutError::Timeout) => return Ok(()),
-                Err(RecvTimeoutError::Disconnected) => {
+            let word = match self.operator.next(Some(wait)) {
+                Some(Typed::Line(text)) => Word::parse(&text),
+                Some(Typed::Stop) => Some(Word::Stop),
+                Some(Typed::End) | None => {
                     // There is no operator to continue it.
-                    self.stopping |= self.paused;
-                    return Ok(());
+                    self.stopping |= self.paused && self.operator.is_absent();
+                    return;
                 }
             };
-            let (event, paused) = match self.word(&text) {
-                Ok(Word::Pause) => ("paused", true),
-                Ok(Word::Continue) => ("continued", false),
-                Ok(Word::Stop | Word::Abort) => {
-                    self.stopping = true;
-                    ("stopping", self.paused)
+            let event = match word {
+                Some(Word::Pause) => {
+                    self.paused = true;
+                    "paused"
                 }
-                Ok(Word::Done | Word::Repeat) => ("no_question", self.paused),
-                Err(error) => {
-                    error?;
+                Some(Word::Continue) => {
+                    self.paused = false;
+                    "continued"
+                }
+                Some(Word::Stop | Word::Abort) => {
+                    self.stopping = true;
+                    "stopping"
+                }
+                Some(Word::Done | Word::Repeat) => "no_question",
+                None => {
+                    self.hint(Word::HINT);
                     continue;
                 }
             };
-            self.paused = paused;
-            (self.operator.notify)(json!({"event": event}))?;
+            self.operator.notify(json!({"event": event}));
         }
     }
 
-    fn word(&mut self, text: &str) -> Result<Word, Result<()>> {
-        match Word::parse(text) {
-            Some(word) => Ok(word),
-            None => Err((self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))),
-        }
+    fn hint(&mut self, hint: &str) {
+        self.operator.notify(json!({"event": "hint", "hint": hint}));
     }
 }

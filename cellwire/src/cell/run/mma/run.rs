@@ -1,6 +1,6 @@
 //! The run: the task between two sessions, the periphery, and an operator.
 
-use std::sync::mpsc::{self, TryRecvError};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
@@ -13,9 +13,10 @@ use super::Journal;
 use super::connection::{Arrival, Connection, Inbox};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
-use crate::cell::run::{Operator, Word};
+use crate::cell::run::{END_WITHIN, Operator, STOP_WITHIN, Word};
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
+use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
 
 /// Where the devices are.
@@ -35,7 +36,10 @@ pub enum Ended {
     /// Every part is placed.
     Complete,
     /// The operator has stopped it, or a question was not answered.
-    Stopped,
+    Stopped {
+        /// Whether the devices were told to stop, and have confirmed it, or nothing has moved.
+        at_rest: bool,
+    },
 }
 
 /// A task that is run.
@@ -51,13 +55,15 @@ pub struct Runner<'a> {
     /// A part is placed, and the next is not to begin yet.
     held: bool,
     question: bool,
+    /// The devices were told to stop at once: then the run ends, even if they do not answer.
+    end_by: Option<Duration>,
 }
 
 impl<'a> Runner<'a> {
     /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
     pub fn new(journal: &'a mut Journal, operator: Operator<'a>, bell: Bell) -> Self {
-        let (part, paused, stopping, held, question) = (0, false, false, false, false);
-        Self { journal, operator, bell, part, paused, stopping, held, question }
+        let (part, paused, stopping, held, question, end_by) = (0, false, false, false, false, None);
+        Self { journal, operator, bell, part, paused, stopping, held, question, end_by }
     }
 
     /// Asks about the part that an earlier run has begun; false when the operator stops.
@@ -67,15 +73,15 @@ impl<'a> Runner<'a> {
     pub fn settle_begun(&mut self) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
-            self.ask("an earlier run ended while the robot was at this part: clear the gripper")?;
+            self.ask("an earlier run ended while the robot was at this part: clear the gripper");
             loop {
-                let Ok(line) = self.operator.words.recv() else { return Ok(false) };
+                let Some(Typed::Line(line)) = self.operator.next(None) else { return Ok(false) };
                 match Word::parse(&line) {
                     Some(Word::Done) => self.note(Outcome::Done)?,
                     Some(Word::Repeat) => self.note(Outcome::NotSent)?,
                     Some(Word::Stop | Word::Abort) => return Ok(false),
                     _ => {
-                        (self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))?;
+                        self.operator.notify(json!({"event": "hint", "hint": Word::HINT}));
                         continue;
                     }
                 }
@@ -109,37 +115,36 @@ impl<'a> Runner<'a> {
         let mut task = Task::new(settings.task);
         // The periphery has no session of the cell's protocol.
         task.handle_event(now(), Event::Ready(Device::Conditioning));
+        let mut failed = None;
         loop {
-            self.listen(&mut task)?;
-            task.handle_timeout(now());
-            loop {
-                let mut idle = true;
-                for event in robot.settle() {
-                    report(&mut task, Device::Robot, &event);
-                    idle = false;
-                }
-                for event in platform.settle() {
-                    report(&mut task, Device::Platform, &event);
-                    idle = false;
-                }
-                while let Some(happened) = periphery.poll() {
-                    self.periphery(&mut task, happened)?;
-                    idle = false;
-                }
-                while let Some(output) = task.poll_output(now()) {
-                    self.carry_out(&mut task, output, &mut robot, &mut platform, periphery)?;
-                    idle = false;
-                }
-                if idle {
-                    break;
-                }
+            if let Err(error) = self.settle(&mut task, &mut robot, &mut platform, periphery, failed.is_some())
+            {
+                // The devices come to rest first.
+                failed = failed.or(Some(error));
+                self.abort(&mut task);
+                continue;
             }
+            if self.operator.has_waited(STOP_WITHIN) && self.end_by.is_none() {
+                self.abort(&mut task);
+                self.operator.notify(json!({"event": "operator", "word": Word::Abort}));
+                continue;
+            }
+            let is_late = self.end_by.is_some_and(|at| now() >= at);
             let retries = match task.step() {
                 Step::Finished => break,
+                // Nothing moves yet.
+                Step::AwaitDevices if self.stopping => break,
+                _ if is_late => break,
                 Step::Closing => [None; 2],
                 _ => [robot.reconnect(), platform.reconnect()],
             };
-            let deadlines = [task.poll_timeout(), robot.timeout(), platform.timeout(), periphery.due()];
+            let deadlines = [
+                task.poll_timeout(),
+                robot.timeout(),
+                platform.timeout(),
+                periphery.due(),
+                self.end_by.or_else(|| self.operator.due(STOP_WITHIN)),
+            ];
             match deadlines.into_iter().chain(retries).flatten().min() {
                 Some(at) => self.bell.wait_for(at.saturating_sub(now())),
                 None => self.bell.wait(),
@@ -149,12 +154,57 @@ impl<'a> Runner<'a> {
                 if arrival.from == Device::Robot { robot.arrived(arrival) } else { platform.arrived(arrival) }
             }
         }
+        if let Some(failed) = failed {
+            return Err(failed);
+        }
         let lost = robot.why_lost().or(platform.why_lost());
         match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), lost) {
             (None, None, _) => Ok(Ended::Complete),
             (_, _, Some(why)) => Err(Lost(why.into()).into()),
-            _ => Ok(Ended::Stopped),
+            _ => Ok(Ended::Stopped { at_rest: matches!(task.step(), Step::Finished | Step::AwaitDevices) }),
         }
+    }
+
+    /// Does all that is due now. A run that has failed takes nothing from the periphery any more.
+    fn settle(
+        &mut self,
+        task: &mut Task,
+        robot: &mut Connection<RobotPose>,
+        platform: &mut Connection<PlatformPose>,
+        periphery: &mut dyn Periphery,
+        has_failed: bool,
+    ) -> Result<()> {
+        self.listen(task)?;
+        task.handle_timeout(now());
+        loop {
+            let mut idle = true;
+            for event in robot.settle() {
+                report(task, Device::Robot, &event);
+                idle = false;
+            }
+            for event in platform.settle() {
+                report(task, Device::Platform, &event);
+                idle = false;
+            }
+            while !has_failed && let Some(happened) = periphery.poll() {
+                self.periphery(task, happened)?;
+                idle = false;
+            }
+            while let Some(output) = task.poll_output(now()) {
+                self.carry_out(task, output, robot, platform, periphery)?;
+                idle = false;
+            }
+            if idle {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Tells the devices to stop, and limits the wait for that.
+    fn abort(&mut self, task: &mut Task) {
+        self.stopping = true;
+        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+        task.handle_event(now(), Event::Abort);
     }
 
     fn periphery(&mut self, task: &mut Task, happened: Happened) -> Result<()> {
@@ -165,7 +215,7 @@ impl<'a> Runner<'a> {
             Happened::ValveSet => Event::Done(Device::Gripper),
             Happened::Switch(high) => Event::Switch { high },
             Happened::Failed(why) => {
-                (self.operator.notify)(json!({"event": "periphery", "why": why}))?;
+                self.operator.notify(json!({"event": "periphery", "why": why}));
                 Event::Failed { device: Device::Vision, failure: Failure::Aborted }
             }
             Happened::Lost => bail!(Lost("the connection to the periphery was lost".into())),
@@ -209,35 +259,33 @@ impl<'a> Runner<'a> {
     }
 
     fn entered(&mut self, task: &mut Task, step: Step, lost: Option<&str>) -> Result<()> {
-        (self.operator.notify)(json!({"event": "step", "step": step, "part": self.part + 1}))?;
+        self.operator.notify(json!({"event": "step", "step": step, "part": self.part + 1}));
         match step {
             // From now on the robot may have touched it.
-            Step::GoPick => self.note(Outcome::Unknown),
+            Step::GoPick => self.note(Outcome::Unknown)?,
             Step::Placed => {
                 self.note(Outcome::Done)?;
-                (self.operator.notify)(json!({"event": "placed", "part": self.part + 1}))?;
-                self.next(task, Event::Next)
+                self.operator.notify(json!({"event": "placed", "part": self.part + 1}));
+                self.next(task, Event::Next);
             }
             Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
             Step::NothingFound => self.ask("a camera found nothing"),
+            Step::Faulted if self.stopping => task.handle_event(now(), Event::Finish),
             Step::Faulted => {
                 let why = match (lost, task.fault()) {
                     (Some(why), _) => why.into(),
                     (None, Some(fault)) => format!("{fault:?}"),
                     (None, None) => "a fault".into(),
                 };
-                if self.stopping {
-                    task.handle_event(now(), Event::Finish);
-                    return Ok(());
-                }
-                self.ask(&why)
+                self.ask(&why);
             }
-            _ => Ok(()),
+            _ => {}
         }
+        Ok(())
     }
 
     /// The next part, the end, or a pause; `go` leads on.
-    fn next(&mut self, task: &mut Task, go: Event) -> Result<()> {
+    fn next(&mut self, task: &mut Task, go: Event) {
         match self.journal.first(Outcome::NotSent) {
             None => task.handle_event(now(), Event::Finish),
             Some(_) if self.stopping => task.handle_event(now(), Event::Finish),
@@ -247,30 +295,35 @@ impl<'a> Runner<'a> {
                 task.handle_event(now(), go);
             }
         }
-        Ok(())
     }
 
     fn note(&mut self, outcome: Outcome) -> Result<()> {
         self.journal.note(&Span { outcome, first: self.part, count: 1 })?;
-        (self.operator.progress)(self.journal.count(Outcome::Done));
+        self.operator.progress(self.journal.tally());
         Ok(())
     }
 
-    fn ask(&mut self, why: &str) -> Result<()> {
+    fn ask(&mut self, why: &str) {
         self.question = true;
-        (self.operator.notify)(json!({
+        self.operator.notify(json!({
             "event": "question", "part": self.part + 1, "why": why, "answers": ["done", "repeat", "stop"],
-        }))
+        }));
     }
 
-    /// What the operator has typed since. Without an operator the run stops at the next question.
+    /// Does what the operator has asked for since the last call. Without an operator the run stops at the next question.
     fn listen(&mut self, task: &mut Task) -> Result<()> {
         loop {
-            let word = match self.operator.words.try_recv() {
-                Ok(line) => Word::parse(&line),
-                Err(TryRecvError::Empty) => return Ok(()),
-                Err(TryRecvError::Disconnected) if self.question || self.held => Some(Word::Stop),
-                Err(TryRecvError::Disconnected) => return Ok(()),
+            let word = match self.operator.next(Some(Duration::ZERO)) {
+                Some(Typed::Line(line)) => Word::parse(&line),
+                Some(Typed::Stop) if self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent) => {
+                    // The robot has not touched the part.
+                    Some(Word::Abort)
+                }
+                Some(Typed::Stop) => Some(Word::Stop),
+                Some(Typed::End) | None if self.operator.is_absent() && (self.question || self.held) => {
+                    Some(Word::Stop)
+                }
+                Some(Typed::End) | None => return Ok(()),
             };
             let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
             match word {
@@ -278,33 +331,31 @@ impl<'a> Runner<'a> {
                 Some(Word::Continue) => {
                     self.paused = false;
                     if core::mem::take(&mut self.held) {
-                        self.next(task, Event::Next)?;
+                        self.next(task, Event::Next);
                     }
                 }
-                Some(Word::Stop) => {
+                Some(word @ (Word::Stop | Word::Abort)) => {
                     self.stopping = true;
                     if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
                         task.handle_event(now(), Event::Finish);
+                    } else if word == Word::Abort {
+                        self.abort(task);
                     }
-                }
-                Some(Word::Abort) => {
-                    self.stopping = true;
-                    task.handle_event(now(), Event::Abort);
                 }
                 Some(Word::Done) if core::mem::take(&mut self.question) => {
                     self.note(Outcome::Done)?;
-                    self.next(task, go)?;
+                    self.next(task, go);
                 }
                 Some(Word::Repeat) if core::mem::take(&mut self.question) => {
                     self.note(Outcome::NotSent)?;
                     task.handle_event(now(), go);
                 }
                 Some(Word::Done | Word::Repeat) | None => {
-                    (self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))?;
+                    self.operator.notify(json!({"event": "hint", "hint": Word::HINT}));
                     continue;
                 }
             }
-            (self.operator.notify)(json!({"event": "operator", "word": word}))?;
+            self.operator.notify(json!({"event": "operator", "word": word}));
             if word == Some(Word::Stop) {
                 return Ok(());
             }

@@ -1,0 +1,372 @@
+//! A stop by a signal, whatever standard input is: the outcome is waited for, and the last line has what the machine still does.
+
+use core::time::Duration;
+use std::fs::{self, File};
+use std::process::{Command, Stdio};
+use std::thread;
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+
+use crate::operated::Tool;
+use crate::rig::pty::Pty;
+use crate::{kawasaki_run, laser_run, mma_run};
+
+/// What a program is started with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Input {
+    /// A pipe that stays open.
+    Pipe,
+    /// `/dev/null`, as for a service.
+    Null,
+    /// `/dev/null`, in a session of its own, as a daemon.
+    Session,
+    /// A terminal, of which the program's session is.
+    Terminal,
+    /// A terminal of another session.
+    Foreign,
+}
+
+/// How a stop is asked for.
+#[derive(Debug, Clone, Copy)]
+enum Stop {
+    Signal(&'static str),
+    /// The terminal is closed.
+    Close,
+}
+
+const STOPS: [(Input, Stop); 11] = [
+    (Input::Pipe, Stop::Signal("-INT")),
+    (Input::Pipe, Stop::Signal("-TERM")),
+    (Input::Null, Stop::Signal("-INT")),
+    (Input::Null, Stop::Signal("-TERM")),
+    (Input::Null, Stop::Signal("-HUP")),
+    (Input::Session, Stop::Signal("-TERM")),
+    (Input::Session, Stop::Signal("-INT")),
+    (Input::Terminal, Stop::Signal("-INT")),
+    (Input::Terminal, Stop::Signal("-TERM")),
+    (Input::Terminal, Stop::Close),
+    (Input::Foreign, Stop::Close),
+];
+
+/// A run, and the terminal that it has.
+struct Run(Tool, Option<Pty>);
+
+impl Run {
+    fn start(args: &[String], input: Input) -> Self {
+        let program = env!("CARGO_BIN_EXE_cellwire");
+        let mut command = match input {
+            Input::Pipe | Input::Null => Command::new(program),
+            Input::Session | Input::Foreign | Input::Terminal => {
+                let mut command = Command::new("setsid");
+                command.args((input == Input::Terminal).then_some("--ctty")).arg(program);
+                command
+            }
+        };
+        command.args(args);
+        let mut terminal = None;
+        match input {
+            Input::Pipe => command.stdin(Stdio::piped()),
+            Input::Null | Input::Session => command.stdin(Stdio::null()),
+            Input::Terminal | Input::Foreign => {
+                let (user, path) = Pty::new();
+                terminal = Some(user);
+                command.stdin(File::options().read(true).write(true).open(path).unwrap())
+            }
+        };
+        // The command has the terminal open, too.
+        let tool = Tool::spawn(command);
+        Self(tool, terminal)
+    }
+
+    fn stop(&mut self, stop: Stop) {
+        match stop {
+            Stop::Signal(signal) => self.0.signal(signal),
+            Stop::Close => self.1 = None,
+        }
+    }
+
+    /// Its last line; it was stopped.
+    fn stopped(self) -> Value {
+        let ended = self.0.event("ended");
+        let (code, said) = self.0.end();
+        assert_eq!((&ended["why"], code), (&"stopped".into(), Some(1)), "{ended}: {said}");
+        ended
+    }
+}
+
+fn number(line: &Value, name: &str) -> u64 {
+    line[name].as_u64().unwrap_or_else(|| panic!("no {name} in {line}"))
+}
+
+#[test]
+fn a_laser_program_stops_after_its_frame_whatever_standard_input_is() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(400);
+    let args = cell.arguments(&program, &["--set", "baud=9600", "--again"]);
+    for (input, stop) in STOPS {
+        let mut run = Run::start(&args, input);
+        run.0.event("done");
+        thread::sleep(Duration::from_millis(60)); // of the 226 ms of the next frame
+        run.stop(stop);
+        let ended = run.stopped();
+        let (done, unknown) = (number(&ended, "done"), number(&ended, "unknown"));
+        assert!(unknown == 0 && (7..400).contains(&done), "{input:?}, {stop:?}: {ended}");
+        assert_eq!(cell.queued(done), done, "{input:?}, {stop:?}");
+        let machine = format!("the controller may still execute up to {done} queued instructions");
+        assert_eq!(ended["machine"], machine);
+    }
+}
+
+#[test]
+fn an_order_is_interrupted_whatever_standard_input_is() {
+    let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
+    let mut robot = None;
+    let mut before = 0;
+    for (input, stop) in STOPS {
+        let mut run = Run::start(&cell.arguments(&[]), input);
+        run.0 = cell.ready(run.0);
+        robot.get_or_insert_with(|| cell.robot(&["job_time=10ms", "queue=50"]));
+        run.0.event("done");
+        run.stop(stop);
+        assert_eq!(run.0.event("order_over")["complete"], false, "{input:?}, {stop:?}");
+        let ended = run.stopped();
+        assert_eq!(number(&ended, "unknown"), 0, "{input:?}, {stop:?}: {ended}");
+        assert_eq!(ended["machine"], "the robot has no jobs of this file queued");
+        // What it had queued is not executed.
+        thread::sleep(Duration::from_millis(100));
+        let executed = cell.executed().len();
+        assert_eq!(executed as u64, number(&ended, "done"), "{input:?}, {stop:?}");
+        assert!(executed > before && executed < 300, "{executed}");
+        before = executed;
+    }
+    kawasaki_run::finish(cell.run(&[]), 300);
+    cell.assert_executed_once();
+}
+
+#[test]
+fn a_part_that_was_begun_is_placed_and_another_one_is_not_begun() {
+    let cell = mma_run::Cell::new(200);
+    for (input, stop) in STOPS {
+        let mut run = Run::start(&cell.arguments(3, &["--again"]), input);
+        mma_run::step(&run.0, "go_pick");
+        run.stop(stop);
+        let ended = run.stopped();
+        let [placed, begun] = ["placed", "begun"].map(|name| number(&ended, name));
+        assert_eq!((placed, begun), (1, 0), "{input:?}, {stop:?}: {ended}");
+        assert_eq!(ended["machine"], "at rest");
+    }
+    // The robot has not gone to a part: it stops on its way.
+    let cell = mma_run::Cell::new(1);
+    let run = Run::start(&cell.arguments(3, &[]), Input::Null);
+    mma_run::step(&run.0, "await_home");
+    run.0.signal("-TERM");
+    let ended = run.stopped();
+    assert_eq!([number(&ended, "placed"), number(&ended, "begun"), number(&ended, "waiting")], [0, 0, 3]);
+    assert_eq!(ended["machine"], "at rest");
+}
+
+/// Its status, and what it said.
+fn ended_at_once(run: Run) -> String {
+    let (code, said) = run.0.end();
+    assert_eq!(code, Some(130), "{said}");
+    said
+}
+
+#[test]
+fn a_second_signal_ends_at_once_and_says_what_that_leaves() {
+    for input in [Input::Null, Input::Pipe, Input::Terminal] {
+        // A frame takes 1.8 s.
+        let cell = laser_run::Cell::new(&["baud=1200"]);
+        let program = cell.program(30);
+        let run = Run::start(&cell.arguments(&program, &["--set", "baud=1200"]), input);
+        run.0.event("done");
+        run.0.signal("-TERM");
+        run.0.event("stopping");
+        thread::sleep(Duration::from_millis(50)); // later than what belongs to the first
+        run.0.signal("-INT");
+        let said = ended_at_once(run);
+        let rest = "7 of 30 done, 7 unknown; the controller may still execute up to 7 queued instructions; the same command continues from ";
+        assert!(said.contains(&format!("a second signal ended the program: {rest}")), "{input:?}: {said}");
+    }
+    let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
+    let mut run = Run::start(&cell.arguments(&[]), Input::Null);
+    run.0 = cell.ready(run.0);
+    let _robot = cell.robot(&["job_time=5s", "queue=50"]);
+    run.0.event("order_started");
+    thread::sleep(Duration::from_secs(1)); // a fifth of the first job: others are queued
+    run.0.signal("-TERM");
+    run.0.event("stopping");
+    thread::sleep(Duration::from_millis(50));
+    run.0.signal("-TERM");
+    let said = ended_at_once(run);
+    assert!(
+        said.contains("0 of 300 done, ") && said.contains("the robot may still execute up to "),
+        "{said}"
+    );
+    let cell = mma_run::Cell::new(1);
+    let run = Run::start(&cell.arguments(3, &[]), Input::Null);
+    mma_run::step(&run.0, "await_home");
+    run.0.signal("-INT");
+    thread::sleep(Duration::from_millis(50));
+    // It may have ended by the first: the devices answer within milliseconds.
+    let _ = run.0.end();
+}
+
+/// `timeout` signals its child, and then the process group, of which the child is.
+#[test]
+fn a_signal_that_comes_twice_at_once_and_a_hangup_after_it_are_one_stop() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(100);
+    let args = cell.arguments(&program, &["--set", "baud=9600", "--again"]);
+    for more in [[Signal::TERM, Signal::TERM], [Signal::INT, Signal::TERM], [Signal::TERM, Signal::HUP]] {
+        let run = Run::start(&args, Input::Null);
+        run.0.event("done");
+        let pid = Pid::from_child(&run.0.process);
+        for signal in more {
+            kill_process(pid, signal).unwrap();
+        }
+        thread::sleep(Duration::from_millis(40));
+        kill_process(pid, Signal::HUP).unwrap();
+        let ended = run.stopped();
+        assert_eq!(number(&ended, "unknown"), 0, "{more:?}");
+    }
+}
+
+#[test]
+fn after_nohup_a_closed_terminal_stops_nothing() {
+    let cell = laser_run::Cell::new(&[]);
+    let program = cell.program(60);
+    let mut command = Command::new("nohup");
+    command.arg(env!("CARGO_BIN_EXE_cellwire")).args(cell.arguments(&program, &[])).stdin(Stdio::null());
+    let run = Tool::spawn(command);
+    run.event("done");
+    run.signal("-HUP");
+    assert_eq!(run.event("ended")["done"], 60);
+    assert_eq!(run.end().0, Some(0));
+}
+
+/// The end of standard input alone is not a stop, and a program without input runs to its end.
+#[test]
+fn without_standard_input_a_program_is_finished() {
+    let cell = laser_run::Cell::new(&[]);
+    let program = cell.program(60);
+    for input in [Input::Null, Input::Session] {
+        let run = Run::start(&cell.arguments(&program, &["--again"]), input);
+        assert_eq!(run.0.event("ended")["done"], 60);
+        assert_eq!(run.0.end().0, Some(0));
+    }
+}
+
+/// Nobody sees what happens: `cellwire laser run … | head -1`.
+#[test]
+fn a_run_whose_output_is_closed_stops_with_nothing_unknown() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(100);
+    let mut command = Command::new("bash");
+    command.args(["-c", "\"$@\" | head -1; exit ${PIPESTATUS[0]}", "bash", env!("CARGO_BIN_EXE_cellwire")]);
+    command.args(cell.arguments(&program, &["--set", "baud=9600"])).stdin(Stdio::null());
+    let run = Tool::spawn(command);
+    assert_eq!(run.line()["event"], "done");
+    let (code, said) = run.end();
+    assert_eq!(code, Some(4), "{said}");
+    // The line is on standard error then.
+    let line = said.lines().find_map(|line| serde_json::from_str::<Value>(line).ok()).expect(&said);
+    assert_eq!((&line["event"], &line["unknown"]), (&"ended".into(), &0.into()), "{said}");
+    assert_eq!(cell.queued(number(&line, "done")), number(&line, "done"));
+}
+
+#[test]
+fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(100);
+    // A write beyond a limit is an error then, and no signal.
+    let mut command = Command::new("bash");
+    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
+    command.args(cell.arguments(&program, &["--set", "baud=9600"])).stdin(Stdio::null());
+    let run = Tool::spawn(command);
+    run.event("done");
+    let journal = cell.path("part.csv.journal");
+    let size = fs::metadata(&journal).unwrap().len();
+    let pid = run.process.id().to_string();
+    let limit = format!("--fsize={}:unlimited", size + 10);
+    assert!(Command::new("prlimit").args(["--pid", &pid, &limit]).status().unwrap().success());
+    let (code, said) = run.end();
+    assert_eq!(code, Some(7), "{said}");
+    for part in [
+        " of 100 done, ",
+        " unknown",
+        "cannot write the journal ",
+        "part.csv.journal: File too large",
+        "it lacks: ",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    // It is as it was before the entry, and the same command continues.
+    assert!(fs::read(&journal).unwrap().ends_with(b"\n"));
+    let mut run = Run::start(&cell.arguments(&program, &["--set", "baud=9600"]), Input::Pipe);
+    loop {
+        let line = run.0.line();
+        if line["event"] == "question" {
+            run.0.say("done");
+        } else if line["event"] == "ended" {
+            assert_eq!((&line["why"], &line["done"]), (&"complete".into(), &100.into()));
+            break;
+        }
+    }
+    assert_eq!(cell.queued(100), 100, "each once");
+}
+
+#[test]
+fn a_changed_digit_in_a_journal_is_damage() {
+    let cell = laser_run::Cell::new(&[]);
+    let program = cell.program(100);
+    let run = Run::start(&cell.arguments(&program, &[]), Input::Null);
+    for _ in 0..4 {
+        run.0.event("done");
+    }
+    run.0.kill();
+    let journal = cell.path("part.csv.journal");
+    let text = fs::read_to_string(&journal).unwrap();
+    let changed = text.replacen("\"done\",\"first\":7,\"count\":7", "\"done\",\"first\":7,\"count\":9", 1);
+    assert_ne!(text, changed);
+    fs::write(&journal, &changed).unwrap();
+    let (code, said) = Run::start(&cell.arguments(&program, &[]), Input::Null).0.end();
+    assert_eq!(code, Some(2), "{said}");
+    let known = "line 5 is damaged, or not a line of a journal: the lines before it have 7 of 100 parts as done, and the machine may have executed more";
+    assert!(
+        said.contains(known) && said.contains("--again does every part of this program, finished parts too"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(&journal).unwrap(), changed, "it is left as it is");
+}
+
+/// Others wait for the first line.
+#[test]
+fn a_first_line_that_cannot_be_written_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let pty = folder.path().join("device").to_str().unwrap().to_owned();
+    let kawasaki = ["kawasaki-robot", "--connect", "127.0.0.1:9"];
+    let at_port: Vec<[&str; 3]> = ["kawasaki-pc", "fanuc", "mma-robot", "mma-platform", "laser", "ball"]
+        .map(|device| [device, "--listen", "127.0.0.1:0"])
+        .into_iter()
+        .chain([kawasaki, ["puma", "--pty", &pty], ["viewer", "--pty", &pty]])
+        .collect();
+    let simulate = at_port.iter().map(|device| [&["simulate"][..], device].concat());
+    let tap =
+        ["tap", "laser-eb90", "--no-capture", "--listen", "127.0.0.1:0", "--connect", "127.0.0.1:9"].to_vec();
+    for args in simulate.chain([tap]) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        command
+            .args(&args)
+            .stdin(Stdio::null())
+            .stdout(File::options().write(true).open("/dev/full").unwrap());
+        let output = Command::output(command.stderr(Stdio::piped())).unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+        assert!(
+            said.contains("cannot write to standard output: No space left on device"),
+            "{args:?}: {said}"
+        );
+    }
+}

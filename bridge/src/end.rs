@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde_json::Value as Json;
@@ -13,6 +13,12 @@ use super::lease::Lease;
 use super::metric::{self, CONNECTED, EVENT, Named};
 use super::payload::Value;
 use super::report::{Command, Input, Outcome, Report, What};
+
+/// How long a command that has begun may take when the bridge ends.
+pub const LAST: Duration = Duration::from_secs(5);
+
+/// The reason to refuse a command that was not begun when the bridge ended.
+pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 
 /// How many reasons of a device that does not answer are reported.
 const REASONS: usize = 20;
@@ -28,7 +34,12 @@ pub struct Stop {
 
 impl Stop {
     fn is_due(&self) -> bool {
-        self.flag.load(Ordering::Relaxed) || self.lease.as_ref().is_some_and(|lease| !lease.holds())
+        self.flag.load(Ordering::Relaxed) || self.is_lost()
+    }
+
+    /// The cell may be another bridge's.
+    fn is_lost(&self) -> bool {
+        self.lease.as_ref().is_some_and(|lease| !lease.holds())
     }
 }
 
@@ -42,6 +53,8 @@ pub struct End {
     dropped: Arc<AtomicU64>,
     /// The command that has no outcome yet.
     current: Option<String>,
+    /// When it was noticed first that the thread is to end.
+    stopped_at: Option<Instant>,
     /// Why it has not answered since it did.
     reported: HashSet<String>,
 }
@@ -55,12 +68,22 @@ impl End {
         stop: Stop,
         dropped: Arc<AtomicU64>,
     ) -> Self {
-        Self { cell, hub, commands, stop, dropped, current: None, reported: HashSet::new() }
+        Self { cell, hub, commands, stop, dropped, current: None, stopped_at: None, reported: HashSet::new() }
     }
 
     /// Whether the bridge ends, or the cell is not its own any more.
     pub fn is_stopped(&self) -> bool {
         self.stop.is_due()
+    }
+
+    /// Whether the thread is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A cell that
+    /// another bridge may have is given up at once.
+    pub fn is_over(&mut self) -> bool {
+        if !self.is_stopped() {
+            return false;
+        }
+        let since = *self.stopped_at.get_or_insert_with(Instant::now);
+        self.current.is_none() || self.stop.is_lost() || since.elapsed() >= LAST
     }
 
     /// Reports values. The link never waits: reports without room are dropped and counted.
@@ -129,13 +152,14 @@ impl End {
 
     /// Waits while there is no connection; commands are refused meanwhile. False when the bridge ends.
     pub fn wait(&mut self, time: Duration) -> bool {
-        let until = std::time::Instant::now() + time;
+        let until = Instant::now() + time;
         loop {
-            let left = until.saturating_duration_since(std::time::Instant::now());
+            let left = until.saturating_duration_since(Instant::now());
             match self.commands.recv_timeout(left.min(Duration::from_millis(100))) {
                 Ok(Command { id, .. }) => {
                     self.current = Some(id);
-                    self.finish(Outcome::Refused, "the link is not connected");
+                    let why = if self.is_stopped() { ENDS } else { "the link is not connected" };
+                    self.finish(Outcome::Refused, why);
                 }
                 Err(RecvTimeoutError::Timeout) if left.is_zero() => return !self.is_stopped(),
                 Err(RecvTimeoutError::Timeout) if !self.is_stopped() => {}

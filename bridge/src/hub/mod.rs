@@ -29,6 +29,7 @@ use super::bucket::Rate;
 use super::cell::Cell;
 use super::commands::{Commands, Decision, Interrupted, Write};
 use super::compact::Words;
+use super::end::LAST;
 use super::health::{BrokerHealth, Figures, Health};
 use super::latest;
 use super::links::Client;
@@ -56,6 +57,8 @@ const MOST: usize = 5_000;
 const TICK: Duration = Duration::from_millis(200);
 /// How often old commands are forgotten.
 const FORGET: Duration = Duration::from_secs(3600);
+/// How long the links get at the end: their last commands, and a moment to report the outcomes.
+const LINKS_END: Duration = LAST.saturating_add(Duration::from_millis(500));
 /// How long the broker gets at the end to acknowledge records.
 const FAREWELL: Duration = Duration::from_secs(2);
 /// How many reasons are logged: who sends another one each time fills no disk.
@@ -212,22 +215,22 @@ impl<'a> Hub<'a> {
         self.notify.say("STOPPING=1");
         self.cells.iter().for_each(|cell| cell.stop.store(true, Ordering::Relaxed));
         // What the links report last is kept, and published if there is a broker.
-        self.until(|hub| hub.cells.iter().all(Cell::has_ended))?;
+        self.until(LINKS_END, |hub| hub.cells.iter().all(Cell::has_ended))?;
         if let Some(share) = self.share.as_mut().filter(|_| self.cells.iter().all(Cell::has_ended)) {
             share.end();
         }
         self.turn(true)?;
         self.uplink.disconnect();
-        self.until(|hub| hub.uplink.is_offline())?;
+        self.until(FAREWELL, |hub| hub.uplink.is_offline())?;
         // Everything is on the disk, and no loss of power after this is one of records.
         let mut batch = Batch::default();
         power::ended(&mut batch);
         self.write(&mut batch)
     }
 
-    /// Until it is so, but not for long.
-    fn until(&mut self, is_so: impl Fn(&Self) -> bool) -> Result<()> {
-        let end = Instant::now() + FAREWELL;
+    /// Until it is so, but no longer than `limit`.
+    fn until(&mut self, limit: Duration, is_so: impl Fn(&Self) -> bool) -> Result<()> {
+        let end = Instant::now() + limit;
         while !is_so(self) && Instant::now() < end {
             self.turn(true)?;
         }

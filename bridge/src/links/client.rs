@@ -160,7 +160,7 @@ fn connection<A: Adapter>(
     if is_alive {
         end.connected(place);
     }
-    while !end.is_stopped() {
+    while !end.is_over() {
         if !silence.time.is_zero() && now().saturating_sub(heard) > silence.time {
             let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
             if silence.is_asked {

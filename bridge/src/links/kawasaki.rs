@@ -150,7 +150,26 @@ impl Program for Kawasaki<'_> {
         {
             self.end.finish(Outcome::Refused, why);
         }
-        Ok(!self.end.is_stopped())
+        if self.end.is_over() {
+            if session.order().is_some() {
+                let (first, sent) = (session.executed() + 1, session.sent());
+                let why = match self.is_connected {
+                    _ if first > sent => "no job of the order is known to be sent".into(),
+                    true => format!(
+                        "jobs {first} to {sent} may still be executed: the robot did not end the order in time"
+                    ),
+                    false => {
+                        format!("jobs {first} to {sent} may still be executed: the robot is not connected")
+                    }
+                };
+                self.end.finish(Outcome::Unknown, format!("the bridge has ended; {why}"));
+            }
+            return Ok(false);
+        }
+        if self.end.is_stopped() && session.order().is_some() {
+            pc::break_off(session);
+        }
+        Ok(true)
     }
 
     fn notify(&mut self, _: &mut Self::Session, notification: Notification<'_>) -> Result<()> {

@@ -10,7 +10,7 @@ use serde_json::{Value as Json, json};
 
 use super::client::{self, Adapter, Silence};
 use super::order;
-use crate::end::End;
+use crate::end::{ENDS, End};
 use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
@@ -111,6 +111,10 @@ impl Adapter for Laser {
             return None;
         }
         if let Some(order) = self.order.take() {
+            if end.is_stopped() {
+                end.finish(Outcome::Refused, ENDS);
+                return None;
+            }
             match order.submit(host) {
                 Ok(first) => self.running = Some(first),
                 Err(why) => {

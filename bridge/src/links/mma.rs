@@ -15,7 +15,7 @@ use serde_json::{Value as Json, json};
 
 use super::client::{self, Adapter, Silence};
 use super::order;
-use crate::end::End;
+use crate::end::{ENDS, End};
 use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
@@ -114,6 +114,10 @@ where
             return None;
         }
         if let Some(order) = self.order.take() {
+            if end.is_stopped() {
+                end.finish(Outcome::Refused, ENDS);
+                return None;
+            }
             match central.request(order) {
                 Ok(()) => self.is_running = true,
                 Err(error) => end.finish(Outcome::Refused, error.to_string()),

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::client::{self, Adapter, Silence};
 use super::order;
 use super::telemetry::{Read, Telemetry};
-use crate::end::End;
+use crate::end::{ENDS, End};
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
@@ -140,6 +140,10 @@ impl Adapter for Modbus {
         if session.in_flight() == 0
             && let Some(order) = self.order.take()
         {
+            if end.is_stopped() {
+                end.finish(Outcome::Refused, ENDS);
+                return None;
+            }
             match order.request(session, self.settings.unit) {
                 Ok(ticket) => self.writing = Some(ticket),
                 Err(error) => end.finish(Outcome::Refused, error.to_string()),

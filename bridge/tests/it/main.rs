@@ -13,6 +13,7 @@ mod held;
 mod http;
 mod limits;
 mod operation;
+mod stop;
 #[allow(dead_code, reason = "the tests of the tool need more")]
 #[path = "../../../cellwire/tests/it/tool/running.rs"]
 mod tool;

@@ -1,0 +1,210 @@
+//! A bridge that ends while commands are executed: their outcomes are waited for.
+
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use cellwire_bridge::payload::{Kind, Metric, Payload, Value};
+use prost::Message as _;
+
+use crate::broker::{Broker, Peer};
+use crate::tool::Running;
+use crate::{ball, simulated, site_command, until};
+
+/// A bridge with one cell.
+fn start(folder: &Path, broker: &Broker, cell: &str) -> Running {
+    let command = site_command(folder, &broker.address(), "", &[]);
+    let file = folder.join("site.toml");
+    let head = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, format!("{head}[cell.cell]\ncommands = true\n{cell}\n")).unwrap();
+    Running::start(command)
+}
+
+fn order(peer: &mut Peer, text: &str) {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let at = u64::try_from(now.as_millis()).unwrap();
+    let metric = Metric::new("Command/Request", Kind::String, at, Some(Value::String(text.into())));
+    let payload = Payload { timestamp: None, metrics: vec![metric], seq: None };
+    peer.publish("spBv1.0/g/DCMD/n/cell", &payload.encode_to_vec());
+}
+
+/// The next outcome of a command: its id, outcome and detail.
+fn outcome(peer: &mut Peer) -> [String; 3] {
+    loop {
+        let message = peer.message();
+        peer.acknowledge(&message, 0);
+        if let Some(id) = message.text("Command/Id") {
+            return [id, message.text("Command/Outcome").unwrap(), message.text("Command/Detail").unwrap()];
+        }
+    }
+}
+
+/// Until a record has this text.
+fn see(peer: &mut Peer, text: &str) {
+    loop {
+        let message = peer.message();
+        peer.acknowledge(&message, 0);
+        if message.text("Event").is_some_and(|event| event.contains(text)) {
+            return;
+        }
+    }
+}
+
+fn terminate(bridge: &Running) -> Instant {
+    let status = Command::new("kill").args(["-TERM", &bridge.id().to_string()]).status();
+    assert!(status.unwrap().success());
+    Instant::now()
+}
+
+fn free_port() -> String {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
+}
+
+/// Lines of 25 mm.
+fn lines(count: usize) -> String {
+    let job = |n: usize| {
+        let (a, b) = if n.is_multiple_of(2) { (0, 2500) } else { (2500, 0) };
+        format!("{{\"kind\":1,\"x1\":{a},\"y1\":0,\"x2\":{b},\"y2\":0}}")
+    };
+    let jobs: Vec<String> = (0..count).map(job).collect();
+    format!("{{\"id\":\"lines\",\"jobs\":[{}]}}", jobs.join(","))
+}
+
+/// A bridge with a robot that draws so fast, in mm/s, in the middle of an order of 60 lines.
+fn drawing(folder: &Path, broker: &Broker, speed: u32) -> (Running, Running, Peer) {
+    let address = free_port();
+    let bridge = start(folder, broker, &format!("link = \"kawasaki-msg\"\nlisten = \"{address}\""));
+    let (speed, record) = (format!("speed={speed}"), format!("record={}", folder.join("record").display()));
+    let robot = simulated(&["kawasaki-robot", "--connect", &address, "--set", &speed, "--set", &record]);
+    let mut peer = broker.accept(&[]);
+    see(&mut peer, "\"connected\"");
+    order(&mut peer, &lines(60));
+    assert_eq!(outcome(&mut peer)[1], "accepted");
+    see(&mut peer, "\"order_started\"");
+    (bridge, robot, peer)
+}
+
+fn executed(folder: &Path) -> usize {
+    let text = std::fs::read_to_string(folder.join("record")).unwrap_or_default();
+    text.lines().count().saturating_sub(1)
+}
+
+#[test]
+fn an_order_is_interrupted_and_the_rest_is_not_executed() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let (mut bridge, _robot, mut peer) = drawing(folder.path(), &broker, 250);
+    until("executed jobs", || executed(folder.path()) > 2);
+    terminate(&bridge);
+    let [id, outcome, detail] = outcome(&mut peer);
+    let count = executed(folder.path());
+    assert_eq!((id.as_str(), outcome.as_str()), ("lines", "partial"), "{detail}");
+    assert_eq!(detail, format!("{count} of 60 jobs were executed; the rest will not be"));
+    assert_eq!(bridge.status(), Some(0));
+    thread::sleep(Duration::from_millis(500));
+    assert_eq!(executed(folder.path()), count);
+}
+
+#[test]
+fn an_order_that_does_not_end_in_time_is_unknown_and_a_second_signal_ends_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    // The first line takes 25 s.
+    let (mut bridge, _robot, mut peer) = drawing(folder.path(), &broker, 1);
+    let begin = terminate(&bridge);
+    let [_, outcome, detail] = outcome(&mut peer);
+    let took = begin.elapsed();
+    assert!(took >= Duration::from_secs(5) && took < Duration::from_secs(9), "{took:?}");
+    let why = "may still be executed: the robot did not end the order in time";
+    assert!(detail.starts_with("the bridge has ended; jobs 1 to ") && detail.ends_with(why), "{detail}");
+    assert_eq!((outcome.as_str(), bridge.status()), ("unknown", Some(0)));
+
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let (mut bridge, _robot, _peer) = drawing(folder.path(), &broker, 1);
+    terminate(&bridge);
+    thread::sleep(Duration::from_millis(300));
+    terminate(&bridge);
+    assert_eq!(bridge.status(), Some(130));
+    bridge.line(
+        "a second signal ended the program: commands without an outcome are reported as unknown at the next start",
+    );
+}
+
+/// Answers reads at once, and writes 1.5 s late. Returns its address, the written registers, and whether a write is in flight.
+fn slow_server() -> (String, Arc<Mutex<Vec<u16>>>, Arc<AtomicBool>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (written, is_writing) = (Arc::new(Mutex::new(Vec::new())), Arc::new(AtomicBool::new(false)));
+    let (kept, busy) = (Arc::clone(&written), Arc::clone(&is_writing));
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            let _ = serve(stream.unwrap(), &kept, &busy);
+        }
+    });
+    (address, written, is_writing)
+}
+
+fn serve(mut stream: TcpStream, written: &Mutex<Vec<u16>>, is_writing: &AtomicBool) -> std::io::Result<()> {
+    loop {
+        let mut head = [0; 12];
+        stream.read_exact(&mut head)?;
+        let [t0, t1, _, _, _, _, unit, function, a0, a1, v0, v1] = head;
+        if function == 6 {
+            is_writing.store(true, Ordering::SeqCst);
+            thread::sleep(Duration::from_millis(1500));
+            written.lock().unwrap().push(u16::from_be_bytes([v0, v1]));
+            stream.write_all(&[t0, t1, 0, 0, 0, 6, unit, 6, a0, a1, v0, v1])?;
+            is_writing.store(false, Ordering::SeqCst);
+        } else {
+            let mut reply = vec![t0, t1, 0, 0, 0, 3 + 2 * v1, unit, function, 2 * v1];
+            reply.resize(reply.len() + 2 * usize::from(v1), 0);
+            stream.write_all(&reply)?;
+        }
+    }
+}
+
+#[test]
+fn a_write_in_flight_gets_its_outcome_and_a_waiting_one_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let (address, written, is_writing) = slow_server();
+    let settings = "settings = { timeout = \"4s\", poll = \"1h\", silence = \"0s\" }";
+    let cell = format!("link = \"fanuc-hmi-modbus\"\naddress = \"{address}\"\n{settings}");
+    let mut bridge = start(folder.path(), &broker, &cell);
+    let mut peer = broker.accept(&[]);
+    see(&mut peer, "\"connected\"");
+    for (id, value) in [("first", 7), ("second", 8)] {
+        order(
+            &mut peer,
+            &format!("{{\"id\":\"{id}\",\"write_register\":{{\"address\":40,\"value\":{value}}}}}"),
+        );
+        assert_eq!(outcome(&mut peer)[1], "accepted");
+    }
+    until("a write in flight", || is_writing.load(Ordering::SeqCst));
+    terminate(&bridge);
+    let mut outcomes = [outcome(&mut peer), outcome(&mut peer)];
+    outcomes.sort();
+    let refused = "not begun: the bridge ends, or the cell is changed";
+    assert_eq!(outcomes, [["first", "done", ""], ["second", "refused", refused]]);
+    assert_eq!(bridge.status(), Some(0));
+    assert_eq!(*written.lock().unwrap(), [7]);
+}
+
+#[test]
+fn a_ready_line_that_cannot_be_written_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let ball = ball();
+    let mut command = site_command(folder.path(), &broker.address(), "", &[("ball", &ball)]);
+    command.stdout(std::fs::File::options().write(true).open("/dev/full").unwrap());
+    let output = command.output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("cannot write to standard output: No space left on device"), "{said}");
+}

@@ -51,7 +51,7 @@ Examples:
 
 docs/bridge.md has an example site, the metrics of every link, and the commands.";
 
-/// Runs the bridge. Exit status: 0 success, 2 the command could not be run, 4 standard output was closed.
+/// Runs the bridge. Exit status: 0 success, 2 the command could not be run, 4 standard output was closed or could not be written.
 pub fn main() -> ExitCode {
     let help = Args::command().get_after_help().map(ToString::to_string).unwrap_or_default();
     let command = Args::command().after_long_help(format!("{help}\n\n{}", settings()));
@@ -67,7 +67,7 @@ pub fn main() -> ExitCode {
         Err(error) if output::is_closed(&error) => ExitCode::from(4),
         Err(error) => {
             remark(&format!("error: {error:#}"));
-            ExitCode::from(2)
+            ExitCode::from(if error.is::<output::Unwritten>() { 4 } else { 2 })
         }
     };
     output::finish();

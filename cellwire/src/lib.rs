@@ -48,7 +48,7 @@ Examples:
 
 Exit status:
   0 success   1 corrupt input, or a failed check   2 the command could not be run
-  3 a connection was lost   4 standard output was closed
+  3 a connection was lost   4 standard output was closed, or could not be written
   5 implausible telemetry was recorded   6 a Modbus server refused a request
   7 a file of outcomes could not be written   130 a signal ended the command";
 
@@ -77,7 +77,7 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
-/// lost, 4 standard output was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request, 7 a file of outcomes could
+/// lost, 4 standard output was closed or could not be written, 5 implausible telemetry was recorded, 6 a Modbus server refused a request, 7 a file of outcomes could
 /// not be written.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
@@ -112,6 +112,7 @@ pub fn main() -> ExitCode {
             remark(&format!("error: {error:#}"));
             ExitCode::from(match () {
                 () if error.is::<Lost>() => 3,
+                () if error.is::<output::Unwritten>() => 4,
                 () if error.is::<Implausible>() => 5,
                 () if error.is::<modbus::Refused>() => 6,
                 () if error.is::<Unwritten>() || error.is::<NoTable>() => 7,

@@ -205,6 +205,6 @@ fn a_ready_line_that_cannot_be_written_is_an_error() {
     command.stdout(std::fs::File::options().write(true).open("/dev/full").unwrap());
     let output = command.output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert_eq!(output.status.code(), Some(4), "{said}");
     assert!(said.contains("cannot write to standard output: No space left on device"), "{said}");
 }

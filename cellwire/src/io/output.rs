@@ -16,7 +16,10 @@ pub fn is_closed(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 
-const UNWRITTEN: &str = "cannot write to standard output";
+/// Standard output does not accept what is printed: it is closed, or its disk is full.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write to standard output")]
+pub struct Unwritten;
 
 /// Standard output and error, once writes never wait.
 static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
@@ -50,10 +53,10 @@ pub fn log(line: &Value) -> Result<()> {
     json::write(line, &mut bytes)?;
     bytes.push(b'\n');
     if let Some([out, _]) = OUTLETS.get() {
-        return out.put(&bytes).context(UNWRITTEN);
+        return out.put(&bytes).context(Unwritten);
     }
     let mut out = io::stdout().lock();
-    out.write_all(&bytes).and_then(|()| out.flush()).context(UNWRITTEN)
+    out.write_all(&bytes).and_then(|()| out.flush()).context(Unwritten)
 }
 
 /// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
@@ -71,7 +74,7 @@ pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
 pub fn announce(line: &Value) -> Result<()> {
     log(line)?;
     match OUTLETS.get() {
-        Some([out, _]) => out.finish().context(UNWRITTEN),
+        Some([out, _]) => out.finish().context(Unwritten),
         None => Ok(()),
     }
 }

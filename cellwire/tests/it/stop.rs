@@ -4,6 +4,7 @@ use core::time::Duration;
 use std::fs::{self, File};
 use std::process::{Command, Stdio};
 use std::thread;
+use std::time::Instant;
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -213,6 +214,49 @@ fn a_second_signal_ends_at_once_and_says_what_that_leaves() {
     let _ = run.0.end();
 }
 
+/// After 30 s the machine is left to itself, but for the devices of MM&A, which are told to stop.
+#[test]
+fn a_stop_has_a_limit() {
+    let ended = |run: Run| {
+        let begin = Instant::now();
+        run.0.signal("-TERM");
+        let ended = run.stopped();
+        let took = begin.elapsed();
+        assert!(took >= Duration::from_secs(29) && took < Duration::from_secs(40), "{took:?}: {ended}");
+        ended
+    };
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            // The robot takes nothing, and answers nothing that the host reads.
+            let cell = laser_run::Cell::new(&["tail=etx", "silence=never"]);
+            let program = cell.program(30);
+            let run = Run::start(&cell.arguments(&program, &["--set", "answer_timeout=10min"]), Input::Null);
+            thread::sleep(Duration::from_secs(1));
+            let ended = ended(run);
+            let counts = ["done", "unknown", "not_sent"].map(|name| number(&ended, name));
+            assert_eq!((counts, &ended["machine"]), ([0, 7, 23], &"nothing was queued".into()));
+        });
+        scope.spawn(|| {
+            let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
+            let mut run = Run::start(&cell.arguments(&[]), Input::Null);
+            run.0 = cell.ready(run.0);
+            let _robot = cell.robot(&["job_time=10min", "queue=50"]);
+            run.0.event("order_started");
+            thread::sleep(Duration::from_secs(1));
+            let ended = ended(run);
+            let machine = format!("the robot may still execute up to {} queued jobs", ended["unknown"]);
+            assert!(number(&ended, "unknown") > 5 && ended["machine"] == machine, "{ended}");
+        });
+        scope.spawn(|| {
+            let cell = mma_run::Cell::new(200);
+            let run = Run::start(&cell.arguments(3, &["--set", "task.place_dwell=10min"]), Input::Null);
+            mma_run::step(&run.0, "place_dwell");
+            let ended = ended(run);
+            assert_eq!((&ended["machine"], &ended["begun"]), (&"at rest".into(), &1.into()));
+        });
+    });
+}
+
 /// `timeout` signals its child, and then the process group, of which the child is.
 #[test]
 fn a_signal_that_comes_twice_at_once_and_a_hangup_after_it_are_one_stop() {
@@ -363,7 +407,7 @@ fn a_first_line_that_cannot_be_written_is_an_error() {
             .stdout(File::options().write(true).open("/dev/full").unwrap());
         let output = Command::output(command.stderr(Stdio::piped())).unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+        assert_eq!(output.status.code(), Some(4), "{args:?}: {said}");
         assert!(
             said.contains("cannot write to standard output: No space left on device"),
             "{args:?}: {said}"

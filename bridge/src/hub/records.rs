@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use serde_json::json;
 
 use super::Hub;
@@ -155,7 +155,8 @@ pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<Str
     let mut numbers = HashMap::new();
     for (name, number) in store.names(NUMBERS)? {
         let cell = name.strip_prefix(NUMBERS).unwrap_or_default();
-        numbers.insert(cell.to_owned(), number.parse().unwrap_or_default());
+        let number = number.parse().with_context(|| format!("{name} in the store is not a number"))?;
+        numbers.insert(cell.to_owned(), number);
     }
     store.each(|bytes| {
         let Some(Record { cell, metrics }) = words.unpack(bytes) else { return };

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use redb::{Database, ReadableTable, TableDefinition, TableError};
+use redb::{Database, ReadableTable, TableDefinition, TableError, TransactionError, WriteTransaction};
 
 use crate::ring::{Known, Ring};
 
@@ -31,8 +31,7 @@ const CACHE: usize = 16 << 20;
 /// How many bytes of the ring may be of no use before they are written over.
 const WASTE: u64 = 1 << 20;
 
-const ADVICE: &str =
-    "move it and its .records file away to start with an empty store; the waiting records are lost";
+const ADVICE: &str = "move it and its .records file away to start with an empty store: the waiting records are lost, and a command that is sent again within commands.max_age is executed again";
 
 /// Names and values.
 pub type Names = Vec<(String, Option<String>)>;
@@ -102,15 +101,23 @@ impl Store {
             Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
             None => bail!("{what} is damaged: {ADVICE}"),
         };
-        let format = get(&database, FORMAT_NAME)?.and_then(|text| text.parse().ok()).unwrap_or(1);
+        let format = match get(&database, FORMAT_NAME)? {
+            Some(text) => text.parse().with_context(|| format!("{what} is damaged: {ADVICE}"))?,
+            None => 1,
+        };
         if format > FORMAT {
             bail!(
                 "{what} has format {format}, but this bridge supports up to {FORMAT}: use a newer bridge, or {ADVICE}"
             );
         }
         let records = beside(path);
+        // The names were removed, and the outcomes of commands with them.
+        let has_records = std::fs::metadata(&records).is_ok_and(|records| records.len() > 0);
         let known = match get(&database, RING)? {
             Some(text) => Some(known_of(&text).with_context(|| format!("{what} is damaged: {ADVICE}"))?),
+            None if has_records => {
+                bail!("{what} is empty, but {} is not: restore the store, or {ADVICE}", records.display())
+            }
             None => None,
         };
         let new = Known { seed: fastrand::u64(..), ..Known::default() };
@@ -150,7 +157,7 @@ impl Store {
         })?;
         self.both()?.1.skip_to(next);
         let written = self.write(&Batch { append, remove: Vec::new(), names }, &|_| Vec::new())?;
-        let transaction = self.both()?.0.begin_write()?;
+        let transaction = begin(self.both()?.0)?;
         transaction.delete_table(RECORDS)?;
         transaction.commit()?;
         Ok(dropped + written.dropped)
@@ -326,7 +333,7 @@ impl std::error::Error for Busy {}
 fn commit(database: &Database, ring: &mut Ring, changed: Names) -> Result<()> {
     ring.sync()?;
     let known = ring.known();
-    let transaction = database.begin_write()?;
+    let transaction = begin(database)?;
     {
         let mut names = transaction.open_table(NAMES)?;
         for (name, value) in &changed {
@@ -341,6 +348,15 @@ fn commit(database: &Database, ring: &mut Ring, changed: Names) -> Result<()> {
     transaction.commit()?;
     ring.set_known(known);
     Ok(())
+}
+
+/// With one phase a commit whose pages are damaged later would count as one that a loss of power has cut: an outcome would be missing
+/// without an error, and its command might be executed again.
+#[allow(clippy::result_large_err, reason = "it is returned once")]
+fn begin(database: &Database) -> Result<WriteTransaction, TransactionError> {
+    let mut transaction = database.begin_write()?;
+    transaction.set_two_phase_commit(true);
+    Ok(transaction)
 }
 
 fn known_of(text: &str) -> Option<Known> {
@@ -370,7 +386,7 @@ fn open(path: &Path) -> Result<Database, redb::Error> {
     let file = private(path)?;
     let mut database = Database::builder().set_cache_size(CACHE).create_file(file)?;
     database.check_integrity()?;
-    let transaction = database.begin_write()?;
+    let transaction = begin(&database)?;
     transaction.open_table(NAMES)?;
     transaction.commit()?;
     Ok(database)

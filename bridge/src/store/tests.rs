@@ -210,6 +210,25 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()).len(), 4);
 }
 
+/// Without its names it would know no commands: executed ones would be executed again.
+#[test]
+fn records_without_their_store_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &Batch { names: named("n").names, ..append(&["a"]) });
+    drop(store);
+    let good = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    for _ in 0..2 {
+        let error = fault(&path);
+        assert!(error.starts_with(&format!("the store {} is empty, but ", path.display())), "{error}");
+        assert!(error.contains("is executed again"), "{error}");
+    }
+    std::fs::write(&path, good).unwrap();
+    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a")]));
+}
+
 #[test]
 fn what_is_no_store_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
@@ -286,4 +305,54 @@ fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
         }
         assert!(damaged > 0);
     }
+}
+
+/// Outcomes of commands, one a commit; the last one without a record. Each byte of each of them in the file, also of what a commit
+/// before had in another page.
+#[test]
+fn a_changed_outcome_is_an_error_or_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, 1 << 20).unwrap();
+    for number in 0..6 {
+        for outcome in ["accepted", "done"] {
+            let record = format!("{outcome} {number}");
+            let mut batch = if number < 5 { append(&[record.as_str()]) } else { Batch::default() };
+            let value = format!("{{\"at\":{number},\"outcome\":\"{outcome}\"}}");
+            batch.names = vec![(format!("command/cell/id-{number}"), Some(value))];
+            write(&mut store, &batch);
+        }
+    }
+    let content = |store: &mut Store| (texts(store), store.names("").unwrap(), store.len());
+    let whole = content(&mut store);
+    // As after a kill: nothing more is written.
+    core::mem::forget(store);
+    let both = [path.clone(), beside(&path)];
+    let goods = both.clone().map(|file| std::fs::read(file).unwrap());
+    let copy = tempfile::tempdir().unwrap();
+    let copied = copy.path().join("store");
+    let texts = ["command/cell/id-", "\"outcome\":\""];
+    let (mut places, mut damaged) = (0, 0);
+    for text in texts {
+        let found = goods[0].windows(text.len()).enumerate().filter(|(_, bytes)| *bytes == text.as_bytes());
+        for (at, _) in found {
+            places += 1;
+            for at in [at, at + text.len()] {
+                let mut bytes = goods[0].clone();
+                bytes[at] ^= 1;
+                std::fs::write(&copied, bytes).unwrap();
+                std::fs::write(beside(&copied), &goods[1]).unwrap();
+                match Store::open(&copied, 1 << 20) {
+                    Ok(mut store) => assert!(content(&mut store) == whole, "byte {at}"),
+                    Err(error) => {
+                        let error = format!("{error:#}");
+                        let why = format!("the store {} is damaged", copied.display());
+                        assert!(error.starts_with(&why), "{at}: {error}");
+                        damaged += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(places > 20 && damaged > 10, "{damaged} of {places}");
 }

@@ -316,7 +316,10 @@ fn a_run_whose_output_is_closed_stops_with_nothing_unknown() {
     assert_eq!(code, Some(4), "{said}");
     // The line is on standard error then.
     let line = said.lines().find_map(|line| serde_json::from_str::<Value>(line).ok()).expect(&said);
-    assert_eq!((&line["event"], &line["unknown"]), (&"ended".into(), &0.into()), "{said}");
+    assert_eq!(
+        (&line["event"], &line["why"], &line["unknown"]),
+        (&"ended".into(), &"stopped".into(), &0.into())
+    );
     assert_eq!(cell.queued(number(&line, "done")), number(&line, "done"));
 }
 

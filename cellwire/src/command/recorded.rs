@@ -64,8 +64,8 @@ impl ConversationArgs {
     /// # Errors
     /// When the input is no capture of both ends, or has no such conversation.
     pub(super) fn read(&self) -> Result<Conversation> {
-        let input = self.source.open()?;
-        let mut all = match (self.source.format, self.source.reading()) {
+        let (format, input) = self.source.open()?;
+        let mut all = match (format, self.source.reading(format)) {
             (Format::Trace, _) => vec![trace(input)?],
             (_, Some(reading)) => {
                 let mut collecting = Collecting::default();
@@ -79,7 +79,9 @@ impl ConversationArgs {
                 }
                 collecting.all
             }
-            (_, None) => bail!("the capture needs both ends: --format pcap, hexdump, strace or trace"),
+            (_, None) => {
+                bail!("the capture needs both ends: a file of pcap, a hex dump, output of strace, or a trace")
+            }
         };
         all.retain(|it| !it.sent.is_empty());
         let count = all.len();

@@ -40,24 +40,25 @@ pub struct Args {
 
 /// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
+    let (format, input) = args.source.open()?;
+    let reading = args.source.reading(format);
     ensure!(
-        !args.shadow || args.source.reading().is_some(),
-        "--shadow needs both ends: use it with a capture, such as --format pcap"
+        !args.shadow || reading.is_some(),
+        "--shadow needs both ends: use it with a capture, such as a file of pcap"
     );
-    let input = args.source.open()?;
     let out = Rc::new(RefCell::new(BufWriter::with_capacity(CHUNK, io::stdout())));
     let input = Box::new(Tied { input, out: Rc::clone(&out) });
     let mut out = Lines { out, clean: true };
-    match (args.source.format, args.source.reading()) {
+    match (format, reading) {
         (_, Some(reading)) => capture::decode(args, &reading, input, &mut out)?,
         (Format::Trace, None) => trace::decode(args, input, &mut out)?,
-        (_, None) => decode_stream(args, input, &mut out)?,
+        (_, None) => decode_stream(args, format, input, &mut out)?,
     }
     out.out.borrow_mut().flush()?;
     Ok(out.clean)
 }
 
-fn decode_stream(args: &Args, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
+fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let side = args.codec.side()?;
     let mut stream = args.codec.of.stream_of(side, 0)?;
     let mut hex = HexReader::default();
@@ -68,7 +69,7 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read>, out: &mut Lines) -> Resu
             break;
         }
         let bytes = buffer.get(..n).unwrap_or_default();
-        match args.source.format {
+        match format {
             Format::Hex => stream.push(&hex.read(bytes)?, |item| out.write("", item))?,
             _ => stream.push(bytes, |item| out.write("", item))?,
         }

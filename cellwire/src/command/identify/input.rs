@@ -37,11 +37,11 @@ impl Conversation {
 
 /// Reads the input.
 pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
-    let input = args.source.open()?;
-    let mut all = match (args.source.format, args.source.reading()) {
+    let (format, input) = args.source.open()?;
+    let mut all = match (format, args.source.reading(format)) {
         (_, Some(reading)) => capture(args, &reading, input)?,
         (Format::Trace, None) => vec![trace(args, input)?],
-        (_, None) => vec![stream(args, input)?],
+        (_, None) => vec![stream(args, format, input)?],
     };
     all.retain(|conversation| conversation.len() > 0);
     ensure!(!all.is_empty(), "the input is empty");
@@ -56,7 +56,7 @@ pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
     Ok(all)
 }
 
-fn stream(args: &Args, input: Box<dyn BufRead>) -> Result<Conversation> {
+fn stream(args: &Args, format: Format, input: Box<dyn BufRead>) -> Result<Conversation> {
     let (mut bytes, mut hex) = (Vec::new(), HexReader::default());
     let mut input = input;
     loop {
@@ -65,7 +65,7 @@ fn stream(args: &Args, input: Box<dyn BufRead>) -> Result<Conversation> {
         if taken == 0 || bytes.len() as u64 >= MOST {
             break;
         }
-        match args.source.format {
+        match format {
             Format::Hex => bytes.extend(hex.read(chunk)?),
             _ => bytes.extend_from_slice(chunk),
         }
@@ -73,7 +73,7 @@ fn stream(args: &Args, input: Box<dyn BufRead>) -> Result<Conversation> {
     }
     if bytes.len() as u64 >= MOST {
         remark("only the first 1 MiB is examined");
-    } else if let Format::Hex = args.source.format {
+    } else if let Format::Hex = format {
         hex.finish()?;
     }
     let sender = args.from.clone().map_or(Sender::Unknown, Sender::Named);

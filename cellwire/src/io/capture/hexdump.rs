@@ -37,6 +37,27 @@ pub(super) fn read(
     Ok(Summary { packets: dump.packets, ..Summary::default() })
 }
 
+/// Whether a text begins as a dump: a line with bytes has an offset of four digits or more, 0 in the first, and what follows in the next.
+pub fn is_dump(text: &str) -> bool {
+    let offset = |line: &str| {
+        line.trim_start_matches(['>', ' '])
+            .split(' ')
+            .next()
+            .map_or(0, |word| word.trim_end_matches(':').len())
+    };
+    let found = text.lines().filter_map(|line| {
+        let line = line.replace('\t', "    ");
+        Some((offset(&line), bytes(line.trim_end())?))
+    });
+    let found: Vec<_> = found.take(3).collect();
+    let Some((digits, (_, 0, first))) = found.first() else { return false };
+    // With as many digits in each offset, the second line begins a packet, goes on, or is the other end's.
+    *digits >= 4
+        && found
+            .get(1)
+            .is_none_or(|(second, (_, at, _))| second == digits && (*at == 0 || *at == first.len() as u64))
+}
+
 /// The lines of a text.
 pub(super) struct Lines {
     input: BufReader<Box<dyn Read>>,

@@ -31,6 +31,7 @@ use self::network::{Network, Other};
 use self::usb::{Captured, Devices};
 
 pub use self::fault::Fault;
+pub use self::hexdump::is_dump;
 pub use self::usb::Adapter;
 
 /// What a capture is, and what is read of it.

@@ -1,5 +1,7 @@
 //! The arguments of commands that read recorded bytes.
 
+mod format;
+
 use std::io::BufRead;
 use std::path::PathBuf;
 
@@ -13,9 +15,9 @@ use crate::io::output::remark;
 /// Where recorded bytes are, and in which form.
 #[derive(Debug, clap::Args)]
 pub(super) struct SourceArgs {
-    /// The format of the input
-    #[arg(long, value_enum, default_value_t = Format::Hex)]
-    pub(super) format: Format,
+    /// The format of the input [default: that of its first bytes]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
     /// In a capture, read only this TCP or UDP port
     #[arg(long, value_name = "N")]
     port: Option<u16>,
@@ -49,17 +51,21 @@ pub(super) enum Format {
 }
 
 impl SourceArgs {
-    /// The input.
+    /// The input, and its format.
     ///
     /// # Errors
-    /// When it cannot be opened.
-    pub(super) fn open(&self) -> Result<Box<dyn BufRead>> {
-        input::open(self.file.as_deref())
+    /// When it cannot be opened, or has the format of something else than bytes.
+    pub(super) fn open(&self) -> Result<(Format, Box<dyn BufRead>)> {
+        let input = input::open(self.file.as_deref())?;
+        match self.format {
+            Some(format) => Ok((format, input)),
+            None => format::detect(input),
+        }
     }
 
-    /// How a capture is read, if it is one.
-    pub(super) fn reading(&self) -> Option<Reading> {
-        let form = match self.format {
+    /// How an input of this format is read, if it is a capture.
+    pub(super) fn reading(&self, format: Format) -> Option<Reading> {
+        let form = match format {
             Format::Pcap => Form::Pcap,
             Format::Hexdump => Form::HexDump,
             Format::Strace => Form::Strace,

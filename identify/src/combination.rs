@@ -117,20 +117,29 @@ impl Reading {
 }
 
 impl Stream {
-    /// The sides of a link that may have sent it, the likeliest first.
-    pub(super) fn sides(&self, link: &Link) -> Vec<&'static str> {
-        let all = || link.sides.to_vec();
+    /// The sides of a link that may have sent it, the likeliest first: where nothing is known, those that have sent no other stream.
+    pub(super) fn sides(&self, link: &Link, of_others: &[Vec<&'static str>]) -> Vec<&'static str> {
+        let all = || {
+            let mut sides = link.sides.to_vec();
+            sides.sort_by_key(|side| of_others.iter().any(|others| others.contains(side)));
+            sides
+        };
+        let first = |likely: Option<&'static str>| {
+            let others = link.sides.iter().copied().filter(|side| Some(*side) != likely);
+            likely.into_iter().chain(others).collect()
+        };
         match &self.sender {
             Sender::Unknown => all(),
             Sender::Named(name) => match link.sides.iter().find(|side| **side == name) {
                 Some(side) => vec![side],
                 None => all(),
             },
-            Sender::Connected { is_client, port } => {
-                let likely = (link.sender)(*is_client, *port);
-                let others = link.sides.iter().copied().filter(|side| Some(*side) != likely);
-                likely.into_iter().chain(others).collect()
+            Sender::Other(name) if link.sides.contains(&name.as_str()) => {
+                link.sides.iter().copied().filter(|side| side != name).collect()
             }
+            Sender::Other(_) => all(),
+            Sender::Kept { by_keeper } => first(link.keeper(None, *by_keeper).ok().flatten()),
+            Sender::Connected { is_client, port } => first((link.sender)(*is_client, *port)),
             Sender::Traced { name, sent } => match link.traces.iter().find(|(known, _)| known == name) {
                 Some((_, [sender, receiver])) => {
                     (if *sent { sender } else { receiver }).iter().copied().collect()
@@ -230,7 +239,7 @@ impl Combination {
         let mut reading = Reading::default();
         for (number, stream) in streams.iter().enumerate() {
             let mut sides: Vec<Vec<Piece>> = Vec::new();
-            for side in stream.sides(self.link) {
+            for side in stream.sides(self.link, &reading.senders) {
                 sides.push(self.read_side(number, stream, side, exactly)?);
             }
             let weight = |pieces: &Vec<Piece>| pieces.iter().map(Piece::weight).sum::<u64>();

@@ -23,7 +23,7 @@ use serde_json::{Map, Value};
 
 use cellwire_links::link::Link;
 
-pub use draft::draft;
+pub use draft::{draft, toml_text};
 pub use search::identify;
 
 /// What one end sent.
@@ -44,6 +44,13 @@ pub enum Sender {
     Unknown,
     /// Its name, where a link has a side of that name.
     Named(String),
+    /// The other end than the one of this name.
+    Other(String),
+    /// The end at which a line was recorded, or the other one.
+    Kept {
+        /// It was sent by the end that recorded.
+        by_keeper: bool,
+    },
     /// Which end of a connection it seems to be, and the server's port.
     Connected {
         /// It seems to have opened the connection.

@@ -40,19 +40,30 @@ fn table<'a>(text: &'a str, name: &str) -> &'a str {
     &text[begin..end]
 }
 
-/// The draft, with what has a question mark as the plant has it.
+/// The draft, with each line that has a question mark as the plant has it.
 fn corrected(draft: &str, plant: &str) -> String {
     let mut text = String::new();
     let mut columns = ["kind", "x1", "y1", "x2", "y2"].into_iter();
     for part in draft.split_inclusive("\n\n") {
         let name =
             part.split_once('[').and_then(|(_, rest)| rest.split_once(']')).map_or("", |(name, _)| name);
-        if name.starts_with("messages.") && part.contains('?') {
+        let lines = part.split_inclusive('\n').map(|line| match line.split_once(" = ") {
+            Some(("name" | "header" | "fields", rest))
+                if rest.contains("# ?") && name.starts_with("messages.") =>
+            {
+                let key = &line[..line.find('=').unwrap()];
+                let told = table(plant, name).lines().find(|told| told.starts_with(key));
+                told.map_or_else(String::new, |told| format!("{told}\n"))
+            }
+            _ => line.to_owned(),
+        });
+        let part = lines.collect::<String>();
+        if name.starts_with("messages.") && part.contains("# ? not in") {
             text += table(plant, name);
         } else if name == "[job" {
             text += &part.replace(&part[part.find("field_").unwrap()..][..7], columns.next().unwrap());
         } else {
-            text += part;
+            text += &part;
         }
     }
     let limit = plant.lines().find(|line| line.starts_with("max_number")).unwrap();
@@ -74,33 +85,33 @@ fn end(tap: Tool) {
     tap.end();
 }
 
-/// A client works through an order with a robot; what passed is in a capture.
-fn work(folder: &Path, name: &str, client: &str, robot: &str) {
+/// A client works through so many orders with a robot; what passed is in a capture.
+fn work(folder: &Path, name: &str, orders: usize, client: &str, robot: &str) {
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let mut jobs = String::from("kind,x1,y1,x2,y2\n");
     (0..JOBS).for_each(|at| {
         writeln!(jobs, "{},{},{},{at},-{at}", 1 + at % 2, at * 31 % 700, at * 17 % 90).unwrap()
     });
-    fs::write(path(&format!("{name}.csv")), jobs).unwrap();
-    let run = Tool::start(&[
-        "kawasaki",
-        "run",
-        &path(&format!("{name}.csv")),
-        "--settings",
-        client,
-        "--listen",
-        "127.0.0.1:0",
-    ]);
-    let listens = run.line()["listen"].as_str().unwrap().to_owned();
     let capture = path(&format!("{name}.pcapng"));
-    let (tap, taps) = tap("kawasaki-msg", &listens, &capture);
-    let set = ["--set", "job_time=20ms", "--set", "queue=8"];
-    let robot = Tool::start(
-        &[&["simulate", "kawasaki-robot", "--settings", robot, "--connect", &taps][..], &set].concat(),
-    );
-    let ended = run.event("ended");
-    assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &JOBS.into()), "{ended}");
-    assert_eq!(run.end().0, Some(0));
+    let (mut listens, mut working) = ("127.0.0.1:0".to_owned(), None);
+    for order in 0..orders {
+        let table = path(&format!("{name}-{order}.csv"));
+        fs::write(&table, &jobs).unwrap();
+        let number = format!("order={}", 700 + order);
+        let run = ["kawasaki", "run", &table, "--settings", client, "--listen", &listens, "--set", &number];
+        let run = Tool::start(&run);
+        run.line()["listen"].as_str().unwrap().clone_into(&mut listens);
+        working.get_or_insert_with(|| {
+            let (tap, taps) = tap("kawasaki-msg", &listens, &capture);
+            let set = ["--set", "job_time=20ms", "--set", "queue=8"];
+            let robot = ["simulate", "kawasaki-robot", "--settings", robot, "--connect", &taps];
+            (Tool::start(&[&robot[..], &set].concat()), tap)
+        });
+        let ended = run.event("ended");
+        assert_eq!((&ended["why"], &ended["done"]), (&"complete".into(), &JOBS.into()), "{ended}");
+        assert_eq!(run.end().0, Some(0));
+    }
+    let (robot, tap) = working.unwrap();
     drop(robot);
     end(tap);
 }
@@ -112,19 +123,26 @@ fn a_draft_that_is_corrected_where_it_says_so_works() {
         let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
         let plant = renamed(name);
         fs::write(path("plant.toml"), &plant).unwrap();
-        work(folder.path(), "first", &path("plant.toml"), &path("plant.toml"));
-        let identify =
-            ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+        work(folder.path(), "first", 3, &path("plant.toml"), &path("plant.toml"));
+        let identify = ["identify", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
         assert_eq!(Tool::start(&identify).end().0, Some(0));
         let draft = fs::read_to_string(path("draft.toml")).unwrap();
+        let line = |role: &str, key: &str| {
+            let table = table(&draft, &format!("messages.{role}")).lines();
+            table.clone().find(|line| line.starts_with(key)).unwrap_or_default().to_owned()
+        };
         // What the capture shows is no question.
-        for role in
-            ["job", "job_ack", "job_request", "order_start", "order_ack", "order_end", "end_ack", "filler"]
-        {
-            assert!(!table(&draft, &format!("messages.{role}")).contains('?'), "{name} {role}: {draft}");
+        for role in ["job", "job_ack", "job_request", "order_start", "order_ack", "end_ack", "status"] {
+            let named = line(role, "name");
+            assert!(!named.contains('?') && !named.is_empty(), "{name} {role}: {draft}");
         }
+        for role in ["job_ack", "job_request", "order_start", "order_ack"] {
+            assert!(!line(role, "fields").contains('?'), "{name} {role}: {draft}");
+        }
+        // An order that was interrupted when all was done would look the same.
+        assert!(line("order_end", "name").contains('?'), "{draft}");
         fs::write(path("corrected.toml"), corrected(&draft, &plant)).unwrap();
-        work(folder.path(), "second", &path("corrected.toml"), &path("plant.toml"));
+        work(folder.path(), "second", 1, &path("corrected.toml"), &path("plant.toml"));
     }
 }
 
@@ -195,8 +213,7 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
         end(tap);
     };
     work("first", &path("plant.toml"));
-    let identify =
-        ["identify", "--format", "pcap", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
+    let identify = ["identify", "--json", &path("first.pcapng"), "--draft", &path("draft.toml")];
     assert_eq!(Tool::start(&identify).end().0, Some(0));
     let draft = fs::read_to_string(path("draft.toml")).unwrap();
     let line = |text: &str| {

@@ -12,6 +12,10 @@ use super::Said;
 const AT_ONCE: Duration = Duration::from_millis(150);
 /// One answer may be late for other reasons.
 const SHARE: usize = 2;
+/// What is seen once may be chance.
+const TWICE: usize = 2;
+/// The times of a capture without times only say what came before what.
+const NO_TIME: Duration = Duration::from_micros(1);
 
 /// A command word, and what was seen of it.
 #[derive(Default)]
@@ -97,14 +101,20 @@ fn class(word: &Word) -> (&'static str, String, &'static str) {
     let after = usual.map_or_else(String::new, |usual| format!("answered after {} ms", usual.as_millis()));
     match usual {
         _ if word.together > 0 => {
-            ("interpreted", format!("{} of them in a frame with others", word.together), "")
+            ("interpreted", format!("{} of them in a frame with others", word.together), doubt(word.together))
         }
-        Some(_) if word.values * SHARE > answers.len() => ("query", format!("{after}, with values"), ""),
-        Some(_) if late => ("immediate", after, ""),
+        Some(_) if word.values * SHARE > answers.len() => {
+            ("query", format!("{after}, with values"), doubt(word.values))
+        }
+        Some(usual) if late && usual >= NO_TIME => ("immediate", after, doubt(answers.len())),
         None => ("interpreted", "never answered individually".into(), "? "),
-        Some(Duration::ZERO) => ("interpreted", "its answers have no times".into(), "? "),
-        Some(_) => ("interpreted", after, "? "),
+        Some(usual) if usual >= NO_TIME => ("interpreted", after, "? "),
+        Some(_) => ("interpreted", "its answers have no times".into(), "? "),
     }
+}
+
+fn doubt(seen: usize) -> &'static str {
+    if seen < TWICE { "? " } else { "" }
 }
 
 fn known(words: &mut Vec<Word>, word: u16) -> &mut Word {

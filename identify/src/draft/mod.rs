@@ -38,6 +38,20 @@ pub fn draft(finding: &Finding, streams: &[Stream]) -> Result<String> {
     }
 }
 
+/// A text as a value of TOML: every character that could end it, or that a terminal would obey, is escaped.
+pub fn toml_text(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => quoted.push_str(&format!("\\u{:04X}", u32::from(c))),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
 /// The messages of both ends, as they followed each other.
 fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) -> Result<Vec<Said>> {
     let mut all = Vec::new();

@@ -1,6 +1,7 @@
 //! Words of unknown installations.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)]
 
+mod captures;
 mod kawasaki;
 
 use super::super::Sender;

@@ -50,7 +50,7 @@ pub fn nearest(links: &[&'static Link], streams: &[Stream]) -> Result<Vec<Neares
         let mut best: Option<Nearest> = None;
         for settings in one_changed(link) {
             for stream in streams {
-                for side in stream.sides(link) {
+                for side in stream.sides(link, &[]) {
                     let near = near(link, side, &settings, stream)?;
                     if near.begin > best.as_ref().map_or(0, |best| best.begin) {
                         best = Some(near);

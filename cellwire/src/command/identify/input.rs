@@ -91,11 +91,12 @@ fn trace(args: &Args, input: Box<dyn Read>) -> Result<Conversation> {
     let [mut sent, mut received] = [true, false].map(|sent| {
         let sender = match &args.from {
             Some(from) if sent => Sender::Named(from.clone()),
-            Some(_) => Sender::Unknown,
+            Some(from) => Sender::Other(from.clone()),
             None => Sender::Traced { name: name.clone(), sent },
         };
         Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() }
     });
+    let mut now = Duration::ZERO;
     while let Some(text) = lines.next()? {
         if text.trim().is_empty() {
             continue;
@@ -105,8 +106,8 @@ fn trace(args: &Args, input: Box<dyn Read>) -> Result<Conversation> {
             bail!("line {}: not a line of a trace: {text}", lines.number());
         };
         let stream = if way == Way::Sent { &mut sent } else { &mut received };
-        let time = Duration::try_from_secs_f64(at).unwrap_or_default();
-        stream.arrivals.push((stream.size(), time));
+        now = after(now, Duration::try_from_secs_f64(at).unwrap_or_default());
+        stream.arrivals.push((stream.size(), now));
         stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
     }
     Ok(Conversation { name, carrier: Carrier::Unknown, streams: vec![sent, received] })
@@ -118,6 +119,7 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<C
         conversations: Vec::new(),
         faults: 0,
         cut: false,
+        at: Duration::ZERO,
         now: Duration::ZERO,
     };
     let (summary, found) = connections::read(input, reading, &mut collecting)?;
@@ -133,12 +135,19 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<C
     Ok(conversations)
 }
 
+/// The time of what came after something else: the capture may not say, or say the same.
+fn after(before: Duration, at: Duration) -> Duration {
+    at.max(before.saturating_add(Duration::from_nanos(1)))
+}
+
 struct Collecting<'a> {
     from: Option<&'a str>,
     conversations: Vec<Conversation>,
     faults: usize,
     cut: bool,
-    /// The time of the last packet.
+    /// The time of the last packet, where it has one.
+    at: Duration,
+    /// The time of the last piece: of one direction and the other, it says which came first.
     now: Duration,
 }
 
@@ -154,7 +163,7 @@ impl Directions for Collecting<'_> {
     type Direction = Collected;
 
     fn pass_time(&mut self, at: Duration) -> Result<()> {
-        self.now = at;
+        self.at = at;
         Ok(())
     }
 
@@ -171,11 +180,12 @@ impl Directions for Collecting<'_> {
             }
             Flow::Serial(_) => ("the serial line".into(), Sender::Unknown, Carrier::Serial(None)),
             Flow::Kept(line, is_client) => {
-                (line.to_string(), Sender::Connected { is_client, port: 0 }, Carrier::Serial(None))
+                (line.to_string(), Sender::Kept { by_keeper: is_client }, Carrier::Serial(None))
             }
         };
         let sender = match (self.from, flow) {
             (Some(from), Flow::Serial(_) | Flow::Kept(_, true)) => Sender::Named(from.into()),
+            (Some(from), Flow::Kept(_, false)) => Sender::Other(from.into()),
             _ => sender,
         };
         Ok(Some(Collected {
@@ -190,6 +200,7 @@ impl Directions for Collecting<'_> {
         match piece {
             Piece::Bytes(bytes) if direction.len < MOST => {
                 direction.len += bytes.len() as u64;
+                self.now = after(self.now, self.at);
                 direction.stream.arrivals.push((direction.stream.size(), self.now));
                 if let Some(part) = direction.stream.parts.last_mut() {
                     part.extend_from_slice(bytes);

@@ -22,8 +22,8 @@ use crate::links::link_parser;
 
 /// Identifies the link of a capture, and the options that the link's source leaves open.
 ///
-/// Tries every combination of options on the bytes, in every format that decode reads. A combination is ruled out when another one
-/// decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that begins in the middle of a message, are
+/// Tries every combination of options on the bytes, in every format that decode reads; the first bytes show which. A combination is
+/// ruled out when another one decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that begins in the middle of a message, are
 /// tolerated. Options that the bytes do not determine are listed with their other values and the message that would decide:
 /// let the ends send that message, and capture again. --write writes a file for --settings of decode, simulate and the clients;
 /// --rust prints the configuration for a program.
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
     /// Write a draft of the plant's settings to a TOML file: for kawasaki-msg the messages by role, for laser-eb90 the words
-    /// by class, as used in the capture. Check the entries with a comment that has a ?
+    /// by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
     /// Print the settings as Rust, for the configuration of the link's crate
@@ -64,9 +64,9 @@ pub struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire identify --format pcap monday.pcapng               each conversation of a capture
-  cellwire identify --format raw port.bin --link laser-eb90   the options of a known link
-  cellwire identify --format pcap monday.pcapng --port 2001 --write cell.toml
+  cellwire identify monday.pcapng                             each conversation of a capture
+  cellwire identify port.bin --link laser-eb90                the options of a known link
+  cellwire identify monday.pcapng --port 2001 --write cell.toml
   cellwire identify --serial /dev/ttyUSB0 --listen-for 2m     a serial line of unknown baud rate
   cellwire decode laser-eb90 --settings cell.toml …           use the result
 

@@ -55,87 +55,84 @@ const LITTLE: &str = "pc Start 7; robot Taken 7; robot Ask 7 11; pc Job 7 11; ro
 fn the_roles_and_fields_of_a_whole_conversation() {
     let expected = r#"# A draft from a capture: correct what has a ?.
 
-charset = "ascii"
+charset = "ascii" # ? no other letter is in the capture
 acks = 1 # ? most acknowledged jobs have such numbers
 # max_number = 9999 # ? the highest in the capture is 104
 
 [[job]]
 name = "field_1" # ? its name in your tables
-kind = "whole"
+kind = "whole" # ? a text may look like a number
 range = [1, 2] # ? that of the capture
 
 [[job]]
 name = "field_2" # ? its name in your tables
-kind = "decimal"
-places = 2
+kind = "decimal" # ? a text may look like a number
+places = 2 # ? the most in the capture
 range = [-3.25, 10.5] # ? that of the capture
 
 [[job]]
 name = "field_3" # ? its name in your tables
-kind = "text"
+kind = "text" # ? it may be a part of the message
 length = [0, 5] # ? the longest in the capture
 
 [messages.job]
-name = "Job" # 4 of them: the PC sends most of it, and its number counts
-header = ["=M","=7"]
-fields = ["order","number","work"]
+name = "Job" # ? 4 of them: the PC sends most of it, and its number counts
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order", "number", "work"] # ? guessed from few messages
 
 [messages.job_ack]
-name = "Ack" # 4 of them: its number grows, below that of the jobs: executed
-header = ["=M","=7"]
-fields = ["order","number"]
+name = "Ack" # ? 4 of them: its number grows, below that of the jobs: executed
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order", "number"] # ? guessed from few messages
 
 [messages.job_request]
-name = "Ask" # 5 of them: the job of its number is what the PC sends next
-header = ["=M","=7"]
-fields = ["order","number"]
+name = "Ask" # ? 5 of them: the job of its number is what the PC sends next
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order", "number"] # ? guessed from few messages
 
 [messages.pause]
 name = "Hold" # ? 1 of them: what the robot says beside the others
-header = ["=M","=7"]
-fields = ["order","queued"]
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order", "queued"] # ? guessed from few messages
 
 [messages.order_start]
-name = "Start" # 1 of them: the first of the PC that comes before a job
-header = ["=M","=7","unused"]
-fields = ["order","number"]
+name = "Start" # ? 1 of them: the first of the PC that comes before a job
+header = ["=M", "=7", "unused"] # ? guessed from few messages
+fields = ["order", "number"] # ? guessed from few messages
 
 [messages.order_ack]
-name = "Taken" # 1 of them: the first of the robot, before a job
-header = ["=M","=7","unused"]
-fields = ["order"]
+name = "Taken" # ? 1 of them: the first of the robot, before a job
+header = ["=M", "=7", "unused"] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.order_end]
-name = "End" # 1 of them: the last of the PC that comes after a job
-header = ["=M","=7"]
-fields = ["order"]
+name = "End" # ? 1 of them: the last of the PC that comes after a job
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.order_interrupt]
 name = "Stop" # ? 1 of them: what the PC says beside the others
-header = ["=M","=7"]
-fields = ["order"]
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.end_ack]
-name = "Done" # 1 of them: comes after the end of an order
-header = ["=M","=7"]
-fields = ["ended","order","executed"]
+name = "Done" # ? 1 of them: comes after the end of an order
+header = ["=M", "=7"] # ? guessed from few messages
+fields = ["ended", "order", "executed"] # ? guessed from few messages
 
 [messages.status]
 name = "State" # 2 of them: both ends send it, with the most fields
-header = ["=M","=7"]
-fields = ["order","phase","queued","executed","ended"]
+header = ["=M", "=7"]
+fields = ["order", "phase", "queued", "executed", "ended"] # ? guessed from few messages
 
 [messages.filler]
 name = "Fill" # 2 of them: it has no fields
-header = ["=M","=7"]
+header = ["=M", "=7"]
 fields = []
 "#;
     assert_eq!(draft(WHOLE).unwrap(), expected);
-    // What is queued is not told from what is executed where both are the same throughout.
-    let alike = expected.replace("2 of them: both", "? 2 of them: both");
-    assert_eq!(draft(&WHOLE.replace("102 100", "102 102")).unwrap(), alike);
     // A length is in characters.
-    let latin1 = expected.replace("ascii", "latin1");
+    let latin1 = expected.replace("ascii\" # ? no other letter is in the capture", "latin1\"");
     assert_eq!(draft(&WHOLE.replace("right", "r\u{ef}ght")).unwrap(), latin1);
 }
 
@@ -149,68 +146,68 @@ acks = 2 # ? most acknowledged jobs have such numbers
 
 [[job]]
 name = "field_1" # ? its name in your tables
-kind = "whole"
+kind = "whole" # ? a text may look like a number
 range = [1, 6] # ? that of the capture
 
 [[job]]
 name = "field_2" # ? its name in your tables
-kind = "whole"
+kind = "whole" # ? a text may look like a number
 range = [3, 5] # ? that of the capture
 
 [[job]]
 name = "field_3" # ? its name in your tables
-kind = "text"
+kind = "text" # ? it may be a part of the message
 length = [0, 0] # ? the longest in the capture
 
 [messages.job]
-name = "Työ" # 6 of them: the PC sends most of it, and its number counts
-header = []
-fields = ["work","number","=up","order"]
+name = "Työ" # ? 6 of them: the PC sends most of it, and its number counts
+header = [] # ? guessed from few messages
+fields = ["work", "number", "=up", "order"] # ? guessed from few messages
 
 [messages.job_ack]
-name = "Ack" # 3 of them: its number grows, below that of the jobs: executed
-header = []
-fields = ["number","unused"]
+name = "Ack" # ? 3 of them: its number grows, below that of the jobs: executed
+header = [] # ? guessed from few messages
+fields = ["number", "unused"] # ? guessed from few messages
 
 [messages.job_request]
-name = "Ask" # 6 of them: the job of its number is what the PC sends next
-header = []
-fields = ["number","unused"]
+name = "Ask" # ? 6 of them: the job of its number is what the PC sends next
+header = [] # ? guessed from few messages
+fields = ["number", "unused"] # ? guessed from few messages
 
 [messages.pause]
 name = "Busy" # ? 6 of them: what the robot says beside the others
-header = []
-fields = ["order"]
+header = [] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.order_start]
-name = "Start" # 1 of them: the first of the PC that comes before a job
-header = []
-fields = ["number","order"]
+name = "Start" # ? 1 of them: the first of the PC that comes before a job
+header = [] # ? guessed from few messages
+fields = ["number", "order"] # ? guessed from few messages
 
 [messages.order_ack]
-name = "Hello" # 1 of them: the first of the robot, before a job
-header = []
-fields = ["unused"]
+name = "Hello" # ? 1 of them: the first of the robot, before a job
+header = [] # ? guessed from few messages
+fields = ["unused"] # ? guessed from few messages
 
 [messages.order_end]
-name = "End" # 1 of them: the last of the PC that comes after a job
-header = []
-fields = ["unused","order"]
+name = "End" # ? 1 of them: the last of the PC that comes after a job
+header = [] # ? guessed from few messages
+fields = ["unused", "order"] # ? guessed from few messages
 
 [messages.order_interrupt]
 name = "Setup" # ? 1 of them: what the PC says beside the others
-header = []
-fields = ["=0.5"]
+header = [] # ? guessed from few messages
+fields = ["=0.5"] # ? guessed from few messages
 
 [messages.end_ack]
-name = "Bye" # 1 of them: comes after the end of an order
-header = []
-fields = ["=up","executed","ended","order"]
+name = "Bye" # ? 1 of them: comes after the end of an order
+header = [] # ? guessed from few messages
+fields = ["=up", "executed", "ended", "order"] # ? guessed from few messages
 
 [messages.status]
-name = "State" # ? 2 of them: both ends send it, with the most fields
+name = "State" # 2 of them: both ends send it, with the most fields
 header = []
-fields = ["executed","queued","unused","unused"]
+fields = ["executed", "queued", "unused", "unused"] # ? guessed from few messages
 
 [messages.filler]
 # ? not in the capture
@@ -226,35 +223,35 @@ fields = ["executed","queued","unused","unused"]
 fn what_the_capture_lacks_is_said() {
     let expected = r#"# A draft from a capture: correct what has a ?.
 
-charset = "ascii"
+charset = "ascii" # ? no other letter is in the capture
 # acks = 1 # ? no job is acknowledged in the capture
 # max_number = 9999 # ? the highest in the capture is 14
 
 [messages.job]
-name = "Job" # 4 of them: the PC sends most of it, and its number counts
-header = []
-fields = ["order","number"]
+name = "Job" # ? 4 of them: the PC sends most of it, and its number counts
+header = [] # ? guessed from few messages
+fields = ["order", "number"] # ? guessed from few messages
 
 [messages.job_ack]
 sent = false # ? not in the capture
 
 [messages.job_request]
-name = "Ask" # 2 of them: the job of its number is what the PC sends next
-header = []
-fields = ["order","number"]
+name = "Ask" # ? 2 of them: the job of its number is what the PC sends next
+header = [] # ? guessed from few messages
+fields = ["order", "number"] # ? guessed from few messages
 
 [messages.pause]
 sent = false # ? not in the capture
 
 [messages.order_start]
-name = "Start" # 1 of them: the first of the PC that comes before a job
-header = []
-fields = ["order"]
+name = "Start" # ? 1 of them: the first of the PC that comes before a job
+header = [] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.order_ack]
-name = "Taken" # 1 of them: the first of the robot, before a job
-header = []
-fields = ["order"]
+name = "Taken" # ? 1 of them: the first of the robot, before a job
+header = [] # ? guessed from few messages
+fields = ["order"] # ? guessed from few messages
 
 [messages.order_end]
 # ? not in the capture
@@ -286,7 +283,8 @@ fn three_jobs_are_too_few() {
 /// The fields of a role in a draft, or nothing where no message has it.
 fn fields(text: &str, role: &str) -> Option<String> {
     let table = text.split("\n\n").find(|table| table.starts_with(&format!("[messages.{role}]"))).unwrap();
-    table.split_once("fields = ").map(|(_, fields)| fields.trim_end().to_owned())
+    let (_, fields) = table.split_once("fields = ")?;
+    fields.split(" #").next().map(|fields| fields.trim_end().to_owned())
 }
 
 /// Jobs, then messages of the robot with these values, one each.
@@ -347,7 +345,7 @@ fn more_than_a_third_of_the_requests_ask_for_the_next_job() {
 fn the_number_of_jobs_is_the_one_of_which_the_robot_speaks_as_it_counts() {
     let talk = "robot Hello 1; robot Hello 1; robot Hello 1; robot Hello 1
         pc Job 1 101; pc Job 2 102; pc Job 3 103; pc Job 4 104; robot Ack 101; robot Ack 102; robot Ack 103";
-    assert_eq!(fields(&draft(talk).unwrap(), "job").as_deref(), Some(r#"["work","number"]"#));
+    assert_eq!(fields(&draft(talk).unwrap(), "job").as_deref(), Some(r#"["work", "number"]"#));
 }
 
 #[test]
@@ -355,7 +353,7 @@ fn what_nothing_is_said_by_is_no_role() {
     // No end was acknowledged.
     let text = draft(&WHOLE.replace("robot Done M 7 | 501 0 104", "")).unwrap();
     let found = ["pause", "end_ack"].map(|role| fields(&text, role));
-    assert_eq!(found, [Some(r#"["order","queued"]"#.into()), None]);
+    assert_eq!(found, [Some(r#"["order", "queued"]"#.into()), None]);
     // Both ends send a message without fields, and none with.
     let text = draft(&format!("{LITTLE}; pc Fill; robot Fill")).unwrap();
     assert_eq!(["status", "filler"].map(|role| fields(&text, role)), [None, Some("[]".into())]);
@@ -371,7 +369,7 @@ fn a_place_is_an_order_in_most_messages_and_a_constant_in_all() {
         draft("robot Hello 9 | 0; pc Job 7 | 11; pc Job 7 | 12; pc Job 7 | 13; pc Job 7 | 14").unwrap();
     assert!(
         text.contains(
-            "name = \"Hello\" # 1 of them: the first of the robot, before a job\nheader = [\"unused\"]\n"
+            "name = \"Hello\" # ? 1 of them: the first of the robot, before a job\nheader = [\"unused\"] # ?"
         ),
         "{text}"
     );

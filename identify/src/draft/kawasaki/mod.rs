@@ -1,10 +1,12 @@
 //! A plant's table of messages.
 
-use core::fmt::Write as _;
+mod proof;
+mod text;
 
 use anyhow::{Result, ensure};
 use serde_json::Value;
 
+use self::proof::{Proof, prove};
 use super::Said;
 
 /// A message of the plant: all that one end sends by one name.
@@ -17,19 +19,24 @@ struct Kind {
     header: usize,
 }
 
-/// What a message is for, and how sure that is.
+/// What a message is for.
 struct Guess<'a> {
     role: &'static str,
     kind: Option<&'a Kind>,
     why: &'static str,
-    /// The field at each place.
-    fields: Vec<String>,
-    /// Of one that there is.
+    /// The capture proves the role.
     is_sure: bool,
+    /// The fields between name and length, and those of the data.
+    header: Line,
+    fields: Line,
 }
 
-/// The roles that a plant may lack.
-const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
+/// The fields of a line of the draft, and whether the capture proves all of them.
+#[derive(Default)]
+struct Line {
+    fields: Vec<String>,
+    is_sure: bool,
+}
 
 impl Kind {
     fn values(&self, at: usize) -> impl Iterator<Item = &str> {
@@ -37,12 +44,23 @@ impl Kind {
     }
 
     fn numbers(&self, at: usize) -> Vec<i64> {
-        self.values(at).filter_map(|value| value.parse().ok()).collect()
+        self.values(at).filter_map(number).collect()
+    }
+
+    /// The value at a place of the message that was the `when`th of the conversation.
+    fn value_of(&self, when: usize, at: usize) -> Option<&str> {
+        let (_, values) = self.all.iter().find(|(index, _)| *index == when)?;
+        values.get(at).map(String::as_str)
     }
 
     /// How many places it has: those of the shortest.
     fn width(&self) -> usize {
         self.all.iter().map(|(_, values)| values.len()).min().unwrap_or_default()
+    }
+
+    /// How many the longest has.
+    fn longest(&self) -> usize {
+        self.all.iter().map(|(_, values)| values.len()).max().unwrap_or_default()
     }
 
     fn first(&self) -> usize {
@@ -58,16 +76,34 @@ impl Kind {
         let first = self.values(at).next()?;
         self.values(at).all(|value| value == first).then_some(first)
     }
+
+    /// Whether a place has texts that are not numbers.
+    fn is_text(&self, at: usize) -> bool {
+        self.values(at).all(|value| !value.is_empty() && number(value).is_none())
+    }
+}
+
+/// A value as a number: blanks around it are allowed.
+fn number(value: &str) -> Option<i64> {
+    value.trim().parse().ok()
 }
 
 /// The draft of a conversation.
 pub(super) fn draft(said: &[Said]) -> Result<String> {
-    let kinds = kinds(said);
+    let mut kinds = kinds(said);
+    let proof = prove(&kinds);
+    if let Some(pc) = proof.pc {
+        // The jobs show which end is the PC.
+        kinds.iter_mut().for_each(|kind| kind.side = if kind.side == pc { "pc" } else { "robot" });
+    }
+    let index = |kind: &Kind| kinds.iter().position(|it| core::ptr::eq(it, kind)).unwrap_or_default();
+    let proven = |role: &str| proof.of(role).and_then(|at| kinds.get(at));
     let of = |side: &'static str| kinds.iter().filter(move |kind| kind.side == side);
     let is_shared =
         |kind: &&Kind| kinds.iter().any(|other| other.side != kind.side && other.name == kind.name);
     let wide = |kind: &&Kind| (kind.all.len() * kind.width(), kind.width());
-    let job = of("pc").filter(|kind| !is_shared(kind)).max_by_key(wide).filter(|kind| kind.all.len() > 3);
+    let likely = of("pc").filter(|kind| !is_shared(kind) && proof.is_free(index(kind))).max_by_key(wide);
+    let job = proven("job").or(likely).filter(|kind| kind.all.len() > 3);
     ensure!(
         job.is_some(),
         "no jobs are in the capture: let the robot work through an order, and capture that"
@@ -84,47 +120,70 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
         all.filter(|number| known.contains(number)).count()
     };
     let counting = (0..job.width()).rev().filter(|at| steps(job, *at) > 0);
-    let number = counting.max_by_key(|at| (spoken(*at), wanted(*at), steps(job, *at))).unwrap_or_default();
+    let likely = counting.max_by_key(|at| (spoken(*at), wanted(*at), steps(job, *at))).unwrap_or_default();
+    let shown = (0..job.width()).find(|at| proof.field(index(job), *at) == Some("number"));
+    let number = shown.unwrap_or(likely);
     let jobs = job.numbers(number);
     let last_job = jobs.iter().copied().max().unwrap_or_default();
     let fields = Fields { orders: &orders, kinds: &kinds, jobs: &jobs };
 
-    let mut guesses = vec![job_guess(job, number, &fields)];
-    let mut left: Vec<&Kind> = kinds.iter().filter(|kind| !core::ptr::eq(*kind, job)).collect();
-    let mut take = |choose: &dyn Fn(&[&Kind]) -> Option<usize>| choose(&left).map(|at| left.remove(at));
+    let is_left = |kind: &&Kind| !core::ptr::eq(*kind, job) && proof.is_free(index(kind));
+    let mut left: Vec<&Kind> = kinds.iter().filter(is_left).collect();
+    let mut take = |role: &str, choose: &dyn Fn(&[&Kind]) -> Option<usize>| {
+        proven(role).or_else(|| choose(&left).map(|at| left.remove(at)))
+    };
     let best = |left: &[&Kind], of: &dyn Fn(&Kind) -> Option<i64>| {
         let scores = left.iter().enumerate().filter_map(|(at, kind)| Some((of(kind)?, at)));
         scores.max_by_key(|(score, at)| (*score, core::cmp::Reverse(*at))).map(|(_, at)| at)
     };
     let size = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
 
-    let status =
-        take(&|left| best(left, &|it| (is_shared(&it) && it.width() > it.header).then(|| size(it.width()))));
-    let filler = take(&|left| best(left, &|it| (it.width() == it.header).then(|| size(it.all.len()))));
+    let status = take("status", &|left| {
+        best(left, &|it| (is_shared(&it) && it.width() > it.header).then(|| size(it.width())))
+    });
+    let filler =
+        take("filler", &|left| best(left, &|it| (it.width() == it.header).then(|| size(it.all.len()))));
     // The other end's of the same name.
     for shared in [status, filler].into_iter().flatten() {
-        take(&|left| left.iter().position(|it| it.name == shared.name));
+        take("", &|left| left.iter().position(|it| it.name == shared.name));
     }
-    let start =
-        take(&|left| best(left, &|it| (it.side == "pc" && it.begins_before(job)).then(|| -size(it.first()))));
-    let end =
-        take(&|left| best(left, &|it| (it.side == "pc" && job.begins_before(it)).then(|| size(it.first()))));
-    let interrupt = take(&|left| best(left, &|it| (it.side == "pc").then_some(0)));
+    let start = take("order_start", &|left| {
+        best(left, &|it| (it.side == "pc" && it.begins_before(job)).then(|| -size(it.first())))
+    });
+    let end = take("order_end", &|left| {
+        best(left, &|it| (it.side == "pc" && job.begins_before(it)).then(|| size(it.first())))
+    });
+    let interrupt = take("order_interrupt", &|left| best(left, &|it| (it.side == "pc").then_some(0)));
     let is_asked = |it: &Kind| asked(it, job, number);
-    let request = take(&|left| {
+    let request = take("job_request", &|left| {
         best(left, &|it| (it.side == "robot" && is_asked(it) * 3 > it.all.len()).then(|| size(is_asked(it))))
     });
-    let order_ack = take(&|left| {
+    let order_ack = take("order_ack", &|left| {
         best(left, &|it| (it.side == "robot" && it.begins_before(job)).then(|| -size(it.first())))
     });
     let has_number = |it: &Kind| (0..it.width()).any(|at| steps(it, at) > 0);
-    let job_ack =
-        take(&|left| best(left, &|it| (it.side == "robot" && has_number(it)).then(|| size(it.all.len()))));
+    let job_ack = take("job_ack", &|left| {
+        best(left, &|it| (it.side == "robot" && has_number(it)).then(|| size(it.all.len())))
+    });
     let after_end = |it: &Kind| end.is_none_or(|end| end.begins_before(it));
-    let end_ack =
-        take(&|left| best(left, &|it| (it.side == "robot" && after_end(it)).then(|| size(it.first()))));
-    let pause = take(&|left| best(left, &|it| (it.side == "robot").then(|| size(it.all.len()))));
+    let end_ack = take("end_ack", &|left| {
+        best(left, &|it| (it.side == "robot" && after_end(it)).then(|| size(it.first())))
+    });
+    let pause = take("pause", &|left| best(left, &|it| (it.side == "robot").then(|| size(it.all.len()))));
 
+    let own = |at: usize| match () {
+        () if fields.is_own(job, number, at) => "work".into(),
+        () if at == number => "number".into(),
+        () => fields.plain(job, at, "unused"),
+    };
+    let draft = Draft { proof: &proof, index: &index };
+    let mut guesses = vec![Guess {
+        role: "job",
+        kind: Some(job),
+        why: "the PC sends most of it, and its number counts",
+        is_sure: proof.of("job").is_some(),
+        ..draft.lines(job, &(0..job.width()).map(own).collect::<Vec<_>>())
+    }];
     let plain = [
         ("job_ack", job_ack, "its number grows, below that of the jobs: executed", "number"),
         ("job_request", request, "the job of its number is what the PC sends next", "number"),
@@ -136,22 +195,70 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     ];
     for (role, kind, why, other) in plain {
         let named = |kind: &Kind| (0..kind.width()).map(|at| fields.plain(kind, at, other)).collect();
-        let is_sure = role != "pause" && role != "order_interrupt";
-        guesses.push(Guess { role, kind, why, fields: kind.map(named).unwrap_or_default(), is_sure });
+        guesses.push(draft.guess(role, kind, why, named));
     }
-    let why = "comes after the end of an order";
-    let named = end_ack.map(|kind| fields.of_end(kind, last_job)).unwrap_or_default();
-    guesses.push(Guess { role: "end_ack", kind: end_ack, why, fields: named, is_sure: true });
     let both: Vec<&Kind> =
         kinds.iter().filter(|kind| status.is_some_and(|it| it.name == kind.name)).collect();
-    let why = "both ends send it, with the most fields";
-    let (named, is_sure) = fields.of_status(&both, job.first());
-    guesses.push(Guess { role: "status", kind: status, why, fields: named, is_sure });
-    let named = filler.map(|kind| (0..kind.header).map(|at| fields.plain(kind, at, "unused")).collect());
-    let why = "it has no fields";
-    let named = named.unwrap_or_default();
-    guesses.push(Guess { role: "filler", kind: filler, why, fields: named, is_sure: true });
-    text(&guesses, job, number, &left, &acks(job_ack), &fields)
+    let constants = |kind: &Kind| (0..kind.width()).map(|at| fields.plain(kind, at, "unused")).collect();
+    guesses.extend([
+        draft.guess("end_ack", end_ack, "comes after the end of an order", |it| fields.of_end(it, last_job)),
+        draft.guess("status", status, "both ends send it, with the most fields", |_| {
+            fields.of_status(&both, job.first())
+        }),
+        draft.guess("filler", filler, "it has no fields", constants),
+    ]);
+    let work: Vec<usize> = (0..job.width())
+        .filter(|at| proof.field(index(job), *at).map_or(own(*at) == "work", |it| it == "work"))
+        .collect();
+    Ok(text::draft(&guesses, job, &work, &left, acks(job_ack), &fields))
+}
+
+/// What is proven, for the lines of a draft.
+struct Draft<'a> {
+    proof: &'a Proof,
+    index: &'a dyn Fn(&Kind) -> usize,
+}
+
+impl Draft<'_> {
+    fn guess<'k>(
+        &self,
+        role: &'static str,
+        kind: Option<&'k Kind>,
+        why: &'static str,
+        named: impl FnOnce(&Kind) -> Vec<String>,
+    ) -> Guess<'k> {
+        let Some(found) = kind else {
+            return Guess {
+                role,
+                kind,
+                why,
+                is_sure: false,
+                header: Line::default(),
+                fields: Line::default(),
+            };
+        };
+        let is_sure = self.proof.of(role).is_some();
+        Guess { role, kind, why, is_sure, ..self.lines(found, &named(found)) }
+    }
+
+    /// The fields as they are proven, or else as they are guessed.
+    fn lines<'k>(&self, kind: &Kind, guessed: &[String]) -> Guess<'k> {
+        let line = |places: core::ops::Range<usize>| {
+            let mut line = Line { fields: Vec::new(), is_sure: !self.proof.is_free((self.index)(kind)) };
+            for (at, guessed) in guessed.iter().enumerate().filter(|(at, _)| places.contains(at)) {
+                let proven = self.proof.field((self.index)(kind), at);
+                line.is_sure &= proven.is_some();
+                let field = proven.unwrap_or(guessed);
+                // All of a job's own fields are one.
+                if field != "work" || !line.fields.iter().any(|it| it == "work") {
+                    line.fields.push(field.into());
+                }
+            }
+            line
+        };
+        let (header, fields) = (line(0..kind.header), line(kind.header..usize::MAX));
+        Guess { role: "", kind: None, why: "", is_sure: false, header, fields }
+    }
 }
 
 fn kinds(said: &[Said]) -> Vec<Kind> {
@@ -229,7 +336,7 @@ impl Fields<'_> {
     fn as_constant(&self, kind: &Kind, at: usize) -> Option<String> {
         let value = kind.constant(at).filter(|_| !self.is_order(kind, at))?;
         let alike = self.kinds.iter().all(|it| it.header <= at || it.constant(at) == Some(value));
-        let is_constant = at < kind.header && alike || value.parse::<i64>().is_err() && !value.is_empty();
+        let is_constant = at < kind.header && alike || number(value).is_none() && !value.is_empty();
         is_constant.then(|| format!("={value}"))
     }
 
@@ -260,15 +367,14 @@ impl Fields<'_> {
         (0..kind.width()).map(named).collect()
     }
 
-    /// The fields of a status, and whether its messages show all of them.
-    fn of_status(&self, both: &[&Kind], first_job: usize) -> (Vec<String>, bool) {
-        let Some(width) = both.iter().map(|kind| kind.width()).min() else { return (Vec::new(), false) };
+    /// The fields of a status.
+    fn of_status(&self, both: &[&Kind], first_job: usize) -> Vec<String> {
+        let Some(width) = both.iter().map(|kind| kind.width()).min() else { return Vec::new() };
         let mut all: Vec<&(usize, Vec<String>)> = both.iter().flat_map(|kind| &kind.all).collect();
         all.sort_by_key(|(at, _)| *at);
         let values =
             |at: usize| all.iter().filter_map(move |(when, values)| Some((*when, values.get(at)?.as_str())));
-        let numbers =
-            |at: usize| -> Vec<i64> { values(at).filter_map(|(_, value)| value.parse().ok()).collect() };
+        let numbers = |at: usize| -> Vec<i64> { values(at).filter_map(|(_, value)| number(value)).collect() };
         let is_order = |value: &str| self.orders.iter().any(|it| it == value);
         let mut named: Vec<String> = vec![String::new(); width];
         let mut counting = Vec::new();
@@ -290,7 +396,6 @@ impl Fields<'_> {
         }
         // What is queued is ahead of what is executed.
         let sums: Vec<i64> = counting.iter().map(|at| numbers(*at).iter().sum()).collect();
-        let is_apart = sums.first() != sums.last();
         let first = usize::from(sums.first() < sums.last());
         for (number, at) in counting.iter().enumerate() {
             let name = if number == first {
@@ -304,25 +409,8 @@ impl Fields<'_> {
                 *named = name.into();
             }
         }
-        let has = |name: &str| named.iter().any(|it| it == name);
-        let is_sure = is_apart && ["order", "phase", "queued", "executed", "ended"].into_iter().all(has);
-        (named, is_sure)
+        named
     }
-}
-
-fn job_guess<'a>(job: &'a Kind, number: usize, fields: &Fields<'_>) -> Guess<'a> {
-    let mut named: Vec<String> = Vec::new();
-    let is_own = |at: usize| fields.is_own(job, number, at);
-    for at in 0..job.width() {
-        match () {
-            () if is_own(at) && named.iter().any(|it| it == "work") => {}
-            () if is_own(at) => named.push("work".into()),
-            () if at == number => named.push("number".into()),
-            () => named.push(fields.plain(job, at, "unused")),
-        }
-    }
-    let why = "the PC sends most of it, and its number counts";
-    Guess { role: "job", kind: Some(job), why, fields: named, is_sure: true }
 }
 
 /// The interval of acknowledgements: the number that most of them are multiples of.
@@ -333,77 +421,4 @@ fn acks(job_ack: Option<&Kind>) -> Option<i64> {
     (1..=20)
         .rev()
         .find(|every| numbers.iter().filter(|it| *it % every == 0).count() * 10 >= numbers.len() * 7)
-}
-
-fn text(
-    guesses: &[Guess<'_>],
-    job: &Kind,
-    number: usize,
-    left: &[&Kind],
-    acks: &Option<i64>,
-    fields: &Fields<'_>,
-) -> Result<String> {
-    let mut text = String::from("# A draft from a capture: correct what has a ?.\n\n");
-    let is_latin1 = fields.kinds.iter().any(|kind| {
-        !kind.name.is_ascii()
-            || kind.all.iter().any(|(_, values)| values.iter().any(|value| !value.is_ascii()))
-    });
-    writeln!(text, "charset = \"{}\"", if is_latin1 { "latin1" } else { "ascii" })?;
-    match acks {
-        Some(every) => writeln!(text, "acks = {every} # ? most acknowledged jobs have such numbers")?,
-        None => writeln!(text, "# acks = 1 # ? no job is acknowledged in the capture")?,
-    }
-    let highest = fields.jobs.iter().max().copied().unwrap_or_default();
-    writeln!(text, "# max_number = 9999 # ? the highest in the capture is {highest}")?;
-    let own = (0..job.width()).filter(|at| fields.is_own(job, number, *at));
-    for (count, at) in own.enumerate() {
-        let decimals =
-            job.values(at).filter_map(|value| value.split_once('.')).map(|(_, places)| places.len());
-        let numbers: Vec<f64> = job.values(at).filter_map(|value| value.parse().ok()).collect();
-        writeln!(text, "\n[[job]]\nname = \"field_{}\" # ? its name in your tables", count + 1)?;
-        if numbers.len() < job.all.len() {
-            let longest = job.values(at).map(|value| value.chars().count()).max().unwrap_or_default();
-            writeln!(text, "kind = \"text\"\nlength = [0, {longest}] # ? the longest in the capture")?;
-            continue;
-        }
-        let (low, high) =
-            numbers.iter().fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
-        match decimals.max() {
-            None => writeln!(text, "kind = \"whole\"\nrange = [{low}, {high}] # ? that of the capture")?,
-            Some(places) => writeln!(
-                text,
-                "kind = \"decimal\"\nplaces = {places}\nrange = [{low:?}, {high:?}] # ? that of the capture"
-            )?,
-        }
-    }
-    for Guess { role, kind, why, fields, is_sure } in guesses {
-        writeln!(text, "\n[messages.{role}]")?;
-        let Some(kind) = kind else {
-            let lacks = if OPTIONAL.contains(role) { "sent = false " } else { "" };
-            let then =
-                if *role == "order_interrupt" { "; without it the PC needs takeover = \"end\"" } else { "" };
-            writeln!(text, "{lacks}# ? not in the capture{then}")?;
-            continue;
-        };
-        let doubt = if *is_sure { "" } else { "? " };
-        let list = |fields: &[String]| serde_json::to_string(fields);
-        let (header, fields) = fields.split_at(kind.header.min(fields.len()));
-        writeln!(
-            text,
-            "name = {} # {doubt}{} of them: {why}",
-            serde_json::to_string(&kind.name)?,
-            kind.all.len()
-        )?;
-        writeln!(text, "header = {}\nfields = {}", list(header)?, list(fields)?)?;
-    }
-    for kind in left {
-        writeln!(
-            text,
-            "\n# ? {} is sent by the {}, {} times: it fits no role",
-            kind.name,
-            kind.side,
-            kind.all.len()
-        )?;
-    }
-    Ok(text)
 }

@@ -146,17 +146,6 @@ fn command_line() -> clap::Command {
             command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
         }
     }
-    // What has both ends is a capture.
-    if named("replay") {
-        command = command.mut_subcommand("replay", |it| it.mut_arg("format", |it| it.default_value("pcap")));
-    }
-    for inner in ["to-vectors", "to-story"] {
-        if named(inner) {
-            command = command.mut_subcommand("capture", |it| {
-                it.mut_subcommand(inner, |it| it.mut_arg("format", |it| it.default_value("pcap")))
-            });
-        }
-    }
     let settings: [(&str, &str, Settings); 9] = [
         ("kawasaki", "draw", kawasaki::settings),
         ("kawasaki", "run", kawasaki::settings),

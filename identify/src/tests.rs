@@ -149,63 +149,91 @@ fn every_open_setting_is_shown_by_a_message() {
     }
 }
 
-/// The expressions are Rust: each is the text of one that compiles.
+/// What is printed is Rust: each text is that of items which compile by themselves.
 #[test]
 fn the_lines_of_rust_compile() {
     macro_rules! is_rust {
-        ($link:literal, $given:tt, $expression:expr) => {
-            is_rust!($link, $given, Carrier::Unknown, $expression)
-        };
-        ($link:literal, $given:tt, $carrier:expr, $expression:expr) => {
+        ($link:literal, $given:tt, $carrier:expr, $($item:item)*) => {
+            #[allow(dead_code)]
+            const _: () = { $($item)* };
             let link = Link::by_name($link).unwrap();
-            let _ = $expression;
             let plain = |text: &str| text.split_whitespace().collect::<String>();
             let text = (link.open.rust)(json!($given).as_object().unwrap(), $carrier).unwrap();
-            assert_eq!(plain(&text), plain(stringify!($expression)), "{}", link.name);
+            let code = text.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, code)| code));
+            assert_eq!(plain(&code.collect::<String>()), plain(concat!($(stringify!($item)),*)), "{}", link.name);
         };
     }
-    {
-        use ::val2_alter::{Framing, LeadingDle};
-        is_rust!("val2-alter", {"leading_dle": 1}, Framing {
-            leading_dle: LeadingDle::One,
-            negated_sum: false,
-            stuffed_checksum: false,
-            ignore_spare_select: false
-        });
+    is_rust! { "val2-alter", {"leading_dle": 1}, Carrier::Unknown,
+        use val2_alter::{Framing, LeadingDle};
+        fn framing() -> Framing {
+            Framing {
+                leading_dle: LeadingDle::One,
+                negated_sum: false,
+                stuffed_checksum: false,
+                ignore_spare_select: false
+            }
+        }
     }
-    {
-        use ::laser_eb90::{ByteOrder, Flag, Profile, Tags, Tail, Width};
-        is_rust!("laser-eb90", {"tail": "etx"}, Profile {
-            tail: Tail::Etx,
-            flag: Flag::Separate,
-            tags: Tags::new(240, 241, 242, 243).expect("four different bytes"),
-            checksum: Width::U8,
-            checksum_negated: false,
-            checksum_with_flag: false,
-            byte_order: ByteOrder::Little
-        });
+    is_rust! { "laser-eb90", {"tail": "etx"}, Carrier::Unknown,
+        use laser_eb90::{ByteOrder, Flag, Profile, Tags, Tail, Width};
+        fn profile() -> Profile {
+            Profile {
+                tail: Tail::Etx,
+                flag: Flag::Separate,
+                tags: Tags::new(240, 241, 242, 243).expect("four different bytes"),
+                checksum: Width::U8,
+                checksum_negated: false,
+                checksum_with_flag: false,
+                byte_order: ByteOrder::Little
+            }
+        }
     }
-    {
-        use ::fanuc_hmi_modbus::timing;
-        use ::fanuc_hmi_modbus::{Framing, WordOrder};
-        is_rust!("fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Network, (Framing::RTU_OVER_TCP, WordOrder::LowFirst));
-        is_rust!(
-            "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(Some(9600)),
+    is_rust! { "fanuc-hmi-modbus", {"framing": "tcp", "word_order": "high_first"}, Carrier::Network,
+        use fanuc_hmi_modbus::{Framing, WordOrder};
+        fn framing() -> (Framing, WordOrder) {
+            (Framing::Tcp, WordOrder::HighFirst)
+        }
+    }
+    for carrier in [Carrier::Network, Carrier::Unknown] {
+        is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, carrier,
+            use fanuc_hmi_modbus::{Framing, WordOrder};
+            fn framing() -> (Framing, WordOrder) {
+                (Framing::RTU_OVER_TCP, WordOrder::LowFirst)
+            }
+        }
+    }
+    is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(Some(9600)),
+        use fanuc_hmi_modbus::{Framing, WordOrder, timing};
+        fn framing() -> (Framing, WordOrder) {
             (Framing::Rtu { silence: timing::silence(9600) }, WordOrder::LowFirst)
-        );
+        }
     }
-    use ::kawasaki_msg::Charset;
-    use ::mmacell_proto::Dialect;
-    is_rust!("kawasaki-msg", {"charset": "latin1"}, Charset::Latin1);
-    is_rust!("mmacell-proto", {"itr": true}, Dialect {
-        itr: true,
-        ovrd: false,
-        clos: false,
-        off: false,
-        lone_lf: false,
-        blank: false,
-        wide_integers: false
-    });
+    is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(None),
+        use fanuc_hmi_modbus::{Framing, WordOrder, timing};
+        fn framing() -> (Framing, WordOrder) {
+            (Framing::Rtu { silence: timing::silence(19200) }, WordOrder::LowFirst)
+        }
+    }
+    is_rust! { "kawasaki-msg", {"charset": "latin1"}, Carrier::Unknown,
+        use kawasaki_msg::Charset;
+        fn charset() -> Charset {
+            Charset::Latin1
+        }
+    }
+    is_rust! { "mmacell-proto", {"itr": true}, Carrier::Unknown,
+        use mmacell_proto::Dialect;
+        fn dialect() -> Dialect {
+            Dialect {
+                itr: true,
+                ovrd: false,
+                clos: false,
+                off: false,
+                lone_lf: false,
+                blank: false,
+                wide_integers: false
+            }
+        }
+    }
 }
 
 /// A robot at its origin has no floats that tell; its counter counts.

@@ -72,7 +72,7 @@ pub struct Open {
     pub deciding: &'static [Deciding],
     /// Values with which more is read, and the same is written: the setting, the value, and which bytes would decide.
     pub reads_more: &'static [(&'static str, &'static str, &'static str)],
-    /// The settings of the codec as an expression of the crate's configuration.
+    /// The settings of the codec as a function that returns the crate's configuration, with what it needs.
     pub rust: fn(&Map<String, Value>, Carrier) -> Result<String>,
     /// How much sense a message makes behind the one before it of the same side, in bits.
     pub sense: fn(before: &Value, message: &Value) -> f64,

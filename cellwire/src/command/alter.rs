@@ -120,7 +120,7 @@ impl Args {
                 .with_context(|| format!("{} is not valid TOML", file.display()))?;
             settings.profile = settings::read("a profile", settings.profile, &given)?;
         }
-        settings = settings::read("alter", settings, &self.set.read()?)?;
+        settings = settings::read("alter", settings, &self.set.read(&settings::list(settings))?)?;
         let Settings { alter, polls, profile, .. } = &mut settings;
         alter.baud = self.robot_baud.unwrap_or(alter.baud);
         alter.mode = self.mode.map_or(alter.mode, Mode);

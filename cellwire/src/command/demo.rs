@@ -77,7 +77,8 @@ pub fn run(args: &Args) -> Result<bool> {
         // Checked before the run: afterwards its result would be lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
-    let settings = args.set.read()?;
+    let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.name));
+    let settings = args.set.read(&known)?;
     interrupt::handle()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {

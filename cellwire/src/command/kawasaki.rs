@@ -145,7 +145,7 @@ fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<J
         is_somewhere,
         "give --listen ADDR if the robot connects, --connect ADDR if it listens, or --dry-run"
     );
-    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read()?)?;
+    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
     let config = settings.plant.pc(settings.config)?;
     let jobs = read(&settings)?;
     if let Some(file) = &args.work.draw {

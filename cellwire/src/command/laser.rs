@@ -75,7 +75,7 @@ struct RunArgs {
 /// Returns true when every instruction is done.
 pub fn run(args: &Args) -> Result<bool> {
     let Command::Run(args) = &args.command;
-    let given = args.work.set.read()?;
+    let given = args.work.set.read(&self::settings())?;
     // Some defaults follow from the rate.
     let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;
     let Settings { host, mapping } = settings::read("laser", Settings::at_baud(baud), &given)?;

@@ -88,7 +88,7 @@ struct RunArgs {
 /// Returns true when every part is placed.
 pub fn run(args: &Args) -> Result<bool> {
     let Command::Run(args) = &args.command;
-    let given = args.work.set.read_over(Some(&args.task))?;
+    let given = args.work.set.read_over(Some(&args.task), &self::settings())?;
     let settings = settings::read("the task", Settings::default(), &given)?;
     let parts = settings.count(args.periphery.is_none())?;
     if let Some(file) = &args.work.draw {

@@ -7,12 +7,14 @@ use serde_json::{Map, Value};
 
 use crate::cell::{demo, operator};
 use crate::io::input;
+use crate::io::output::remark;
 use crate::links::DEVICES;
 use cellwire_links::LINKS;
+use cellwire_links::fanuc_hmi_modbus::{ViewSettings, client_settings};
 use cellwire_links::settings::{self, Refused, Setting};
 
 /// Settings other than the defaults.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(super) struct SetArgs {
     /// A setting, such as baud=19200; overrides --settings; an option of the same meaning overrides both
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
@@ -28,19 +30,19 @@ impl SetArgs {
         self.set.is_empty() && self.settings.is_none()
     }
 
-    /// What was set.
+    /// What was set of a command that has these settings.
     ///
     /// # Errors
     /// When the file cannot be read or is not TOML, with line and column; when a name is a table and a value at once.
-    pub(super) fn read(&self) -> Result<Map<String, Value>> {
-        self.read_over(None)
+    pub(super) fn read(&self, known: &[Setting]) -> Result<Map<String, Value>> {
+        self.read_over(None, known)
     }
 
     /// What was set, over what another file of settings says.
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub(super) fn read_over(&self, base: Option<&Path>) -> Result<Map<String, Value>> {
+    pub(super) fn read_over(&self, base: Option<&Path>, known: &[Setting]) -> Result<Map<String, Value>> {
         let mut given = Map::new();
         for file in base.into_iter().chain(self.settings.as_deref()) {
             let text = input::text(file)?;
@@ -50,10 +52,23 @@ impl SetArgs {
                 settings::insert(&mut given, &name, value)?;
             }
         }
+        adopt(&mut given, known)?;
         for (name, value) in &self.set {
             settings::insert(&mut given, name, value.clone())?;
         }
         Ok(given)
+    }
+
+    /// What was set of a client of Modbus: the frames and the order of words as `decode` has them, and the session.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); when a value of the first is none of theirs.
+    pub(super) fn read_client(&self) -> Result<(ViewSettings, Map<String, Value>)> {
+        let view = settings::list(ViewSettings::default());
+        let mut given = self.read(&[client_settings(), view.clone()].concat())?;
+        let shown = view.iter().filter_map(|it| given.remove_entry(&it.name)).collect();
+        let view = settings::read("modbus", ViewSettings::default(), &shown);
+        Ok((view.map_err(|error| self.located(error.into()))?, given))
     }
 
     /// The same error, with the line of the file whose setting is refused.
@@ -69,6 +84,37 @@ impl SetArgs {
             None => error,
         }
     }
+}
+
+/// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
+/// ends. Those that the command does not have are left out, with a remark unless they only show bytes in another way.
+fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
+    let is_known = |name: &str| {
+        let inner = format!("{name}.");
+        known.iter().any(|it| it.name == name || it.name.starts_with(&inner))
+    };
+    let places = |name: &str| -> Vec<&str> {
+        let within = format!(".{name}");
+        known.iter().map(|it| it.name.as_str()).filter(|it| it.ends_with(&within)).collect()
+    };
+    for link in LINKS {
+        let open = || link.open.settings.iter().copied();
+        let shown: Vec<&str> = link.open.beside.iter().map(|(name, _)| *name).collect();
+        if !open().any(|name| is_known(name) || !places(name).is_empty()) {
+            continue;
+        }
+        for name in open().chain(shown.iter().copied()).filter(|name| !is_known(name)) {
+            let Some(value) = given.remove(name) else { continue };
+            let places = places(name);
+            if places.is_empty() && !shown.contains(&name) {
+                remark(&format!("the setting {name} has no effect on this command"));
+            }
+            for place in places {
+                settings::insert(given, place, value.clone())?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after

@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<bool> {
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
-    let mut settings = args.set.read()?;
+    let mut settings = args.set.read(&(args.device.settings)())?;
     for (name, value) in [("program", &args.program), ("assignments", &args.assignments)] {
         if let Some(value) = value {
             settings.insert(name.into(), Value::from(value.as_str()));

@@ -12,6 +12,8 @@ use cellwire_links::vectors::vectors_in;
 use clap::Subcommand;
 use include_dir::{Dir, include_dir};
 
+use crate::io::output::printable;
+
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -87,7 +89,7 @@ fn check_field(path: &Path, name: &str) -> Result<bool> {
         Ok(count) => {
             writeln!(out, "{name}: {count} vectors, streams and stories of {}, 0 disagree", field.link)?
         }
-        Err(error) => writeln!(out, "{name}: {error:#}")?,
+        Err(error) => writeln!(out, "{}", printable(&format!("{name}: {error:#}")))?,
     }
     Ok(result.is_ok())
 }
@@ -99,7 +101,8 @@ fn report<'a>(name: &str, checked: impl Iterator<Item = (u32, &'a str, Result<()
         all += 1;
         if let Err(error) = result {
             disagree += 1;
-            writeln!(out, "{name} {id}: {error:#} ({comment})")?;
+            let line = printable(&format!("{name} {id}: {error:#} ({comment})"));
+            writeln!(out, "{line}")?;
         }
     }
     writeln!(out, "{name}: {all} vectors, {disagree} disagree")?;

@@ -1,5 +1,6 @@
 //! Settings, by `--set` and `--settings`: complete, listed, and refused with what to do.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -7,8 +8,8 @@ use std::process::{Command, Output, Stdio};
 use std::thread;
 
 use cellwire::links::device_by_name;
-use cellwire_links::LINKS;
 use cellwire_links::settings::{Form, list_as};
+use cellwire_links::{LINKS, Link};
 
 /// What the tool prints and its exit status, for this input.
 fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
@@ -177,6 +178,87 @@ fn a_device_refuses_what_is_out_of_range_before_it_starts() {
     assert!(error.contains("the error number of a refusal is 0, or does not fit its field"), "{error}");
     let error = simulate("fanuc", "unit=every");
     assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
+}
+
+/// What `identify --write` writes, with every option at a value that is not the default.
+fn found(link: &Link) -> String {
+    let mut text = String::new();
+    for (name, value) in link.open.beside {
+        writeln!(text, "{name} = \"{value}\"").unwrap();
+    }
+    for setting in (link.settings)().iter().filter(|it| link.open.settings.contains(&it.name.as_str())) {
+        let other = setting.choices.iter().find(|value| **value != setting.default);
+        match other {
+            Some(value) => writeln!(text, "{} = {value}", setting.name).unwrap(),
+            None => writeln!(text, "{} = {{ f32 = 1, i16 = 2, u8 = 3, char = 4 }}", setting.name).unwrap(),
+        }
+    }
+    text
+}
+
+#[test]
+fn every_command_of_a_link_takes_what_identify_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("jobs.csv"), "kind,x1,y1,x2,y2\n1,0,0,1,1\n").unwrap();
+    fs::write(path("part.csv"), "word,x,y,z,a,b,length\n257,0,0,0,0,0,0\n").unwrap();
+    let part = "[[part]]\nplatform = [0, 0]\npick = [0, 0, 0, 0]\nplace = [1, 1, 1, 0]\n";
+    fs::write(path("task.toml"), part).unwrap();
+    let (jobs, paths, task, csv) = (path("jobs.csv"), path("part.csv"), path("task.toml"), path("run.csv"));
+    for (link, commands) in [
+        (
+            "kawasaki-msg",
+            vec!["simulate kawasaki-robot --listen nowhere", "simulate kawasaki-pc --listen nowhere"],
+        ),
+        ("val2-alter", vec!["simulate puma --listen nowhere", "alter --robot /nowhere --keyboard"]),
+        (
+            "fanuc-hmi-modbus",
+            vec![
+                "simulate fanuc --listen nowhere",
+                "modbus 127.0.0.1:1",
+                "modbus scan 127.0.0.1:1",
+                "modbus poll 127.0.0.1:1 coils:0",
+                "fanuc read 127.0.0.1:1 real --address 0",
+                "fanuc write 127.0.0.1:1 real 1.5 --address 0",
+                &format!("fanuc log 127.0.0.1:1 --csv {csv}"),
+            ],
+        ),
+        ("laser-eb90", vec!["simulate laser --listen nowhere", &format!("laser run {paths} --dry-run")]),
+        (
+            "mmacell-proto",
+            vec![
+                "simulate mma-robot --listen nowhere",
+                "simulate mma-platform --listen nowhere",
+                &format!("mma run --task {task} --dry-run"),
+            ],
+        ),
+    ] {
+        let mut commands: Vec<String> = commands.iter().map(|it| (*it).to_owned()).collect();
+        if link == "kawasaki-msg" {
+            commands.push(format!("kawasaki run {jobs} --dry-run"));
+        }
+        commands.extend(["decode", "encode"].map(|command| format!("{command} {link}")));
+        commands.extend([
+            format!("tap {link} --listen nowhere --connect nowhere"),
+            format!("demo {link} --seconds 0.5"),
+        ]);
+        let file = path("found.toml");
+        fs::write(&file, found(Link::by_name(link).unwrap())).unwrap();
+        for command in commands {
+            let args: Vec<&str> = command.split(' ').chain(["--settings", &file]).collect();
+            let (_, _, said) = cellwire(&args, "");
+            let is_refused = ["has no setting", "unexpected argument", "found.toml", "not one of"]
+                .iter()
+                .any(|it| said.contains(it));
+            assert!(!is_refused, "{command}: {said}");
+        }
+    }
+    // Of another link it is refused.
+    let file = path("found.toml");
+    fs::write(&file, found(Link::by_name("laser-eb90").unwrap())).unwrap();
+    let (code, _, said) = cellwire(&["decode", "kawasaki-msg", "--settings", &file], "");
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("kawasaki-msg has no setting"), "{said}");
 }
 
 /// A server that replies to every request as unit 9: one register, which holds 42.

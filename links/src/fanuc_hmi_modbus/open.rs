@@ -37,7 +37,11 @@ pub(super) const OPEN: Open = Open {
                 format!("Framing::RTU_OVER_TCP /* on a serial line {} */", rtu(19_200))
             }
         };
-        Ok(format!("({framing}, WordOrder::{:?})", settings.word_order))
+        let timing = if framing.starts_with("Framing::Rtu {") { ", timing" } else { "" };
+        let order = settings.word_order;
+        Ok(format!(
+            "use fanuc_hmi_modbus::{{Framing, WordOrder{timing}}};\n\nfn framing() -> (Framing, WordOrder) {{\n    ({framing}, WordOrder::{order:?})\n}}"
+        ))
     },
     sense: |before, message| {
         let counter =

@@ -16,7 +16,8 @@ pub(super) const OPEN: Open = Open {
     reads_more: &[],
     rust: |given, _| {
         let settings = settings::read("kawasaki-msg", CodecSettings::default(), given)?;
-        Ok(format!("Charset::{:?}", settings.plant.charset))
+        let charset = settings.plant.charset;
+        Ok(format!("use kawasaki_msg::Charset;\n\nfn charset() -> Charset {{\n    Charset::{charset:?}\n}}"))
     },
     ..Open::NOTHING
 };

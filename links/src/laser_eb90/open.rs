@@ -45,7 +45,10 @@ pub(super) const OPEN: Open = Open {
             byte("u8"),
             byte("char")
         );
-        Ok(text.replace(&format!("{:?}", profile.tags), &made))
+        let profile = text.replace(&format!("{:?}", profile.tags), &made);
+        Ok(format!(
+            "use laser_eb90::{{ByteOrder, Flag, Profile, Tags, Tail, Width}};\n\nfn profile() -> Profile {{\n    {profile}\n}}"
+        ))
     },
     ..Open::NOTHING
 };

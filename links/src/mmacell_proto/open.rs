@@ -29,6 +29,9 @@ pub(super) const OPEN: Open = Open {
         },
     ],
     reads_more: &[],
-    rust: |given, _| Ok(format!("{:?}", settings::read("mmacell-proto", Dialect::STRICT, given)?)),
+    rust: |given, _| {
+        let dialect = settings::read("mmacell-proto", Dialect::STRICT, given)?;
+        Ok(format!("use mmacell_proto::Dialect;\n\nfn dialect() -> Dialect {{\n    {dialect:?}\n}}"))
+    },
     ..Open::NOTHING
 };

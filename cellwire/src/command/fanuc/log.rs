@@ -24,7 +24,7 @@ use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
-use cellwire_links::fanuc_hmi_modbus::ClientSettings;
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
 use cellwire_links::settings;
 
 /// Logs the telemetry block of a controller, as a table.
@@ -101,8 +101,10 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         }
         None => None,
     };
-    let mut config = ClientConfig::tcp();
-    settings::read("fanuc log", ClientSettings(&mut config), &args.set.read()?)
+    let (view, given) = args.set.read_client()?;
+    let mut config =
+        if view.frames == Frames::Rtu { ClientConfig::rtu_over_tcp() } else { ClientConfig::tcp() };
+    settings::read("fanuc log", ClientSettings(&mut config), &given)
         .map_err(|error| args.set.located(error.into()))?;
     interrupt::note()?;
     let clock = Clock::start();

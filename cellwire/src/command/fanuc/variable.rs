@@ -13,8 +13,8 @@ use crate::command::settings::SetArgs;
 use crate::io::interrupt;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
-use cellwire_links::fanuc_hmi_modbus::ClientSettings;
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
 use cellwire_links::settings;
 
 /// Reads variables from holding registers, one JSON line each.
@@ -44,7 +44,7 @@ pub(super) struct WriteArgs {
     value: String,
 }
 
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 struct PlaceArgs {
     /// The controller: HOST:PORT, where the port is usually 502
     server: String,
@@ -63,9 +63,9 @@ struct PlaceArgs {
     /// The Modbus unit
     #[arg(long, value_name = "N", default_value_t = 1)]
     unit: u8,
-    /// Word order of 32-bit values
-    #[arg(long, value_enum, default_value_t = OrderArg::LowFirst)]
-    word_order: OrderArg,
+    /// Word order of 32-bit values [default: the setting `word_order` of a file, or low-first]
+    #[arg(long, value_enum)]
+    word_order: Option<OrderArg>,
     #[command(flatten)]
     connect: ConnectArgs,
     #[command(flatten)]
@@ -82,7 +82,7 @@ enum KindArg {
 }
 
 pub(super) fn read(args: &ReadArgs) -> Result<bool> {
-    let place = &args.place;
+    let place = &args.place.with_order()?;
     let (mut client, each) = (place.connect()?, place.registers());
     for index in 0..args.count {
         let address = u32::from(place.address) + u32::from(index) * u32::from(each);
@@ -99,7 +99,7 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
 }
 
 pub(super) fn write(args: &WriteArgs) -> Result<bool> {
-    let place = &args.place;
+    let place = &args.place.with_order()?;
     let value = Value::from_str(&args.value)
         .with_context(|| format!("{} is not JSON: a string needs quotes, '\"text\"'", args.value))?;
     let registers = place.registers_of(&value)?;
@@ -122,9 +122,20 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
 }
 
 impl PlaceArgs {
+    /// With the order of words of the settings, where the command line does not give one.
+    fn with_order(&self) -> Result<Self> {
+        let (view, _) = self.set.read_client()?;
+        let set =
+            if view.word_order == WordOrder::HighFirst { OrderArg::HighFirst } else { OrderArg::LowFirst };
+        Ok(Self { word_order: self.word_order.or(Some(set)), ..self.clone() })
+    }
+
     fn connect(&self) -> Result<Client> {
-        let mut port = Port::tcp(&self.server, self.connect.timeout());
-        settings::read("fanuc", ClientSettings(&mut port.config), &self.set.read()?)
+        let (view, given) = self.set.read_client()?;
+        let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
+        let connect_timeout = self.connect.timeout();
+        let mut port = Port::new(PortKind::Tcp { server, rtu, connect_timeout });
+        settings::read("fanuc", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
         Client::open(&port)
     }
@@ -140,7 +151,7 @@ impl PlaceArgs {
     }
 
     fn order(&self) -> WordOrder {
-        self.word_order.into()
+        self.word_order.map_or_else(WordOrder::default, WordOrder::from)
     }
 
     fn number(&self) -> Number {

@@ -16,13 +16,13 @@ use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
 use super::settings::{or, plain, would_decide};
-use crate::io::output::log;
+use crate::io::output::{log, printable};
 
 /// Tables: the links, and the options of the best.
 pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
     let mut out = io::stdout().lock();
     let bytes = conversation.len();
-    writeln!(out, "{}: {bytes} bytes", conversation.name)?;
+    writeln!(out, "{}: {bytes} bytes", printable(&conversation.name))?;
     let Some(best) = findings.first() else {
         writeln!(out, "  No link explains any of them, with any option.\n")?;
         return unknown(conversation, &mut out);
@@ -183,7 +183,7 @@ fn lines(seen: &Seen) -> Vec<String> {
     lines
 }
 
-/// The expression for the crate's configuration.
+/// The function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
     let text = (finding.link.open.rust)(&finding.settings, carrier)?;
     let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use anyhow::Result;
-use cellwire_identify::{Decided, Finding, Open};
+use cellwire_identify::{Decided, Finding, Open, toml_text};
 use serde_json::Value;
 
 /// The text of the file.
@@ -65,7 +65,8 @@ fn toml_value(value: &Value) -> Result<String> {
                 .collect::<Result<_>>()?;
             format!("{{ {} }}", fields.join(", "))
         }
-        // A number, a text or a flag is written alike in both.
+        Value::String(text) => toml_text(text),
+        // A number or a flag is written alike in both.
         value => value.to_string(),
     })
 }

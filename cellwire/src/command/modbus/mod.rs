@@ -18,7 +18,7 @@ use crate::io::input::seconds;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::ClientSettings;
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
 use cellwire_links::settings;
 
 /// Sends Modbus requests to a server and prints its replies; scans for units and addresses; polls values.
@@ -63,9 +63,9 @@ enum Command {
 /// How the servers are reached.
 #[derive(Debug, clap::Args)]
 struct PortArgs {
-    /// The framing on a TCP port; a serial port has RTU
-    #[arg(long, value_enum, default_value_t = FramingArg::Tcp)]
-    framing: FramingArg,
+    /// The framing on a TCP port; a serial port has RTU [default: the setting `framing` of a file, or tcp]
+    #[arg(long, value_enum)]
+    framing: Option<FramingArg>,
     /// The baud rate of a serial port
     #[arg(long, value_name = "N", default_value_t = 19_200, value_parser = serial::baud_rate())]
     baud: u32,
@@ -132,6 +132,7 @@ impl PortArgs {
         defaults: impl FnOnce(&mut ClientConfig),
     ) -> Result<Port> {
         let is_path = server.contains('/') || !server.contains(':');
+        let (frames, given) = self.set.read_client()?;
         let kind = if is_path {
             PortKind::Serial {
                 path: server.to_owned(),
@@ -149,17 +150,17 @@ impl PortArgs {
         } else {
             PortKind::Tcp {
                 server: server.to_owned(),
-                rtu: self.framing == FramingArg::Rtu,
+                rtu: self.framing.map_or(frames.frames == Frames::Rtu, |framing| framing == FramingArg::Rtu),
                 connect_timeout: self.connect.timeout(),
             }
         };
         let mut port = Port::new(kind);
-        let given = self.timeout.map(Duration::from_millis);
-        port.config.timeout = given.unwrap_or(Duration::from_millis(timeout));
+        let longest = self.timeout.map(Duration::from_millis);
+        port.config.timeout = longest.unwrap_or(Duration::from_millis(timeout));
         defaults(&mut port.config);
-        settings::read("modbus", ClientSettings(&mut port.config), &self.set.read()?)
+        settings::read("modbus", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
-        port.config.timeout = given.unwrap_or(port.config.timeout);
+        port.config.timeout = longest.unwrap_or(port.config.timeout);
         Ok(port)
     }
 }

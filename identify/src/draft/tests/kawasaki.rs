@@ -374,3 +374,14 @@ fn a_place_is_an_order_in_most_messages_and_a_constant_in_all() {
         "{text}"
     );
 }
+
+#[test]
+fn what_a_terminal_would_obey_is_escaped() {
+    let talk = LITTLE.replace("Job", "Jo\u{7f}b\"").replace("Taken", "Ta\u{1b}k\u{9b}en");
+    let talk = format!("{talk}; robot More 1; robot Left\u{7f} 2; robot Ri\u{85}ght 3");
+    let text = draft(&talk).unwrap();
+    assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
+    let read: toml::Table = toml::from_str(&text).unwrap();
+    assert_eq!(read["messages"]["job"]["name"].as_str(), Some("Jo\u{7f}b\""));
+    assert!(text.contains("# ? Ri\\u{85}ght is sent") || text.contains("# ? Left\\u{7f} is sent"), "{text}");
+}

@@ -50,7 +50,8 @@ Exit status:
   0 success   1 corrupt input, or a failed check   2 the command could not be run
   3 a connection was lost   4 standard output was closed, or could not be written
   5 implausible telemetry was recorded   6 a Modbus server refused a request
-  7 a file of outcomes could not be written   130 a signal ended the command";
+  7 a file of outcomes could not be written   8 a Modbus server may have executed a request without a reply
+  130 a signal ended the command";
 
 #[derive(Subcommand)]
 enum Command {
@@ -77,8 +78,8 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
-/// lost, 4 standard output was closed or could not be written, 5 implausible telemetry was recorded, 6 a Modbus server refused a request, 7 a file of outcomes could
-/// not be written.
+/// lost, 4 standard output was closed or could not be written, 5 implausible telemetry was recorded, 6 a Modbus server refused a request,
+/// 7 a file of outcomes could not be written, 8 a Modbus server may have executed a request without a reply.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
     io::windows::exact_waits();
@@ -111,6 +112,7 @@ pub fn main() -> ExitCode {
         Err(error) => {
             remark(&format!("error: {error:#}"));
             ExitCode::from(match () {
+                () if error.is::<modbus::Unknown>() => 8,
                 () if error.is::<Lost>() => 3,
                 () if error.is::<output::Unwritten>() => 4,
                 () if error.is::<Implausible>() => 5,

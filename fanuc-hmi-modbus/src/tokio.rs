@@ -12,7 +12,7 @@
 //! # Ok(()) }
 //! ```
 
-use core::ops::Range;
+use core::ops::{Bound, RangeBounds};
 use core::time::Duration;
 use std::boxed::Box;
 use std::io;
@@ -31,6 +31,8 @@ use crate::typed::WordOrder;
 
 /// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
 /// flight, the others wait, the oldest first.
+///
+/// Addresses are ranges: `0..37`, and `65530..=65535` at the end of a table.
 ///
 /// A request that is refused because of its form is not made. One whose future is dropped is withdrawn as long as it waits; once it is
 /// in flight, its outcome is an [`Event::Abandoned`].
@@ -112,6 +114,17 @@ pub enum Error {
     Closed(#[from] Closed),
 }
 
+impl Error {
+    /// Whether the server may have executed the request, or may still execute it.
+    pub const fn is_unknown(&self) -> bool {
+        match self {
+            Self::Failed(failure) => failure.is_unknown(),
+            Self::Closed(_) => true,
+            Self::Request(_) | Self::NotConnected(_) | Self::Exception(_) => false,
+        }
+    }
+}
+
 impl From<EncodeError> for Error {
     fn from(error: EncodeError) -> Self {
         Self::Request(error.into())
@@ -134,7 +147,7 @@ impl Client {
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn read_coils(&self, addresses: Range<u16>) -> Result<Vec<bool>, Error> {
+    pub async fn read_coils(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadCoils { address, quantity }).await
     }
@@ -143,7 +156,7 @@ impl Client {
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn read_discrete_inputs(&self, addresses: Range<u16>) -> Result<Vec<bool>, Error> {
+    pub async fn read_discrete_inputs(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadDiscreteInputs { address, quantity }).await
     }
@@ -152,7 +165,7 @@ impl Client {
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn read_holding_registers(&self, addresses: Range<u16>) -> Result<Vec<u16>, Error> {
+    pub async fn read_holding_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadHoldingRegisters { address, quantity }).await
     }
@@ -161,7 +174,7 @@ impl Client {
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn read_input_registers(&self, addresses: Range<u16>) -> Result<Vec<u16>, Error> {
+    pub async fn read_input_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadInputRegisters { address, quantity }).await
     }
@@ -245,7 +258,7 @@ impl Client {
     /// See [`Error`].
     pub async fn read_write_registers(
         &self,
-        addresses: Range<u16>,
+        addresses: impl RangeBounds<u16>,
         write_address: u16,
         values: &[u16],
     ) -> Result<Vec<u16>, Error> {
@@ -289,9 +302,19 @@ impl Client {
     }
 }
 
-/// The first address, and how many. What ends before it begins is nothing.
-fn run(addresses: &Range<u16>) -> (u16, u16) {
-    (addresses.start, addresses.end.saturating_sub(addresses.start))
+/// The first address, and how many. A range that ends before it begins has none.
+fn run(addresses: &impl RangeBounds<u16>) -> (u16, u16) {
+    let first = match addresses.start_bound() {
+        Bound::Included(first) => *first,
+        Bound::Excluded(before) => before.saturating_add(1),
+        Bound::Unbounded => 0,
+    };
+    let end = match addresses.end_bound() {
+        Bound::Included(last) => u32::from(*last) + 1,
+        Bound::Excluded(end) => u32::from(*end),
+        Bound::Unbounded => u32::from(u16::MAX) + 1,
+    };
+    (first, u16::try_from(end.saturating_sub(first.into())).unwrap_or(u16::MAX))
 }
 
 /// The client has checked that a reply fits: this is for a reply that does not all the same.

@@ -187,11 +187,8 @@ impl Adapter for Modbus {
             }
             ClientEvent::Failed { ticket, failure } => {
                 if self.writing.take_if(|writing| *writing == ticket).is_some() {
-                    let was_sent = failure != Failure::NotSent;
-                    end.finish(
-                        if was_sent { Outcome::Unknown } else { Outcome::Refused },
-                        failure.to_string(),
-                    );
+                    let outcome = if failure.is_unknown() { Outcome::Unknown } else { Outcome::Refused };
+                    end.finish(outcome, failure.to_string());
                 }
                 self.asked.take_if(|asked| *asked == ticket);
                 end.event(&json!({"event": "failed", "why": failure.to_string()}));

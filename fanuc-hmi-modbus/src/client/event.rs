@@ -116,6 +116,13 @@ pub enum Failure {
     Malformed(DecodeError),
 }
 
+impl Failure {
+    /// Whether the server may have executed the request, or may still execute it.
+    pub const fn is_unknown(self) -> bool {
+        !matches!(self, Self::NotSent)
+    }
+}
+
 robot_session::counters! {
     /// The counters of a client.
     pub struct ClientStatistics {

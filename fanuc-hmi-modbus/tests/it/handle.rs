@@ -69,6 +69,11 @@ async fn every_call_has_its_reply() {
     assert!(matches!(refused, Err(Error::Exception(Exception::IllegalDataAddress))), "{refused:?}");
     let wrong = robot.read_holding_registers(0..126).await;
     assert!(matches!(wrong, Err(Error::Request(SessionError::Encode(_)))), "{wrong:?}");
+    let last = robot.read_holding_registers(65_530..=u16::MAX).await;
+    assert!(matches!(last, Err(Error::Exception(Exception::IllegalDataAddress))), "{last:?}");
+    assert_eq!(robot.read_input_registers(10..=11).await.unwrap(), [!1, !2]);
+    let all = robot.read_coils(..).await;
+    assert!(matches!(all, Err(Error::Request(SessionError::Encode(_)))), "{all:?}");
     let backwards = robot.read_holding_registers(core::ops::Range { start: 2, end: 1 }).await;
     assert!(matches!(backwards, Err(Error::Request(SessionError::Encode(_)))), "{backwards:?}");
 }

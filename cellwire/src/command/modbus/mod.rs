@@ -52,7 +52,8 @@ Examples:
 
 Exit status:
   0 every request was executed   1 no usable reply, an unconfirmed write, or nothing found
-  2 the command could not be run   3 the connection was lost   6 a server refused a request (an exception)";
+  2 the command could not be run   3 the connection was lost   6 a server refused a request (an exception)
+  8 a request that is no read has no reply: the server may have executed it ("unknown")";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -103,6 +104,11 @@ enum ParityArg {
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Refused(String);
+
+/// A request that is no read has no reply: a server may have executed it.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Unknown(String);
 
 /// Returns true when there was a usable reply to every request.
 ///

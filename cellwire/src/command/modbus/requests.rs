@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request};
 use serde_json::{Value, json};
 
-use super::Refused;
+use super::{Refused, Unknown};
 use crate::io::drive::Lost;
 use crate::io::output::log;
 use crate::io::{input, interrupt};
@@ -18,7 +18,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
     interrupt::handle_after_reply()?;
     let input = input::open(file)?;
     let mut client = Client::open(port)?;
-    let (mut all, mut refused) = (true, 0u64);
+    let (mut all, mut refused, mut unknown) = (true, 0u64, 0u64);
     let mut lost = None;
     for (number, text) in (1..).zip(input.lines()) {
         let text = text.context("cannot read the requests")?;
@@ -28,7 +28,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         let frame: Frame<PduBuf> =
             serde_json::from_str(&text).with_context(|| format!("line {number} is not a message object"))?;
         if lost.is_some() {
-            log(&failed(Failure::NotSent))?;
+            log(&failed(&frame, Failure::NotSent))?;
             continue;
         }
         interrupt::account(format!("the server may execute the request of line {number}"));
@@ -40,7 +40,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         let mut answer = match ask(&mut client, &frame) {
             Err(error) if error.is::<Lost>() => {
                 lost = Some(error.context(format!("line {number}")));
-                failed(client.lost())
+                failed(&frame, client.lost())
             }
             answer => answer.with_context(|| format!("line {number}"))?,
         };
@@ -55,15 +55,23 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
             }
         }
         all &= answer.get("failed").is_none();
+        unknown += u64::from(answer.get("unknown").is_some());
         log(&answer)?;
         interrupt::account(String::new());
+    }
+    let requests = |count| if count == 1 { "1 request".into() } else { format!("{count} requests") };
+    if unknown > 0 {
+        let unknown = Unknown(format!("{} may have been executed: see \"unknown\"", requests(unknown)));
+        return Err(match lost {
+            Some(lost) => lost.context(unknown),
+            None => unknown.into(),
+        });
     }
     if let Some(lost) = lost {
         return Err(lost);
     }
     if refused > 0 && all {
-        let requests = if refused == 1 { "request" } else { "requests" };
-        return Err(Refused(format!("{refused} {requests} refused: see \"exception\"")).into());
+        return Err(Refused(format!("{} refused: see \"exception\"", requests(refused))).into());
     }
     Ok(all)
 }
@@ -73,12 +81,23 @@ fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
     Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
         Answer::Replied(reply) => reply,
         Answer::Announced => json!({"broadcast": true}),
-        Answer::Failed(failure) => failed(failure),
+        Answer::Failed(failure) => failed(frame, failure),
     })
 }
 
-fn failed(failure: Failure) -> Value {
-    json!({"failed": failure.to_string()})
+fn failed(frame: &Frame<PduBuf>, failure: Failure) -> Value {
+    let mut answer = json!({"failed": failure.to_string()});
+    let is_read = matches!(
+        frame.pdu.request(),
+        Ok(Request::ReadCoils { .. }
+            | Request::ReadDiscreteInputs { .. }
+            | Request::ReadHoldingRegisters { .. }
+            | Request::ReadInputRegisters { .. })
+    );
+    if let (Some(answer), true, false) = (answer.as_object_mut(), failure.is_unknown(), is_read) {
+        answer.insert("unknown".into(), json!(true));
+    }
+    answer
 }
 
 /// Reads back what a write has written, and adds to its reply whether it is there. True for what is no write, and for a broadcast,

@@ -1,6 +1,7 @@
 //! The integration tests of the crate, in one program: linked once.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod adapters;
 mod contract;
 mod contract_itself;
 mod drivers;

@@ -53,7 +53,7 @@ Examples:
 Exit status:
   0 every request was executed   1 no usable reply, an unconfirmed write, or nothing found
   2 the command could not be run   3 the connection was lost   6 a server refused a request (an exception)
-  8 a request that is no read has no reply: the server may have executed it ("unknown")";
+  8 a request that is no read has no reply: the server may have executed it";
 
 #[derive(Debug, Subcommand)]
 enum Command {

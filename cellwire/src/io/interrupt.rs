@@ -3,7 +3,7 @@
 //!
 //! SIGHUP is never a second signal: a closed terminal may send it twice, and a service manager may send it with SIGTERM.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -19,6 +19,9 @@ static ACTIONS: Mutex<Vec<Action>> = Mutex::new(Vec::new());
 
 /// The line that [`end_at_once`] prints: what is done, what is unknown, and what the machine still does.
 static ACCOUNT: Mutex<String> = Mutex::new(String::new());
+
+/// Whether a thread ends the program at once.
+static ENDS: AtomicBool = AtomicBool::new(false);
 
 /// The number of signals, and the time of the first.
 static COUNT: AtomicU32 = AtomicU32::new(0);
@@ -57,9 +60,13 @@ pub fn handle_after_reply() -> Result<()> {
             end_at_once("a second signal ended the command");
         }
         thread::spawn(|| {
-            let end = Instant::now() + REPLY_WITHIN;
-            while !lock(&ACCOUNT).is_empty() && Instant::now() < end {
-                thread::sleep(TOGETHER / 2);
+            let (end, is_busy) = (Instant::now() + REPLY_WITHIN, || !lock(&ACCOUNT).is_empty());
+            if is_busy() {
+                while is_busy() && Instant::now() < end {
+                    thread::sleep(TOGETHER);
+                }
+                // The program may end by itself, and report the requests that it has not sent.
+                thread::sleep(5 * TOGETHER);
             }
             end_at_once("interrupted");
         });
@@ -136,6 +143,10 @@ pub fn account(text: String) {
 
 /// Ends the program, and prints why, and the [`account`]. A terminal that accepts nothing delays the end by two seconds at most.
 pub fn end_at_once(why: &str) -> ! {
+    // By one thread alone.
+    while ENDS.swap(true, Ordering::Relaxed) {
+        thread::park();
+    }
     let account = core::mem::take(&mut *lock(&ACCOUNT));
     let line = if account.is_empty() { why.to_owned() } else { format!("{why}: {account}") };
     let (done, wait) = channel();

@@ -89,6 +89,10 @@ fn assert_ends(mut rig: Rig, cause: usize, code: Option<i32>, has_terminal: bool
     // "Exit within 2 s", by the controller's clock.
     assert!(ended - cause <= 71, "ALTER ended {} cycles later", ended - cause);
     assert!(rig.traces().len() >= 2, "{:?}", rig.traces());
+    let lines =
+        ["interrupted: the arm is at rest, and ALTER has ended", "warning: ended before the robot reported"];
+    let says = lines.iter().any(|line| rig.stderr().contains(line));
+    assert!(says || code != Some(130), "{}", rig.stderr());
     if has_terminal {
         rig.terminal.assert_restored();
     }
@@ -120,6 +124,7 @@ fn second_signal() -> bool {
     rig.signal("-TERM");
     let (status, _) = rig.wait_for_exit();
     assert_eq!(status.code(), Some(130));
+    assert!(rig.stderr().contains("ended at once: the arm gets no values any more"), "{}", rig.stderr());
     rig.terminal.assert_restored();
     rig.controller.wait("the end of ALTER", 0, |cycle| *cycle == Cycle::Ended);
     rig.controller.log().iter().rev().find_map(x).is_some_and(|last| last > 0)

@@ -2,7 +2,10 @@
 
 use core::time::Duration;
 use std::fs::{self, File};
+use std::io::{Read as _, Write as _};
+use std::net::TcpListener;
 use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Instant;
 
@@ -255,6 +258,79 @@ fn a_stop_has_a_limit() {
             assert_eq!((&ended["machine"], &ended["begun"]), (&"at rest".into(), &1.into()));
         });
     });
+}
+
+/// Its devices end with it.
+#[test]
+fn a_demo_that_is_interrupted_says_how_far_it_was() {
+    for (input, signal) in [(Input::Null, "-TERM"), (Input::Terminal, "-INT"), (Input::Session, "-HUP")] {
+        let run = Run::start(&["demo", "laser-eb90", "--seconds", "60"].map(str::to_owned), input);
+        thread::sleep(Duration::from_secs(2));
+        run.0.signal(signal);
+        let said = ended_at_once(run);
+        let line = said.lines().find(|line| line.contains("laser-eb90: interrupted at ")).expect(&said);
+        assert!(line.ends_with("; its devices were simulated, and have ended"), "{line}");
+    }
+}
+
+/// Answers a request to write after a second; with what it was asked.
+fn slow_server() -> (String, Arc<Mutex<Vec<[u8; 12]>>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let requests = Arc::new(Mutex::new(Vec::new()));
+    let kept = Arc::clone(&requests);
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            let (mut stream, mut request) = (stream.unwrap(), [0; 12]);
+            while stream.read_exact(&mut request).is_ok() {
+                kept.lock().unwrap().push(request);
+                thread::sleep(Duration::from_secs(1));
+                if stream.write_all(&request).is_err() {
+                    break;
+                }
+            }
+        }
+    });
+    (address, requests)
+}
+
+#[test]
+fn a_request_in_flight_gets_its_reply_and_the_next_is_not_sent() {
+    for input in [Input::Pipe, Input::Session] {
+        let (server, requests) = slow_server();
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("writes.jsonl");
+        let write = |value| format!("{{\"unit\":1,\"function\":6,\"address\":4,\"value\":{value}}}\n");
+        fs::write(&file, [write(7), write(8)].concat()).unwrap();
+        let args = ["modbus", "--timeout", "4000", &server, file.to_str().unwrap()].map(str::to_owned);
+        let run = Run::start(&args, input);
+        while requests.lock().unwrap().is_empty() {
+            thread::sleep(Duration::from_millis(10));
+        }
+        run.0.signal("-TERM");
+        assert_eq!(run.0.line()["value"], 7);
+        let said = ended_at_once(run);
+        assert!(said.contains("interrupted: line 2 and the following were not sent"), "{input:?}: {said}");
+        assert_eq!(requests.lock().unwrap().len(), 1);
+    }
+    // Without a request in flight it ends at once; a reply that does not come is awaited for five seconds.
+    let (server, requests) = slow_server();
+    let mut run = Run::start(&["modbus", "--timeout", "60000", &server].map(str::to_owned), Input::Pipe);
+    thread::sleep(Duration::from_millis(500));
+    run.0.signal("-INT");
+    assert_eq!(ended_at_once(run), "interrupted\n");
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = silent.local_addr().unwrap().to_string();
+    run = Run::start(&["modbus", "--timeout", "60000", &at].map(str::to_owned), Input::Pipe);
+    run.0.say("{\"unit\":1,\"function\":6,\"address\":4,\"value\":9}");
+    let mut request = [0; 12];
+    let (mut stream, _) = silent.accept().unwrap();
+    stream.read_exact(&mut request).unwrap();
+    let begin = Instant::now();
+    run.0.signal("-INT");
+    assert_eq!(ended_at_once(run), "interrupted: the server may execute the request of line 1\n");
+    assert!(begin.elapsed() >= Duration::from_secs(5), "{:?}", begin.elapsed());
+    assert!(requests.lock().unwrap().is_empty());
 }
 
 /// `timeout` signals its child, and then the process group, of which the child is.

@@ -51,6 +51,8 @@ mod mma_virtual_clock;
 mod modbus_bench;
 mod operated;
 #[cfg(target_os = "linux")]
+mod outcomes;
+#[cfg(target_os = "linux")]
 mod peers;
 #[cfg(unix)]
 mod puma;

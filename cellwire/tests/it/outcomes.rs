@@ -1,0 +1,103 @@
+//! Files and outputs that cannot be written, or are damaged: the outcomes of a run.
+
+use std::fs::{self, File};
+use std::process::{Command, Stdio};
+
+use crate::laser_run;
+use crate::operated::Tool;
+use crate::stop::{Input, Run};
+
+#[test]
+fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(100);
+    // A write beyond a limit is an error then, and no signal.
+    let mut command = Command::new("bash");
+    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
+    command.args(cell.arguments(&program, &["--set", "baud=9600"])).stdin(Stdio::null());
+    let run = Tool::spawn(command);
+    run.event("done");
+    let journal = cell.path("part.csv.journal");
+    let size = fs::metadata(&journal).unwrap().len();
+    let pid = run.process.id().to_string();
+    let limit = format!("--fsize={}:unlimited", size + 10);
+    assert!(Command::new("prlimit").args(["--pid", &pid, &limit]).status().unwrap().success());
+    let (code, said) = run.end();
+    assert_eq!(code, Some(7), "{said}");
+    for part in [
+        " of 100 done, ",
+        " unknown",
+        "cannot write the journal ",
+        "part.csv.journal: File too large",
+        "it lacks: ",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    // It is as it was before the entry, and the same command continues.
+    assert!(fs::read(&journal).unwrap().ends_with(b"\n"));
+    let mut run = Run::start(&cell.arguments(&program, &["--set", "baud=9600"]), Input::Pipe);
+    loop {
+        let line = run.0.line();
+        if line["event"] == "question" {
+            run.0.say("done");
+        } else if line["event"] == "ended" {
+            assert_eq!((&line["why"], &line["done"]), (&"complete".into(), &100.into()));
+            break;
+        }
+    }
+    assert_eq!(cell.queued(100), 100, "each once");
+}
+
+#[test]
+fn a_changed_digit_in_a_journal_is_damage() {
+    let cell = laser_run::Cell::new(&[]);
+    let program = cell.program(100);
+    let run = Run::start(&cell.arguments(&program, &[]), Input::Null);
+    for _ in 0..4 {
+        run.0.event("done");
+    }
+    run.0.kill();
+    let journal = cell.path("part.csv.journal");
+    let text = fs::read_to_string(&journal).unwrap();
+    let changed = text.replacen("\"done\",\"first\":7,\"count\":7", "\"done\",\"first\":7,\"count\":9", 1);
+    assert_ne!(text, changed);
+    fs::write(&journal, &changed).unwrap();
+    let (code, said) = Run::start(&cell.arguments(&program, &[]), Input::Null).0.end();
+    assert_eq!(code, Some(2), "{said}");
+    let known = "line 5 is damaged, or not a line of a journal: the lines before it have 7 of 100 parts as done, and the machine may have executed more";
+    assert!(
+        said.contains(known) && said.contains("--again does every part of this program, finished parts too"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(&journal).unwrap(), changed, "it is left as it is");
+}
+
+/// Others wait for the first line.
+#[test]
+fn a_first_line_that_cannot_be_written_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let pty = folder.path().join("device").to_str().unwrap().to_owned();
+    let kawasaki = ["kawasaki-robot", "--connect", "127.0.0.1:9"];
+    let at_port: Vec<[&str; 3]> = ["kawasaki-pc", "fanuc", "mma-robot", "mma-platform", "laser", "ball"]
+        .map(|device| [device, "--listen", "127.0.0.1:0"])
+        .into_iter()
+        .chain([kawasaki, ["puma", "--pty", &pty], ["viewer", "--pty", &pty]])
+        .collect();
+    let simulate = at_port.iter().map(|device| [&["simulate"][..], device].concat());
+    let tap =
+        ["tap", "laser-eb90", "--no-capture", "--listen", "127.0.0.1:0", "--connect", "127.0.0.1:9"].to_vec();
+    for args in simulate.chain([tap]) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        command
+            .args(&args)
+            .stdin(Stdio::null())
+            .stdout(File::options().write(true).open("/dev/full").unwrap());
+        let output = Command::output(command.stderr(Stdio::piped())).unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(4), "{args:?}: {said}");
+        assert!(
+            said.contains("cannot write to standard output: No space left on device"),
+            "{args:?}: {said}"
+        );
+    }
+}

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use crate::operated::Tool;
 
 pub(crate) const TCP: &str = "udp=false";
-const UDP: &str = "udp=true";
+pub(crate) const UDP: &str = "udp=true";
 
 fn plant(name: &str) -> String {
     format!("{}/../kawasaki-msg/plants/{name}.toml", env!("CARGO_MANIFEST_DIR"))

@@ -280,6 +280,22 @@ fn a_periphery_in_lines_of_text_sees_the_parts() {
     assert_eq!(run.end().0, Some(0));
 }
 
+/// The devices stop before the run ends: they do not go on to where they were sent.
+#[test]
+fn a_periphery_that_is_lost_stops_the_devices() {
+    let cell = Cell::new(1);
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let run = cell.run(1, &["--periphery", &address]);
+    let (stream, _) = listener.accept().unwrap();
+    step(&run, "await_home");
+    drop(stream);
+    let (code, said) = run.end();
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("the connection to the periphery was lost; 0 of 1 done, 0 unknown"), "{said}");
+    assert_eq!(cell.robot.tool.event("closed")["reason"], "agreed");
+}
+
 #[test]
 fn a_dry_run_draws_and_a_task_that_is_wrong_is_refused() {
     let folder = tempfile::tempdir().unwrap();

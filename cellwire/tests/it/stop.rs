@@ -122,17 +122,19 @@ fn a_laser_program_stops_after_its_frame_whatever_standard_input_is() {
     }
 }
 
-#[test]
-fn an_order_is_interrupted_whatever_standard_input_is() {
-    let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
-    let mut robot = None;
-    let mut before = 0;
-    for (input, stop) in STOPS {
-        let mut run = Run::start(&cell.arguments(&[]), input);
+/// Stops an order in each of these ways; `more` is of the client and of the robot.
+fn stop_orders(carrier: &'static str, stops: &[(Input, Stop)], more: &[&str]) {
+    let mut cell = kawasaki_run::Cell::new(carrier, 300);
+    let (mut robot, mut before) = (None, 0);
+    for (input, stop) in stops {
+        let mut run = Run::start(&cell.arguments(more), *input);
         run.0 = cell.ready(run.0);
-        robot.get_or_insert_with(|| cell.robot(&["job_time=10ms", "queue=50"]));
+        robot.get_or_insert_with(|| {
+            let more = more.iter().copied().filter(|word| word.starts_with("messages."));
+            cell.robot(&["job_time=10ms", "queue=50"].into_iter().chain(more).collect::<Vec<_>>())
+        });
         run.0.event("done");
-        run.stop(stop);
+        run.stop(*stop);
         assert_eq!(run.0.event("order_over")["complete"], false, "{input:?}, {stop:?}");
         let ended = run.stopped();
         assert_eq!(number(&ended, "unknown"), 0, "{input:?}, {stop:?}: {ended}");
@@ -144,8 +146,24 @@ fn an_order_is_interrupted_whatever_standard_input_is() {
         assert!(executed > before && executed < 300, "{executed}");
         before = executed;
     }
-    kawasaki_run::finish(cell.run(&[]), 300);
+    kawasaki_run::finish(cell.run(more), 300);
     cell.assert_executed_once();
+}
+
+#[test]
+fn an_order_is_interrupted_whatever_standard_input_is() {
+    stop_orders(kawasaki_run::TCP, &STOPS, &[]);
+}
+
+/// Over UDP, and in a plant that has no message to interrupt an order: what the robot has queued is executed then.
+#[test]
+fn an_order_ends_over_udp_and_where_it_cannot_be_interrupted() {
+    stop_orders(kawasaki_run::UDP, &STOPS[..3], &[]);
+    stop_orders(
+        kawasaki_run::TCP,
+        &STOPS[1..3],
+        &["--set", "messages.order_interrupt.sent=false", "--set", "takeover=end"],
+    );
 }
 
 #[test]
@@ -424,5 +442,24 @@ fn a_closed_terminal_that_is_the_output_too_leaves_nothing_unknown() {
         process.wait().unwrap();
         let (begun, done) = (count("unknown"), count("done"));
         assert!(begun == done && (2..14).contains(&done), "{session:?}: {begun} begun, {done} done");
+    }
+}
+
+#[test]
+fn a_signal_while_a_question_is_open_is_a_stop() {
+    let cell = laser_run::Cell::new(&["baud=9600"]);
+    let program = cell.program(100);
+    let args = cell.arguments(&program, &["--set", "baud=9600"]);
+    let run = Run::start(&args, Input::Pipe);
+    run.0.event("done");
+    thread::sleep(Duration::from_millis(60)); // of the 226 ms of the next frame
+    run.0.kill();
+    for (input, stop) in [(Input::Pipe, Stop::Signal("-TERM")), (Input::Terminal, Stop::Close)] {
+        let mut run = Run::start(&args, input);
+        run.0.event("question");
+        run.stop(stop);
+        let ended = run.stopped();
+        assert_eq!([number(&ended, "done"), number(&ended, "unknown")], [7, 7], "{input:?}");
+        assert_eq!(ended["machine"], "nothing was queued");
     }
 }

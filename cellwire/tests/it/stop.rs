@@ -335,8 +335,10 @@ fn a_request_in_flight_gets_its_reply_and_the_next_is_not_sent() {
     let (server, requests) = slow_server();
     let mut run = Run::start(&["modbus", "--timeout", "60000", &server].map(str::to_owned), Input::Pipe);
     thread::sleep(Duration::from_millis(500));
+    let input = run.0.stdin.take(); // it does not end by itself
     run.0.signal("-INT");
     assert_eq!(ended_at_once(run), "interrupted\n");
+    drop(input);
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
     let at = silent.local_addr().unwrap().to_string();
     run = Run::start(&["modbus", "--timeout", "60000", &at].map(str::to_owned), Input::Pipe);

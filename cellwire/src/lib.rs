@@ -19,7 +19,8 @@ use self::command::{
     ports, replay, settings, simulate, tap, vectors,
 };
 use self::io::drive::Lost;
-use self::io::journal::{NoTable, Unwritten};
+use self::io::files;
+use self::io::journal::Unwritten;
 use self::io::output::{self, remark};
 use cellwire_links::fanuc_hmi_modbus::client_settings;
 use cellwire_links::settings::Setting;
@@ -50,8 +51,8 @@ Exit status:
   0 success   1 corrupt input, or a failed check   2 the command could not be run
   3 a connection was lost   4 standard output was closed, or could not be written
   5 implausible telemetry was recorded   6 a Modbus server refused a request
-  7 a file of outcomes could not be written   8 a Modbus server may have executed a request without a reply
-  130 a signal ended the command";
+  7 a journal, a table or a recording could not be written
+  8 a Modbus server may have executed a request without a reply   130 a signal ended the command";
 
 #[derive(Subcommand)]
 enum Command {
@@ -79,7 +80,7 @@ enum Command {
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
 /// lost, 4 standard output was closed or could not be written, 5 implausible telemetry was recorded, 6 a Modbus server refused a request,
-/// 7 a file of outcomes could not be written, 8 a Modbus server may have executed a request without a reply.
+/// 7 a journal, a table or a recording could not be written, 8 a Modbus server may have executed a request without a reply.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
     io::windows::exact_waits();
@@ -117,7 +118,7 @@ pub fn main() -> ExitCode {
                 () if error.is::<output::Unwritten>() => 4,
                 () if error.is::<Implausible>() => 5,
                 () if error.is::<modbus::Refused>() => 6,
-                () if error.is::<Unwritten>() || error.is::<NoTable>() => 7,
+                () if error.is::<Unwritten>() || error.is::<files::Unwritten>() => 7,
                 () => 2,
             })
         }

@@ -12,7 +12,7 @@ use crate::cell::run::{END_WITHIN, STOP_WITHIN};
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::{self, Typed};
-use crate::io::journal::{self, Journal, NoTable, Outcome, Record, Tally, Unwritten};
+use crate::io::journal::{self, Journal, Outcome, Record, Tally, Unwritten};
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
@@ -52,6 +52,8 @@ pub(super) struct Work<'a> {
     pub(super) parts: usize,
 }
 
+const NO_TABLE: files::Unwritten = files::Unwritten("the outcomes are in the journal alone");
+
 /// A run that has ended.
 pub(super) struct Ran<R, T> {
     /// How.
@@ -78,7 +80,7 @@ impl WorkArgs {
         let mut journal = Journal::open(&path, what, fingerprint, parts, self.again)?;
         let ended = self.go_on(what, parts, &mut journal, run);
         let table = match &self.out {
-            Some(out) => files::write(out, table(&journal).as_bytes()).context(NoTable),
+            Some(out) => files::write(out, table(&journal).as_bytes()).context(NO_TABLE),
             None => Ok(()),
         };
         match (ended, table) {

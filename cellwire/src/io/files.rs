@@ -7,6 +7,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+/// A file that a command writes while it works, or at its end, could not be written: what that leaves.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Unwritten(pub &'static str);
+
 /// Writes a file, through one beside it that takes its name when it is whole: where that fails, the earlier file is as it was.
 /// What is no regular file, such as a pipe, is written directly.
 ///

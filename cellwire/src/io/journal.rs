@@ -100,11 +100,6 @@ pub struct Unwritten {
     entry: String,
 }
 
-/// The table of outcomes could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("the outcomes are in the journal alone")]
-pub struct NoTable;
-
 /// The record of a journal's entries. `Vec<Outcome>` is that of work whose entries are outcomes alone.
 pub trait Record {
     /// An entry. Its `Display` is for people.

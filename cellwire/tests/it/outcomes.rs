@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 use crate::laser_run;
 use crate::operated::Tool;
 use crate::stop::{Input, Run};
+use crate::tool::Running;
 
 #[test]
 fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
@@ -46,6 +47,22 @@ fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
         }
     }
     assert_eq!(cell.queued(100), 100, "each once");
+}
+
+#[test]
+fn a_recording_that_cannot_be_written_ends_with_its_file_and_the_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("log.csv");
+    let robot = Running::listening("fanuc");
+    let mut command = Command::new("bash");
+    // Four times 1024 bytes.
+    command.args(["-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
+    command.args(["fanuc", "log", &robot.address(), "--seconds", "60", "--csv", file.to_str().unwrap()]);
+    let output = command.stdin(Stdio::null()).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(7), "{said}");
+    let error = format!("error: the recording ends early: cannot write {}: File too large", file.display());
+    assert!(said.contains(&error), "{said}");
 }
 
 #[test]

@@ -27,6 +27,8 @@ use crate::io::{files, interrupt};
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
 use cellwire_links::settings;
 
+const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
+
 /// Logs the telemetry block of a controller, as a table.
 ///
 /// Each line has the time by the robot's life counter, the reported values, and the speeds without the controller's
@@ -135,9 +137,13 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         progress: ProgressBar::with_draw_target(None, target),
         clock,
     };
-    writeln!(log.out, "{}", recording::HEADER)?;
-    let outcome = logger.run(end, |reading| log.take(reading).map(|()| true));
-    log.end()?;
+    let unwritten = |error: anyhow::Error| match error.is::<std::io::Error>() {
+        true => error.context(format!("cannot write {}", csv.display())).context(ENDED),
+        false => error,
+    };
+    writeln!(log.out, "{}", recording::HEADER).map_err(|error| unwritten(error.into()))?;
+    let outcome = logger.run(end, |reading| log.take(reading).map(|()| true).map_err(unwritten));
+    log.end().map_err(unwritten)?;
     print(&log.report(&args.server, &csv), args.json)?;
     if let Some(order) = log.order.contradicted {
         let order = json!(order);

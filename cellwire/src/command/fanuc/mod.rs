@@ -36,7 +36,8 @@ Examples:
 
 Exit status of log:
   0 success   1 no samples   2 the command could not be run   3 no connection at the end
-  5 implausible telemetry: its rows have a note, and the final table counts them";
+  5 implausible telemetry: its rows have a note, and the final table counts them
+  7 the file could not be written";
 
 #[derive(Debug, Subcommand)]
 enum Command {

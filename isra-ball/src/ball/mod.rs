@@ -93,7 +93,8 @@ impl End for Ball {
     type Statistics = BallStatistics;
     type Payload = ();
 
-    const MAX_INPUT: usize = 32;
+    // What a serial port holds: requests that have piled up there have one answer.
+    const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Packet::LEN;
     const ROOM: Room = Room::NONE;
 

@@ -93,3 +93,19 @@ fn a_ball_that_was_without_power_begins_as_a_new_one() {
     bench.device_mut().restart(now);
     assert_eq!(bench.device().session().statistics(), new);
 }
+
+/// A host that has not read its port for a while finds one answer, however many polls it has sent.
+#[test]
+fn polls_that_have_piled_up_have_one_answer() {
+    use std::io::{Read as _, Write as _};
+    let sim = TeachBall::default().listen("127.0.0.1:0").unwrap();
+    let mut host = std::net::TcpStream::connect(sim.address()).unwrap();
+    host.write_all(&[0x05; 1000]).unwrap();
+    host.set_read_timeout(Some(S / 2)).unwrap();
+    let mut answers = Vec::new();
+    let mut piece = [0; 256];
+    while let Ok(length @ 1..) = host.read(&mut piece) {
+        answers.extend_from_slice(&piece[..length]);
+    }
+    assert_eq!(answers.len(), 12, "{answers:02x?}");
+}

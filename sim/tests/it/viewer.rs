@@ -78,3 +78,27 @@ fn a_workstation_that_was_without_power_has_seen_nothing() {
     bench.device_mut().restart(now);
     assert_eq!(bench.device().drawn(), Drawn::default());
 }
+
+/// A workstation whose requests have piled up while the host did not read finds one pose.
+#[test]
+fn requests_that_have_piled_up_have_one_pose() {
+    use std::io::Write as _;
+    use std::net::{TcpListener, TcpStream};
+    use val2_viewer::robot_session::{Driver, Session as _, now};
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut workstation = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let (stream, _) = listener.accept().unwrap();
+    let config = HostConfig { interval: S / 1000, ..HostConfig::default() };
+    let (mut host, mut driver) = (Host::new(config).unwrap(), Driver::new(stream));
+    host.handle_connected(now());
+    host.set_pose(now(), [1; 12]);
+    workstation.write_all(&[0x05; 1000]).unwrap();
+    let end = now() + S / 2;
+    while now() < end {
+        host.set_pose(now(), [1; 12]);
+        let turn = driver.turn(&mut host, Some(S / 100), |_, _| core::ops::ControlFlow::<()>::Continue(()));
+        assert!(turn.unwrap().is_continue());
+    }
+    let statistics = host.statistics();
+    assert_eq!((statistics.sent, statistics.asked, statistics.ignored), (1, 1, 999));
+}

@@ -109,7 +109,8 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = ();
 
-    const MAX_INPUT: usize = 32;
+    // What a serial port holds: requests that have piled up there have one answer.
+    const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = 256;
     const ROOM: Room = Room::NONE;
 

@@ -18,7 +18,7 @@ const PERIOD: Duration = Duration::from_millis(10);
 
 /// What runs in the interrupt of the session.
 struct ControlBall {
-    driver: Driver<{ Ball::MAX_INPUT }, { Ball::MAX_TRANSMIT }>,
+    driver: Driver<32, { Ball::MAX_TRANSMIT }>,
     session: Ball,
     replies: u32,
 }

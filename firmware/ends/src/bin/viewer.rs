@@ -18,7 +18,7 @@ const POSES: Duration = Duration::from_millis(28);
 
 /// What runs in the interrupt of the session.
 struct Viewer {
-    driver: Driver<{ Host::MAX_INPUT }, { Host::MAX_TRANSMIT }>,
+    driver: Driver<32, { Host::MAX_TRANSMIT }>,
     session: Host,
 }
 

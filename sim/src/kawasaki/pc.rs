@@ -20,7 +20,7 @@ pub struct KawasakiPc<W: Work> {
     pub order: u16,
     /// The jobs of an order.
     pub jobs: Jobs<W>,
-    /// The next order begins when one is over, not only when a robot connects.
+    /// The next order begins when one is over, not only when a robot connects while there is none.
     pub repeat: bool,
 }
 
@@ -103,8 +103,10 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
     fn advance(&mut self, _: Duration, _: &mut Notes<PcEvent, PcEvent>) {
         let is_connected = self.session.machine().is_connected();
         let was_connected = core::mem::replace(&mut self.was_connected, is_connected);
-        self.is_wanted |= is_connected && !was_connected;
-        if self.is_wanted && self.session.order().is_none() {
+        let has_order = self.session.order().is_some();
+        // An order goes on with the next connection.
+        self.is_wanted |= is_connected && !was_connected && !has_order;
+        if self.is_wanted && !has_order {
             // With too many events it is tried again once they are taken.
             self.is_wanted = self.session.start(self.next, self.settings.jobs.clone()).is_err();
             if !self.is_wanted {

@@ -166,6 +166,22 @@ fn a_pc_begins_an_order_when_a_robot_connects_and_when_it_is_to_repeat() {
     }
 }
 
+/// The order goes on with the next connection, and is not given again.
+#[test]
+fn a_connection_that_is_lost_within_an_order_makes_no_other_one() {
+    let pc = KawasakiPc { jobs: jobs(9).into(), ..KawasakiPc::default() };
+    let robot = KawasakiRobot::<Line> { job_time: S, ..KawasakiRobot::default() };
+    let mut bench = pc.bench(robot.simulator().unwrap()).unwrap();
+    for lost in [3, 4] {
+        bench.run_for(lost * S);
+        assert!(bench.executed().is_empty());
+        bench.disconnect();
+    }
+    bench.run_for(120 * S);
+    let over: Vec<PcEvent> = bench.executed().iter().map(|done| done.work).collect();
+    assert_eq!(over, [PcEvent::OrderOver { order: 50, executed: 9, complete: true }]);
+}
+
 #[test]
 fn settings_of_a_robot_show_all_but_the_function() {
     let shown = format!("{:?}", KawasakiRobot::<Line>::default());

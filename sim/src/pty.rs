@@ -4,17 +4,18 @@ use std::io;
 use std::os::fd::OwnedFd;
 
 use robot_session::{Received, Sent, Transport, Wait};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
 use rustix::io::{Errno, FdFlags, fcntl_setfd, read, write};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
 /// The device's end.
 #[derive(Debug)]
 pub(crate) struct Pty {
     device: OwnedFd,
-    /// As long as it is open, a program that closes its end does not end the line.
-    _program: OwnedFd,
+    /// Where a program opens the other end.
+    path: String,
 }
 
 impl Pty {
@@ -26,14 +27,36 @@ impl Pty {
         grantpt(&device)?;
         unlockpt(&device)?;
         let path = ptsname(&device, Vec::new())?.to_string_lossy().into_owned();
-        let program = open(path.as_str(), OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
-        // No echo, and bytes as they are.
+        // No echo, and bytes as they are. This process does not keep this end: it would not see that a program closes its own.
+        let program = program_end(&path)?;
         let mut mode = tcgetattr(&program)?;
         mode.make_raw();
         tcsetattr(&program, OptionalActions::Now, &mode)?;
         fcntl_setfl(&device, OFlags::RDWR | OFlags::NONBLOCK)?;
-        Ok((Self { device, _program: program }, path))
+        Ok((Self { device, path: path.clone() }, path))
     }
+
+    /// Whether a program has the other end open, or had, and has sent something.
+    pub(crate) fn is_open(&self) -> bool {
+        let mut ends = [PollFd::new(&self.device, PollFlags::IN)];
+        let polled = poll(&mut ends, Some(&Timespec { tv_sec: 0, tv_nsec: 0 }));
+        let [end] = ends;
+        let found = end.revents();
+        polled.is_ok() && (found.contains(PollFlags::IN) || !found.contains(PollFlags::HUP))
+    }
+
+    /// Discards what a program that has closed its end has not read: the next one would.
+    pub(crate) fn discard(&self) {
+        // A program may have opened it again, and loses what was not sent to it.
+        if let Ok(program) = program_end(&self.path) {
+            let _ = tcflush(program, QueueSelector::IFlush);
+        }
+    }
+}
+
+fn program_end(path: &str) -> io::Result<OwnedFd> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    Ok(open(path, flags, Mode::empty())?)
 }
 
 impl Transport for Pty {
@@ -42,7 +65,8 @@ impl Transport for Pty {
             return Ok(Received::Nothing);
         }
         match read(&self.device, buffer) {
-            Ok(0) => Ok(Received::Closed),
+            // No program has the other end open.
+            Ok(0) | Err(Errno::IO) => Ok(Received::Closed),
             Ok(length) => Ok(Received::Bytes(length)),
             Err(Errno::AGAIN | Errno::INTR) => Ok(Received::Nothing),
             Err(error) => Err(error.into()),

@@ -84,14 +84,14 @@ impl<D: Device + Send + 'static> Running<D> {
         })
     }
 
-    /// On a pseudo-terminal.
+    /// On a pseudo-terminal. A program that opens its other end makes a connection, and ends it by closing that.
     ///
     /// # Errors
     /// The system's.
     #[cfg(unix)]
     pub fn pty(simulator: Simulator<D>) -> Result<Self, Error> {
         let (pty, path) = crate::pty::Pty::open()?;
-        Self::start(simulator, NOWHERE, path, move |simulator, shared| stay(simulator, shared, pty))
+        Self::start(simulator, NOWHERE, path, move |simulator, shared| attend(simulator, shared, pty))
     }
 
     /// On a serial port of this machine.
@@ -329,8 +329,27 @@ fn dial<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, address: So
     close(device.disconnect());
 }
 
+/// On a pseudo-terminal, where a program that opens the other end makes a connection.
+#[cfg(unix)]
+fn attend<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, pty: crate::pty::Pty) {
+    let mut device = Loop::new(simulator, shared);
+    let mut line = Some(pty);
+    while !shared.ends() {
+        if line.as_ref().is_some_and(crate::pty::Pty::is_open)
+            && device.simulator.accepts(device.now())
+            && let Some(line) = line.take()
+        {
+            device.connect(line);
+        }
+        if device.turn() == Turn::Ends {
+            line = device.disconnect();
+            line.iter().for_each(crate::pty::Pty::discard);
+        }
+    }
+}
+
 /// On a line, which no end of a connection closes.
-#[cfg(any(unix, feature = "serialport"))]
+#[cfg(feature = "serialport")]
 fn stay<D: Device, T: Transport>(simulator: &mut Simulator<D>, shared: &Shared<D>, line: T) {
     let mut device = Loop::new(simulator, shared);
     device.connect(line);

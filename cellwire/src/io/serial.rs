@@ -236,6 +236,23 @@ pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
     Ok((Box::new(device), name))
 }
 
+/// Discards what the client's end of a pseudo-terminal holds: the next client would read what was sent to the one before it.
+#[cfg(unix)]
+pub fn discard(path: &Path) {
+    use rustix::fs::{Mode, OFlags, open};
+    use rustix::termios::{QueueSelector, tcflush};
+    // A client that has removed it reads nothing.
+    if let Ok(client) =
+        open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())
+    {
+        let _ = tcflush(client, QueueSelector::IFlush);
+    }
+}
+
+/// Other ports keep nothing of an earlier client.
+#[cfg(not(unix))]
+pub fn discard(_: &Path) {}
+
 /// There are none: see [`Lines`](crate::io::line::Lines).
 ///
 /// # Errors

@@ -83,7 +83,7 @@ pub fn serve(
     match &options.endpoint {
         Endpoint::Pty(path) => {
             let (_link, port) = PtyLink::create(path)?;
-            let mut line = Line::over_port(port, clock, baud, trace)?;
+            let mut line = Line::over_port(port, path, clock, baud, trace)?;
             ready(name, "pty", &path.to_string_lossy())?;
             device(&mut line, clock)
         }
@@ -113,10 +113,13 @@ pub fn on_line<S: Session>(
 ) -> Result<()> {
     priority::raise(Rank::Hardware);
     let mut driver = Driver::new(line);
-    let mut connected = false;
+    let (mut connected, mut left) = (false, 0);
     while !stop.load(Ordering::Relaxed) {
         let now = driver.transport_mut().now();
-        if driver.transport_mut().is_connected() != connected {
+        // The next client may be there already.
+        let before = core::mem::replace(&mut left, driver.transport_mut().left());
+        let has_left = connected && before != left;
+        if driver.transport_mut().is_connected() != connected || has_left {
             connected = !connected;
             if connected {
                 device.handle_connected(now);

@@ -1,5 +1,6 @@
 //! The teleoperation cell over pseudo-terminals: what must hold whatever the machine does meanwhile.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -79,7 +80,8 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
         let (notify, events) = channel();
         let mut config = PumaConfig::default();
         config.puma.restart = Duration::from_millis(200);
-        let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
+        let mut line =
+            Line::over_port(robot_port, Path::new(&robot), clock, 38_400, off.start("robot")).unwrap();
         let stopped = Arc::clone(&stop);
         let robot_thread = thread::spawn(move || {
             puma::run(&mut line, config, &stopped, |_, event| {
@@ -87,7 +89,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
                 Ok(())
             })
         });
-        let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
+        let mut line = Line::over_port(ball_port, Path::new(&ball), clock, 9600, off.start("ball")).unwrap();
         let stopped = Arc::clone(&stop);
         let ball_thread =
             thread::spawn(move || ball::run(&mut line, BallConfig::default(), &stopped, |_| Ok(())));

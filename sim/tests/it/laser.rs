@@ -224,6 +224,27 @@ fn a_pseudo_terminal_is_a_port() {
     assert!(sim.wait_for(1, S));
 }
 
+/// A program that closes its end ends the connection: what was to be sent to it, or was not read, is not for the next one.
+#[cfg(unix)]
+#[test]
+fn the_next_program_of_a_pseudo_terminal_reads_nothing_of_the_one_before() {
+    use std::io::{Read as _, Write as _};
+    let sim = Laser { execution: MS, ..Laser::default() }.pty().unwrap();
+    let open = || serialport::new(sim.path(), 9600).timeout(S / 5).open().unwrap();
+    for wait in [Duration::ZERO, S / 10] {
+        let mut program = open();
+        program.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 3, 0x90, 0x82, 0xF6]).unwrap();
+        std::thread::sleep(wait);
+        drop(program);
+        std::thread::sleep(S / 5);
+        let unasked = open().read(&mut [0; 64]).map_err(|error| error.kind());
+        assert_eq!(unasked, Err(std::io::ErrorKind::TimedOut));
+        std::thread::sleep(S / 20);
+    }
+    cut_once(open());
+    assert!(sim.wait_for(1, S));
+}
+
 #[cfg(unix)]
 #[test]
 fn a_device_is_on_the_port_of_a_path() {

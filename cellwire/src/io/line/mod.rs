@@ -8,6 +8,7 @@ mod tests;
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -30,6 +31,10 @@ pub use faults::LineFaults;
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
+
+/// What a client that has left has sent is carried for this long. The rest is dropped: what the system holds for it may take an hour on the
+/// line.
+const CARRIED: Duration = Duration::from_secs(5);
 
 /// How many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
 /// device that sends more takes no input meanwhile.
@@ -72,6 +77,8 @@ pub struct Line {
     left: usize,
     /// Whether the device has seen that a client is connected: it does before the client's first byte.
     announced: bool,
+    /// How many clients had left when the device saw that the last time.
+    announced_left: usize,
     sending: Direction,
     late: Duration,
     receiving: Direction,
@@ -96,6 +103,8 @@ struct Feed {
 #[derive(Debug, Default)]
 struct Presence {
     is_connected: AtomicBool,
+    /// It has closed its end, and what it has sent is still carried: bytes to it are lost.
+    is_deaf: AtomicBool,
     /// Chunks that were read from it, and have not arrived at the device.
     under_way: AtomicUsize,
     /// How many clients have left: what is on the line then is lost.
@@ -109,7 +118,14 @@ impl Feed {
     }
 
     fn connect(&self, is_connected: bool) {
+        self.client.is_deaf.store(false, Ordering::Relaxed);
         self.client.is_connected.store(is_connected, Ordering::Relaxed);
+    }
+
+    /// A client has left, and what it has sent is carried: what is on the line now is lost.
+    fn leave(&self) {
+        self.client.left.fetch_add(1, Ordering::Release);
+        self.connect(false);
     }
 }
 
@@ -143,7 +159,7 @@ impl Line {
         Ok(match lines {
             Lines::PseudoTerminals => {
                 let (device, path) = serial::pair()?;
-                (Self::over_port(device, clock, baud, trace)?, path)
+                (Self::over_port(device, Path::new(&path), clock, baud, trace)?, path)
             }
             Lines::Tcp => {
                 let listener = tcp::listen("127.0.0.1:0")?;
@@ -153,15 +169,23 @@ impl Line {
         })
     }
 
-    /// Over a port: the device's end of a pseudo-terminal, or a real port.
+    /// Over the device's end of a pseudo-terminal, whose other end is at `path`. What a client that has closed it has sent is carried for five
+    /// more seconds; answers to it are dropped, so that the next client reads none.
     ///
     /// # Errors
     /// When the port cannot be shared between reader and writer.
-    pub fn over_port(mut port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
+    pub fn over_port(
+        mut port: Box<dyn SerialPort>,
+        path: &Path,
+        clock: Clock,
+        baud: u32,
+        trace: Trace,
+    ) -> Result<Self> {
         let reader = port.try_clone()?;
         // A client that does not read loses bytes, as on a line without flow control: nothing waits for it.
         port.set_timeout(Duration::ZERO)?;
-        Self::new(Box::new(port), clock, baud, trace, |feed| port::read(reader, &feed))
+        let path = path.to_owned();
+        Self::new(Box::new(port), clock, baud, trace, move |feed| port::read(reader, &path, &feed))
     }
 
     /// Over TCP, like a serial device server: one client at a time, others are refused, and the device continues when the client
@@ -206,6 +230,7 @@ impl Line {
             chunks: 0,
             left: 0,
             announced: false,
+            announced_left: 0,
             sending: Direction::default(),
             late: Duration::ZERO,
             receiving: Direction::default(),
@@ -295,6 +320,11 @@ impl Line {
         self.client.is_connected.load(Ordering::Relaxed)
     }
 
+    /// How many clients have left: a client may follow another one at once.
+    pub fn left(&self) -> usize {
+        self.left
+    }
+
     /// The number of faults so far.
     pub fn faults(&self) -> u64 {
         self.faults.count
@@ -339,7 +369,7 @@ impl Line {
         if self.sending.bytes.is_empty() {
             self.late += now - last;
         }
-        if !due.is_empty() && self.is_connected() {
+        if !due.is_empty() && self.is_connected() && !self.client.is_deaf.load(Ordering::Relaxed) {
             // Another error means that the client has just disconnected: the bytes are lost.
             if let Err(error) = self.writer.write_all(&due)
                 && is_silence(&error)
@@ -365,7 +395,9 @@ impl Transport for Line {
             return Ok(Received::Closed);
         }
         let connected = self.is_connected();
-        if core::mem::replace(&mut self.announced, connected) != connected {
+        let has_changed = core::mem::replace(&mut self.announced, connected) != connected;
+        let has_left = core::mem::replace(&mut self.announced_left, self.left) != self.left;
+        if has_changed || has_left {
             return Ok(Received::Nothing);
         }
         let Some(first) = buffer.first_mut().filter(|_| self.next_byte().is_some_and(|at| at <= until))

@@ -1,35 +1,57 @@
 //! Reads from a port.
 
 use std::io::{ErrorKind, Read};
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
 use serialport::SerialPort;
 
-use super::{CHUNK, Feed};
+use super::{CARRIED, CHUNK, Feed};
+use crate::io::serial;
+
+/// A client that opens the other end is looked for this often.
+const GLANCE: Duration = Duration::from_millis(5);
 
 /// Forwards what clients write, with the time at which it was read, until the line is dropped. When it is not taken, the client waits.
-pub(super) fn read(mut port: Box<dyn SerialPort>, feed: &Feed) {
+pub(super) fn read(mut port: Box<dyn SerialPort>, path: &Path, feed: &Feed) {
     let mut buffer = [0; CHUNK];
+    // When the client has closed its end, until what it has sent is carried.
+    let mut closed: Option<Duration> = None;
     while feed.is_wanted() {
-        match port.read(&mut buffer) {
-            Ok(n) => {
+        let read = port.read(&mut buffer);
+        let is_open = match &read {
+            Ok(_) => true,
+            Err(error) => matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock),
+        };
+        if let Some(at) = closed {
+            let is_carried = feed.client.under_way.load(Ordering::Relaxed) == 0;
+            if is_open || is_carried || feed.clock.now().saturating_sub(at) >= CARRIED {
+                closed = None;
+                feed.leave();
+                serial::discard(path);
+            }
+        }
+        match read {
+            Ok(length) => {
                 feed.connect(true);
-                let bytes = buffer.get(..n).unwrap_or_default().to_vec();
+                let bytes = buffer.get(..length).unwrap_or_default().to_vec();
+                let left = feed.client.left.load(Ordering::Relaxed);
                 feed.client.under_way.fetch_add(1, Ordering::Relaxed);
-                if feed.sender.send((feed.clock.now(), bytes, 0)).is_err() {
+                if feed.sender.send((feed.clock.now(), bytes, left)).is_err() {
                     return;
                 }
             }
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {
-                feed.connect(true);
-            }
-            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(_) if is_open => feed.connect(true),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
             // No client has the other end open.
             Err(_) => {
-                feed.connect(false);
-                thread::sleep(Duration::from_millis(5));
+                if closed.is_none() && feed.client.is_connected.load(Ordering::Relaxed) {
+                    feed.client.is_deaf.store(true, Ordering::Relaxed);
+                    closed = Some(feed.clock.now());
+                }
+                thread::sleep(GLANCE);
             }
         }
     }

@@ -1,5 +1,6 @@
 //! A serial device server: a line over TCP, for one client at a time.
 
+use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,7 +12,7 @@ use anyhow::{Context, Result};
 use mio::net::TcpStream;
 use mio::{Events, Interest, Poll, Token};
 
-use super::{CHUNK, Chunk, Feed};
+use super::{CARRIED, CHUNK, Chunk, Feed};
 use crate::io::listener::{Arrival, Listener, refuse};
 use crate::io::output::remark;
 use crate::io::serial::READ_TIMEOUT;
@@ -22,9 +23,8 @@ const CLIENT: Token = Token(1);
 /// How often the line is checked while it is full, or carries data of a client that has left.
 const BUSY: Duration = Duration::from_millis(5);
 
-/// What a client that has left has sent is carried for this long. The rest is dropped: what the system holds for it may take an hour
-/// on the line.
-const CARRIED: Duration = Duration::from_secs(5);
+/// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all that was sent.
+const AHEAD: usize = 16 << 20;
 
 /// A client that comes while there is another one waits this long for the end of that: on a busy machine it is reported behind the arrival.
 /// Those that come while one waits are refused at once.
@@ -56,6 +56,8 @@ struct Stream {
 struct Connection {
     stream: Arc<Stream>,
     peer: SocketAddr,
+    /// What was read to see whether the client has left behind it.
+    ahead: VecDeque<u8>,
     /// What the line has no room for yet.
     held: Option<Chunk>,
     is_readable: bool,
@@ -87,6 +89,9 @@ impl Server {
             self.wait(if is_busy { BUSY } else { READ_TIMEOUT }, feed);
             self.accept(feed);
             let Some(connection) = &mut self.connection else { continue };
+            if self.next.is_some() {
+                connection.look_ahead(feed.clock.now());
+            }
             let Err(why) = connection.serve(feed, self.idle_timeout) else { continue };
             if let Some(why) = why {
                 remark(&format!("the client {} is disconnected: {why}", connection.peer));
@@ -94,8 +99,7 @@ impl Server {
             _ = connection.stream.stream.shutdown(std::net::Shutdown::Both);
             *lock(&self.shared) = None;
             self.connection = None;
-            feed.client.left.fetch_add(1, Ordering::Release);
-            feed.connect(false);
+            feed.leave();
         }
     }
 
@@ -155,8 +159,15 @@ impl Server {
         let stream = Arc::new(Stream { stream, taken: AtomicU64::new(0) });
         *lock(&self.shared) = Some(Arc::clone(&stream));
         let active = (feed.clock.now(), 0);
-        self.connection =
-            Some(Connection { stream, peer, held: None, is_readable: true, left: None, active });
+        self.connection = Some(Connection {
+            stream,
+            peer,
+            ahead: VecDeque::new(),
+            held: None,
+            is_readable: true,
+            left: None,
+            active,
+        });
         feed.connect(true);
     }
 }
@@ -185,6 +196,28 @@ impl Connection {
             }
             result => result,
         }
+    }
+
+    /// Reads on without the line, up to the end of the connection if that is there.
+    fn look_ahead(&mut self, now: Duration) {
+        let mut buffer = [0; 64 * 1024];
+        while self.left.is_none() && self.ahead.len() < AHEAD {
+            match (&self.stream.stream).read(&mut buffer) {
+                Ok(0) => self.left = Some(now),
+                Ok(length) => {
+                    self.ahead.extend(buffer.get(..length).unwrap_or_default());
+                    self.is_readable = true;
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => self.left = Some(now),
+            }
+        }
+    }
+
+    /// The next bytes of the client, of which some may be read already.
+    fn next_bytes(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if self.ahead.is_empty() { (&self.stream.stream).read(buffer) } else { self.ahead.read(buffer) }
     }
 
     /// An error is the end of the connection, and why, unless the client has ended it.
@@ -217,7 +250,7 @@ impl Connection {
                 };
             }
             let mut buffer = [0; CHUNK];
-            match (&self.stream.stream).read(&mut buffer) {
+            match self.next_bytes(&mut buffer) {
                 Ok(0) => return Err(None),
                 Ok(length) => {
                     self.active.0 = now;

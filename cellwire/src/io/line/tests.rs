@@ -12,7 +12,9 @@ const MS: Duration = Duration::from_millis(1);
 fn line(baud: u32) -> (Line, Box<dyn SerialPort>, Clock) {
     let (device, path) = serial::pair().unwrap();
     let clock = Clock::start();
-    let mut line = Line::over_port(device, clock, baud, TraceArgs::off().start("x")).unwrap();
+    let mut line =
+        Line::over_port(device, std::path::Path::new(&path), clock, baud, TraceArgs::off().start("x"))
+            .unwrap();
     let client = open(&path, baud);
     while !line.is_connected() {
         assert!(line.wait(clock.now() + MS));
@@ -57,7 +59,9 @@ fn bytes_arrive_at_the_baud_rate_both_ways() {
 fn bytes_sent_without_a_client_are_lost_and_the_next_client_is_served() {
     let (device, path) = serial::pair().unwrap();
     let clock = Clock::start();
-    let mut line = Line::over_port(device, clock, 115_200, TraceArgs::off().start("x")).unwrap();
+    let mut line =
+        Line::over_port(device, std::path::Path::new(&path), clock, 115_200, TraceArgs::off().start("x"))
+            .unwrap();
     for round in 1..4u8 {
         line.send(&[99]);
         assert!(line.wait(clock.now() + 5 * MS));
@@ -84,7 +88,7 @@ fn a_client_that_disconnects_and_the_end_of_the_line_write_a_trace() {
     let (device, path) = serial::pair().unwrap();
     let clock = Clock::start();
     let trace = Trace::new("x", 10, Some(&dir));
-    let mut line = Line::over_port(device, clock, 115_200, trace).unwrap();
+    let mut line = Line::over_port(device, std::path::Path::new(&path), clock, 115_200, trace).unwrap();
     for byte in [7, 8] {
         let mut client = open(&path, 115_200);
         client.write_all(&[byte]).unwrap();
@@ -146,4 +150,34 @@ fn faults_are_about_as_frequent_as_configured() {
     let wrong = got.iter().filter(|byte| byte.count_ones() == 1).count() as u64;
     assert_eq!(wrong, line.faults());
     assert!((10..100).contains(&wrong), "{wrong} of 2000");
+}
+
+/// An answer that is on the line, or that the client has not read, is lost with it.
+#[test]
+fn the_next_client_of_a_pseudo_terminal_reads_no_answer_to_the_one_before() {
+    for read in [0, 6, 12] {
+        let (mut line, mut client, clock) = line(1200);
+        client.write_all(&[5]).unwrap();
+        while line.receive().is_none() {
+            assert!(line.wait(clock.now() + 20 * MS));
+        }
+        line.send(&[0xA5; 12]);
+        // How much of it has arrived when the client closes.
+        let until = clock.now() + 9 * MS * read;
+        while clock.now() < until {
+            assert!(line.wait(until));
+        }
+        let (path, left) = (client.name().unwrap(), line.left());
+        drop(client);
+        while line.left() == left {
+            assert!(line.wait(clock.now() + MS));
+        }
+        let mut next = open(&path, 1200);
+        next.set_timeout(200 * MS).unwrap();
+        let reader = thread::spawn(move || next.read(&mut [0; 12]).map_err(|error| error.kind()));
+        while !reader.is_finished() {
+            assert!(line.wait(clock.now() + MS));
+        }
+        assert_eq!(reader.join().unwrap(), Err(std::io::ErrorKind::TimedOut), "{read}");
+    }
 }

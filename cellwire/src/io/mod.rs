@@ -1,5 +1,6 @@
 //! Transports, the times of a serial line, captures, files, signals.
 
+pub mod backoff;
 pub mod bell;
 pub mod capture;
 pub mod drawing;

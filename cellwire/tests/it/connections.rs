@@ -148,6 +148,54 @@ fn what_a_client_has_sent_that_has_left_is_dropped_and_the_next_one_is_served() 
     });
 }
 
+/// What the system holds of a client hides that it has closed the connection: at 115200 baud for minutes.
+#[test]
+fn a_flood_and_a_normal_close_do_not_keep_the_next_client_out() {
+    thread::scope(|scope| {
+        for (device, request) in
+            [("ball", &[ENQ][..]), ("laser", &[0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 3, 0x90, 0x82, 0xF6])]
+        {
+            scope.spawn(move || {
+                let simulator = Running::listening(&format!("{device} --set baud=115200"));
+                let mut client = simulator.connect();
+                let taken = flood(&mut client, &[b'0'; 65536], 16 * MB);
+                assert!(taken > MB, "{device} took {taken} bytes");
+                drop(client);
+                let left = Instant::now();
+                let is_served = || {
+                    let mut next = simulator.connect();
+                    next.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+                    next.write_all(request).is_ok() && next.read(&mut [0; 64]).is_ok_and(|length| length > 0)
+                };
+                while !is_served() {
+                    assert!(left.elapsed() < Duration::from_secs(20), "{device} serves nobody");
+                }
+            });
+        }
+    });
+}
+
+/// A robot that is connected to has one PC: the newest, whatever those before it do.
+#[test]
+fn a_robot_that_listens_serves_the_newest_pc_at_once() {
+    let mut robot = Running::listening("kawasaki-robot");
+    let is_served = |robot: &mut Running, pc: &TcpStream| {
+        let begin = Instant::now();
+        robot.line(&format!("\"peer\":\"{}\"", pc.local_addr().unwrap()));
+        assert!(begin.elapsed() < Duration::from_secs(3), "after {:?}", begin.elapsed());
+    };
+    let first = robot.connect();
+    is_served(&mut robot, &first);
+    // One that is silent, and several that are gone already.
+    let second = robot.connect();
+    is_served(&mut robot, &second);
+    for _ in 0..20 {
+        SockRef::from(&robot.connect()).set_linger(Some(Duration::ZERO)).unwrap();
+    }
+    let last = robot.connect();
+    is_served(&mut robot, &last);
+}
+
 /// A client that leaves at once has sent what it has sent, and one that comes at once is not refused.
 #[test]
 fn a_frame_of_a_client_that_has_left_is_executed() {

@@ -392,3 +392,49 @@ fn a_poll_prints_what_changes_and_survives_a_restart() {
     assert_eq!(code, Some(1), "a range was refused");
     drop(second);
 }
+
+/// A device that accepts and closes at once is tried again after longer and longer pauses: a connection is no reply.
+#[test]
+fn a_device_that_closes_at_once_is_seldom_connected_to() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (sender, births) = std::sync::mpsc::channel();
+    thread::spawn(move || {
+        listener.incoming().map_while(Result::ok).for_each(|_closed| sender.send(()).unwrap())
+    });
+    let poll = ["modbus", "poll", &address, "holding:0-3", "--every", "20", "--seconds", "4"];
+    let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(poll).output().unwrap();
+    assert!(!output.status.success());
+    let births = births.try_iter().count();
+    assert!((3..9).contains(&births), "{births} connections");
+}
+
+/// After a reply that did not come a client connects again by itself. A server that has room for one connection may refuse that at first.
+#[test]
+fn a_connection_that_is_refused_to_its_own_reconnect_is_tried_again() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let server = thread::spawn(move || {
+        let (mut silent, _) = listener.accept().unwrap();
+        std::io::copy(&mut silent, &mut std::io::sink()).unwrap();
+        drop(listener.accept().unwrap());
+        let (mut client, _) = listener.accept().unwrap();
+        let mut request = [0; 8];
+        client.read_exact(&mut request).unwrap();
+        let mut reply = vec![9, 3, 2, 0, 42];
+        let crc = reply.iter().fold(0xFFFF_u16, |crc, byte| {
+            (0..8).fold(
+                crc ^ u16::from(*byte),
+                |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xA001 } else { crc >> 1 },
+            )
+        });
+        reply.extend(crc.to_le_bytes());
+        client.write_all(&reply).unwrap();
+        request
+    });
+    let request = "{\"unit\":9,\"function\":3,\"address\":0,\"quantity\":1}\n";
+    let output = ask(&[&address, "--framing", "rtu", "--timeout", "200"], &request.repeat(2));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.lines().nth(1).is_some_and(|line| line.contains("[42]")), "{text}");
+    assert_eq!(server.join().unwrap()[..2], [9, 3]);
+}

@@ -10,6 +10,7 @@ use cellwire_links::end::End;
 use serde_json::{Map, Value, json};
 
 const MS: Duration = Duration::from_millis(1);
+const SECOND: Duration = Duration::from_secs(1);
 const EXCHANGES: u32 = 100;
 
 /// Between the line and a program.
@@ -194,7 +195,7 @@ fn one_by_one(pair: &mut Pair, call: &str, argument: &Value, good: &str, bad: &[
     let mut answered = 0;
     for _ in 0..EXCHANGES {
         pair.call(0, call, argument);
-        let until = pair.now + 20 * Duration::from_secs(1);
+        let until = pair.now + 20 * SECOND;
         'exchange: while pair.now < until {
             for event in pair.step(until) {
                 if is(&event, 1, &["queued"]) {

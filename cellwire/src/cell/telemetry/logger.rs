@@ -9,6 +9,7 @@ use anyhow::Result;
 use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Failure, Reply, Request, TelemetryBlock};
 use robot_session::{Driver, Ended, Session as _};
 
+use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
 use crate::io::line::Clock;
 use crate::io::{interrupt, tcp};
@@ -37,8 +38,8 @@ pub struct Logger {
     driver: Driver<TcpStream>,
     client: Client<1>,
     clock: Clock,
-    /// The time before the next attempt to connect again.
-    wait: Duration,
+    /// The pauses before another connection, until there is a block.
+    backoff: Backoff,
 }
 
 /// What a request for the block came to, or what became of the connection.
@@ -56,10 +57,6 @@ pub enum Reading<'a> {
     Reconnected(Duration),
 }
 
-/// The time before the first attempt to connect again; each one after it waits twice as long, up to the longest, until there is a
-/// block.
-const FIRST_WAIT: Duration = Duration::from_millis(100);
-const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// How many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
 /// open for a quarter of an hour.
 const MOST_SILENT: u32 = 3;
@@ -75,7 +72,7 @@ impl Logger {
         let driver = Driver::new(tcp::connect(&source.server, source.connect_timeout)?);
         let mut client = Client::new(source.config)?;
         client.handle_connected(robot_session::now());
-        Ok(Self { source, driver, client, clock, wait: FIRST_WAIT })
+        Ok(Self { source, driver, client, clock, backoff: Backoff::default() })
     }
 
     /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
@@ -142,7 +139,7 @@ impl Logger {
             silent = if matches!(reading, Answer::Silence(_)) { silent + 1 } else { 0 };
             let goes_on = match reading {
                 Answer::Block(registers) => {
-                    self.wait = FIRST_WAIT;
+                    self.backoff.answered();
                     each(Reading::Registers(&registers, took))?
                 }
                 Answer::Silence(why) | Answer::Refusal(why) => each(Reading::Failed(&why))?,
@@ -166,8 +163,7 @@ impl Logger {
         self.client.handle_disconnected(robot_session::now());
         while self.client.poll_event().is_some() {} // the request that was in flight: there is no block
         loop {
-            let until = self.clock.now() + self.wait;
-            self.wait = (self.wait * 2).min(LONGEST_WAIT);
+            let until = self.clock.now() + self.backoff.pause();
             let until = end.map_or(until, |end| until.min(end));
             while self.clock.now() < until {
                 if interrupt::requested() {

@@ -1,6 +1,5 @@
 //! `cellwire modbus poll`.
 
-use std::thread;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
@@ -18,7 +17,7 @@ use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 ///
 /// The first line of each range has all of its values; each later line has one changed value, with the time in seconds
 /// since the start, the old and the new value. A read error of a range is a line, and so is its end; likewise
-/// a lost connection, which is reopened. Runs for --seconds, or until interrupted.
+/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. Runs for --seconds, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port
@@ -38,9 +37,6 @@ pub(super) struct Args {
     #[command(flatten)]
     port: PortArgs,
 }
-
-/// The longest time between two attempts to connect again.
-const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
@@ -84,30 +80,10 @@ fn again(client: &mut Client, error: Error, clock: &Clock, goes_on: impl Fn() ->
         return Err(error);
     }
     log(&event(clock, json!({"event": "disconnected", "why": error.to_string()})))?;
-    if !reconnect(client, goes_on) {
+    if !client.regain(goes_on) {
         return Err(error);
     }
     log(&event(clock, json!({"event": "reconnected"})))
-}
-
-/// False when the end has come.
-fn reconnect(client: &mut Client, goes_on: impl Fn() -> bool) -> bool {
-    let mut wait = Duration::from_millis(100);
-    loop {
-        let mut left = wait;
-        while left > Duration::ZERO && goes_on() {
-            let step = left.min(Duration::from_millis(100));
-            thread::sleep(step);
-            left -= step;
-        }
-        if !goes_on() {
-            return false;
-        }
-        if client.reconnect().is_ok() {
-            return true;
-        }
-        wait = (wait * 2).min(LONGEST_WAIT);
-    }
 }
 
 /// A line with its time.

@@ -1,6 +1,7 @@
 //! `cellwire modbus scan`.
 
 use core::ops::RangeInclusive;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use fanuc_hmi_modbus::{Exception, Reply, Request};
@@ -9,9 +10,15 @@ use serde_json::json;
 
 use super::PortArgs;
 use super::range::{Range, TABLES};
+use crate::io::drive::Lost;
 use crate::io::interrupt;
 use crate::io::output::{log, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+
+/// How often a request is made whose connection is lost.
+const TRIES: usize = 2;
+/// A server that cannot be connected to for this long ends the scan.
+const GIVEN_UP: Duration = Duration::from_secs(20);
 
 /// Scans for units, or with --ranges for the readable addresses of one unit. Sends only read requests.
 ///
@@ -68,10 +75,7 @@ fn units_of(args: &Args, client: &mut Client) -> Result<u64> {
         progress.inc(1);
         progress.set_message(format!("unit {unit}, {found} found"));
         let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
-        let answer = client.ask(unit, &request, |reply| match reply.pdu {
-            Reply::Exception { exception, .. } => Err(exception),
-            _ => Ok(()),
-        })?;
+        let Some(answer) = ask(client, unit, &request)? else { break };
         let reply = match answer {
             Answer::Replied(Ok(())) => "has holding register 0".into(),
             Answer::Replied(Err(
@@ -145,10 +149,9 @@ fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
 
 fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
     let Some(request) = part.request() else { return Ok(Tried::Refused) };
-    let answer = client.ask(unit, &request, |reply| match reply.pdu {
-        Reply::Exception { exception, .. } => Err(exception),
-        _ => Ok(()),
-    })?;
+    let Some(answer) = ask(client, unit, &request)? else {
+        return Ok(Tried::Nothing("the scan was interrupted".into()));
+    };
     Ok(match answer {
         Answer::Replied(Ok(())) => Tried::Read,
         Answer::Replied(Err(exception @ Exception::IllegalFunction)) => Tried::Nothing(exception.to_string()),
@@ -156,6 +159,36 @@ fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
         Answer::Failed(failure) => Tried::Nothing(failure.to_string()),
         Answer::Announced => Tried::Nothing("unit 0 is a broadcast, without a reply".into()),
     })
+}
+
+/// Asks whether something can be read. A server that closes the connection, as some do at a request that they refuse, is asked once more.
+/// `None`: the scan was interrupted.
+fn ask(
+    client: &mut Client,
+    unit: u8,
+    request: &Request<'_>,
+) -> Result<Option<Answer<Result<(), Exception>>>> {
+    let once = |client: &mut Client| {
+        client.ask(unit, request, |reply| match reply.pdu {
+            Reply::Exception { exception, .. } => Err(exception),
+            _ => Ok(()),
+        })
+    };
+    let mut failure = None;
+    for _ in 0..TRIES {
+        match once(client) {
+            Err(error) if error.is::<Lost>() => {
+                failure = Some(client.lost());
+                let end = Instant::now() + GIVEN_UP;
+                let goes_on = || !interrupt::requested() && Instant::now() < end;
+                if !client.regain(goes_on) {
+                    return if interrupt::requested() { Ok(None) } else { Err(error) };
+                }
+            }
+            answer => return answer.map(Some),
+        }
+    }
+    Ok(failure.map(Answer::Failed))
 }
 
 fn progress(length: u64) -> ProgressBar {

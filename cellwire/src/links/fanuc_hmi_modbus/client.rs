@@ -1,18 +1,25 @@
 //! A Modbus client that asks one thing at a time, over TCP or a serial line.
 
 use std::ops::ControlFlow;
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::io::serial::Mode;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
 use robot_session::{Driver, End as _, Ended, Serial, Session as _};
 
+use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
 use crate::io::output::remark;
 use crate::io::port::AnyPort;
 use crate::io::stream::Stream;
 use crate::io::{serial, tcp};
+
+/// A connection that the client itself has replaced is tried again for this long.
+const REGAINED: Duration = Duration::from_secs(5);
+/// An interrupt is seen after this time at the latest.
+const TURN: Duration = Duration::from_millis(100);
 
 /// Where the servers are.
 #[derive(Debug, Clone)]
@@ -82,6 +89,8 @@ pub struct Client {
     session: modbus::Client<1>,
     /// The next request needs another connection.
     is_used_up: bool,
+    /// The pauses before another connection.
+    backoff: Backoff,
 }
 
 /// What a request came to.
@@ -104,7 +113,8 @@ impl Client {
         let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
-        Ok(Self { port: port.clone(), driver, session, is_used_up: false })
+        let backoff = Backoff::default();
+        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff })
     }
 
     /// Makes one request, and gives what `read` makes of the reply.
@@ -118,9 +128,32 @@ impl Client {
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
-        if self.is_used_up {
-            self.reconnect()?;
+        // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or closes it.
+        let (is_own, end) = (self.is_used_up, Instant::now() + REGAINED);
+        loop {
+            let asked = if self.is_used_up { self.reconnect() } else { Ok(()) };
+            let asked = asked.and_then(|()| self.ask_once(unit, request, &mut read));
+            let again = |error: &anyhow::Error| is_own && error.is::<Lost>() && changes_nothing(request);
+            match asked {
+                Err(error) if again(&error) => {
+                    let pause = self.backoff.pause();
+                    if Instant::now() + pause >= end {
+                        return Err(error);
+                    }
+                    thread::sleep(pause);
+                    self.is_used_up = true;
+                }
+                answer => return answer,
+            }
         }
+    }
+
+    fn ask_once<T>(
+        &mut self,
+        unit: u8,
+        request: &Request<'_>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Answer<T>> {
         // What has come before the request is no reply to it.
         self.turn(Some(Duration::ZERO), |_| ())?;
         self.session.request(unit, request)?;
@@ -129,8 +162,28 @@ impl Client {
                 break answer;
             }
         };
+        if let Answer::Replied(_) = answer {
+            self.backoff.answered();
+        }
         self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
         Ok(answer)
+    }
+
+    /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
+    /// Returns false when `goes_on` is over before.
+    pub fn regain(&mut self, goes_on: impl Fn() -> bool) -> bool {
+        loop {
+            let end = Instant::now() + self.backoff.pause();
+            while goes_on() && Instant::now() < end {
+                thread::sleep(end.saturating_duration_since(Instant::now()).min(TURN));
+            }
+            if !goes_on() {
+                return false;
+            }
+            if self.reconnect().is_ok() {
+                return true;
+            }
+        }
     }
 
     /// Reads what comes in the meantime, for this long: unexpected replies, and the end of the connection.
@@ -139,7 +192,7 @@ impl Client {
     /// As [`ask`](Self::ask).
     pub fn idle(&mut self, time: Duration) -> Result<()> {
         if self.is_used_up {
-            std::thread::sleep(time);
+            thread::sleep(time);
             return Ok(());
         }
         self.turn(Some(time), |_| ()).map(drop)
@@ -189,7 +242,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Lost`] when there is none.
-    pub fn reconnect(&mut self) -> Result<()> {
+    fn reconnect(&mut self) -> Result<()> {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
         // The old one first: some servers have room for one.
@@ -199,6 +252,17 @@ impl Client {
         self.session.handle_connected(robot_session::now());
         Ok(())
     }
+}
+
+/// Whether a request that is made twice does no harm.
+fn changes_nothing(request: &Request<'_>) -> bool {
+    matches!(
+        request,
+        Request::ReadCoils { .. }
+            | Request::ReadDiscreteInputs { .. }
+            | Request::ReadHoldingRegisters { .. }
+            | Request::ReadInputRegisters { .. }
+    )
 }
 
 /// The answer in an event; what is none goes to standard error.

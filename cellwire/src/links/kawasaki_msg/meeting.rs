@@ -8,15 +8,13 @@ use anyhow::{Result, bail};
 use kawasaki_msg::{Dialect, Message};
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
+use crate::io::backoff::Backoff;
 use crate::io::listener::{Arrival, Listener};
 use crate::io::output::remark;
 use crate::io::stream::Stream;
 use crate::io::udp::{self, Datagrams};
 use crate::io::{drive::Lost, tcp};
 use crate::links::device::Endpoint;
-
-/// A PC that connects tries it again this often.
-const RETRY: Duration = Duration::from_secs(1);
 
 /// The longest datagram.
 const LONGEST: usize = 65536;
@@ -32,6 +30,8 @@ pub enum Meeting {
         address: String,
         /// How long a connection may take to open.
         timeout: Duration,
+        /// The pauses between connections.
+        backoff: Backoff,
     },
     /// It sends datagrams; what it sends has to be a message of this table.
     Datagrams(UdpSocket, Dialect<'static>),
@@ -96,7 +96,9 @@ impl Meeting {
                 Ok((Self::Listen(Listener::new(listener)?), "listen", place))
             }
             Endpoint::Connect(address) => {
-                Ok((Self::Connect { address: address.clone(), timeout }, "connect", address.clone()))
+                let meeting =
+                    Self::Connect { address: address.clone(), timeout, backoff: Backoff::default() };
+                Ok((meeting, "connect", address.clone()))
             }
             Endpoint::Pty(_) => bail!("the link is TCP or UDP: use --listen or --connect"),
         }
@@ -109,20 +111,14 @@ impl Meeting {
     pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
         let stream = |stream| Carrier::Tcp(Stream::new(stream));
         Ok(match self {
-            Self::Listen(listener) => match listener.accept() {
-                Ok(Arrival::Client(client, peer)) => {
-                    let client = TcpStream::from(client);
+            Self::Listen(listener) => match newest(listener) {
+                Some((client, peer)) => {
                     client.set_nonblocking(false)?;
                     Ok(Some((stream(client), peer.to_string())))
                 }
-                Ok(Arrival::Refused(peer)) => {
-                    remark(&format!("refused {peer}: too many open files, see ulimit -n"));
-                    Ok(None)
-                }
-                // Who waits may be accepted at the next turn.
-                Ok(Arrival::Nobody) | Err(_) => Ok(None),
+                None => Ok(None),
             },
-            Self::Connect { address, timeout } => match tcp::connect(address, *timeout) {
+            Self::Connect { address, timeout, .. } => match tcp::connect(address, *timeout) {
                 Ok(client) => Ok(Some((stream(client), address.clone()))),
                 Err(error) => Err(format!("{error:#}")),
             },
@@ -140,9 +136,40 @@ impl Meeting {
         matches!(self, Self::Listen(_))
     }
 
-    /// How long to wait after a connection that could not be opened, or has ended.
-    pub fn pause(&self) -> Duration {
-        if matches!(self, Self::Connect { .. }) { RETRY } else { Duration::ZERO }
+    /// Returns the pause after a connection that could not be opened, or has ended.
+    pub fn pause(&mut self) -> Duration {
+        if let Self::Connect { backoff, .. } = self { backoff.pause() } else { Duration::ZERO }
+    }
+
+    /// The peer has sent something: the next pause is the shortest again.
+    pub fn answered(&mut self) {
+        if let Self::Connect { backoff, .. } = self {
+            backoff.answered();
+        }
+    }
+}
+
+/// The client that has connected last, of those that have not left again: each later one takes the place of the one before it.
+fn newest(listener: &mut Listener) -> Option<(TcpStream, SocketAddr)> {
+    let mut found = None;
+    loop {
+        match listener.accept() {
+            Ok(Arrival::Client(client, peer)) => {
+                let client = TcpStream::from(client);
+                let has_left = match client.peek(&mut [0]) {
+                    Ok(length) => length == 0,
+                    Err(error) => error.kind() != ErrorKind::WouldBlock,
+                };
+                if !has_left {
+                    found = Some((client, peer));
+                }
+            }
+            Ok(Arrival::Refused(peer)) => {
+                remark(&format!("refused {peer}: too many open files, see ulimit -n"));
+            }
+            // A client without room may be accepted at the next turn.
+            Ok(Arrival::Nobody) | Err(_) => return found,
+        }
     }
 }
 

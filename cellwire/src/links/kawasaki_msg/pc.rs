@@ -99,7 +99,11 @@ pub fn run<P: Program>(
         Server { session, driver, trace, program, retry_at: Duration::ZERO, reported: String::new() };
     loop {
         server.meet(meeting)?;
-        match server.turn()? {
+        let turn = server.turn()?;
+        if server.driver.transport_mut().take_received() {
+            meeting.answered();
+        }
+        match turn {
             Err(why) => server.disconnected(meeting, &why)?,
             Ok(()) if server.program.step(&mut server.session)? => {}
             Ok(()) => break,
@@ -174,7 +178,7 @@ impl<P: Program> Server<'_, P> {
         }
     }
 
-    fn disconnected(&mut self, meeting: &Meeting, why: &str) -> Result<()> {
+    fn disconnected(&mut self, meeting: &mut Meeting, why: &str) -> Result<()> {
         if !self.driver.transport_mut().disconnect() {
             return Ok(());
         }

@@ -43,11 +43,20 @@ pub(super) struct Peer<'a> {
     carrier: Option<Traced<'a, Carrier>>,
     discard_after: Option<Duration>,
     pub(super) packets: Packets,
+    /// The other end has sent something since this was looked at.
+    received: bool,
 }
 
 impl<'a> Peer<'a> {
     pub(super) fn new(trace: &'a Trace) -> Self {
-        Self { clock: Clock::start(), trace, carrier: None, discard_after: None, packets: Packets::default() }
+        Self {
+            clock: Clock::start(),
+            trace,
+            carrier: None,
+            discard_after: None,
+            packets: Packets::default(),
+            received: false,
+        }
     }
 
     pub(super) fn connect(&mut self, mut carrier: Carrier) -> io::Result<()> {
@@ -60,6 +69,11 @@ impl<'a> Peer<'a> {
 
     pub(super) fn is_connected(&self) -> bool {
         self.carrier.is_some()
+    }
+
+    /// Returns whether the other end has sent something since the last call.
+    pub(super) fn take_received(&mut self) -> bool {
+        core::mem::take(&mut self.received)
     }
 
     /// Whether there was a connection.
@@ -75,7 +89,9 @@ impl Transport for Peer<'_> {
 
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if let Some(carrier) = &mut self.carrier {
-            return carrier.receive(buffer, wait);
+            let received = carrier.receive(buffer, wait)?;
+            self.received |= matches!(received, Received::Bytes(_));
+            return Ok(received);
         }
         wait.pause()?;
         Ok(Received::Nothing)

@@ -10,7 +10,7 @@ use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, Told};
 use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::{Driver, Session, Transport as _, Waker};
 
-use super::meeting::Meeting;
+use super::meeting::{Carrier, Meeting};
 use super::peer::{Peer, outcome};
 use super::sheet::Lines;
 use crate::io::samples::Samples;
@@ -31,6 +31,9 @@ pub struct Setup {
     /// How long a job takes that is none.
     pub job_time: Duration,
 }
+
+/// A robot that is connected to looks for another PC this often.
+const GLANCE: Duration = Duration::from_millis(20);
 
 /// What a run has shown.
 #[derive(Debug, Default)]
@@ -149,11 +152,25 @@ enum Break {
 impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> {
     fn run(&mut self, meeting: &mut Meeting, switch: &Switch) -> Result<()> {
         while !switch.is_off() {
+            if meeting.takes_another() {
+                self.take_newest(meeting)?;
+            }
             if let Err(why) = self.turn(meeting)? {
                 self.disconnected(&why)?;
             }
         }
         self.disconnected("the robot is switched off")
+    }
+
+    /// Where PCs connect, a new one takes the place of the one before it, whatever that does.
+    fn take_newest(&mut self, meeting: &mut Meeting) -> Result<()> {
+        if let Ok(Some(found)) = meeting.meet()? {
+            if self.driver.transport_mut().is_connected() {
+                self.disconnected("another PC has connected")?;
+            }
+            self.connected(found)?;
+        }
+        Ok(())
     }
 
     /// The inner error is why there is no connection.
@@ -167,8 +184,11 @@ impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> 
                 stroke(Stroke { order, job: done.work });
             }
         };
-        let turn = driver.turn(session, None, |session, told| {
+        // A PC that connects waits this long at most.
+        let wait = meeting.takes_another().then_some(GLANCE);
+        let turn = driver.turn(session, wait, |session, told| {
             let event = match told {
+                Told::Connect if wait.is_some() => return ControlFlow::Continue(()),
                 Told::Connect => return ControlFlow::Break(Break::Connect),
                 Told::Close(_) => return ControlFlow::Break(Break::Silent),
                 Told::Device(RobotEvent::Connect) => return ControlFlow::Continue(()),
@@ -197,16 +217,19 @@ impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> 
     }
 
     fn connect(&mut self, meeting: &mut Meeting) -> Result<Result<(), String>> {
-        let (carrier, peer) = match meeting.meet()? {
-            Ok(Some(found)) => found,
-            Ok(None) => return Ok(Err("no PC has connected".into())),
-            Err(why) => return Ok(Err(why)),
-        };
+        match meeting.meet()? {
+            Ok(Some(found)) => self.connected(found).map(Ok),
+            Ok(None) => Ok(Err("no PC has connected".into())),
+            Err(why) => Ok(Err(why)),
+        }
+    }
+
+    fn connected(&mut self, (carrier, peer): (Carrier, String)) -> Result<()> {
         self.driver.transport_mut().connect(carrier)?;
         self.session.handle_connected(self.driver.transport_mut().now());
         self.run.connections += 1;
         self.reported.clear();
-        (self.notify)(Notification::Connected(peer)).map(Ok)
+        (self.notify)(Notification::Connected(peer))
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {

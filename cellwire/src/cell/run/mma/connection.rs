@@ -13,13 +13,12 @@ use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose
 use mmacell_task::Device;
 use robot_session::{Output, discard_unacknowledged, now, settle};
 
+use crate::io::backoff::Backoff;
 use crate::io::bell::Bell;
 use crate::io::tcp;
 
 /// A peer that takes nothing for this long is gone.
 pub(super) const STUCK: Duration = Duration::from_secs(5);
-/// How often a lost connection is retried.
-const RETRY: Duration = Duration::from_secs(1);
 
 /// What has come on a connection.
 #[derive(Debug)]
@@ -58,6 +57,7 @@ pub(super) struct Connection<P: Pose> {
     stream: Option<TcpStream>,
     session: Central<P>,
     retry_at: Duration,
+    backoff: Backoff,
     /// Why it was lost, until the device has answered again: one that ends may still accept a connection.
     lost: Option<String>,
 }
@@ -72,8 +72,10 @@ impl<P: Pose> Connection<P> {
     ) -> Result<Self> {
         let session = Central::new(config)?;
         let (number, stream, retry_at, lost) = (0, None, Duration::ZERO, None);
+        let backoff = Backoff::default();
         let (address, inbox) = (address.to_owned(), inbox.clone());
-        let mut connection = Self { from, address, timeout, inbox, number, stream, session, retry_at, lost };
+        let mut connection =
+            Self { from, address, timeout, inbox, number, stream, session, retry_at, backoff, lost };
         connection.connect()?;
         Ok(connection)
     }
@@ -115,7 +117,7 @@ impl<P: Pose> Connection<P> {
             return Some(self.retry_at);
         }
         let outcome = self.connect();
-        self.retry_at = now().saturating_add(RETRY);
+        self.retry_at = now().saturating_add(self.backoff.pause());
         match outcome {
             // What the session begins with.
             Ok(()) => Some(now()),
@@ -144,6 +146,7 @@ impl<P: Pose> Connection<P> {
             _ if arrival.number != self.number => {} // of a connection that was given up
             Some(bytes) => {
                 self.lost = None;
+                self.backoff.answered();
                 self.session.handle_input(now(), &bytes);
             }
             None => self.close(),

@@ -1,0 +1,53 @@
+//! The pauses of a client before it connects again.
+
+use std::time::Duration;
+
+/// As `robot_session::tokio::Reconnect` has them.
+const FIRST: Duration = Duration::from_millis(100);
+const LONGEST: Duration = Duration::from_secs(5);
+
+/// Pauses that double from one attempt to the next, half of each random, until the peer answers: a connection alone is no answer, as that of
+/// a device which accepts and closes at once.
+#[derive(Debug)]
+pub struct Backoff {
+    next: Duration,
+}
+
+impl Default for Backoff {
+    fn default() -> Self {
+        Self { next: FIRST }
+    }
+}
+
+impl Backoff {
+    /// Returns the pause before the next attempt.
+    pub fn pause(&mut self) -> Duration {
+        let pause = self.next.mul_f64(0.5 + fastrand::f64() / 2.0);
+        self.next = self.next.saturating_mul(2).min(LONGEST);
+        pause
+    }
+
+    /// The peer has answered: the next pause is the first again.
+    pub fn answered(&mut self) {
+        self.next = FIRST;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_double_until_the_peer_answers() {
+        let mut backoff = Backoff::default();
+        let within = |pause: Duration, longest: u64| {
+            let longest = Duration::from_millis(longest);
+            assert!(longest / 2 <= pause && pause <= longest, "{pause:?} {longest:?}");
+        };
+        for longest in [100, 200, 400, 800, 1600, 3200, 5000, 5000] {
+            within(backoff.pause(), longest);
+        }
+        backoff.answered();
+        within(backoff.pause(), 100);
+    }
+}

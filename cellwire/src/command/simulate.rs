@@ -20,7 +20,7 @@ use crate::links::device_parser;
 ///
 /// These protocols have no authentication: any program that reaches the address can connect and send commands. Listen on
 /// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new client of a
-/// Kawasaki PC or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
+/// Kawasaki end or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
 /// each other: data that a client sends faster than the device reads waits in that client's socket.
 ///
 /// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.

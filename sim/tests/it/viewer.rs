@@ -92,6 +92,8 @@ fn requests_that_have_piled_up_have_one_pose() {
     let (mut host, mut driver) = (Host::new(config).unwrap(), Driver::new(stream));
     host.handle_connected(now());
     host.set_pose(now(), [1; 12]);
+    // The interval is over: the first request that is read has an answer at once.
+    std::thread::sleep(S / 100);
     workstation.write_all(&[0x05; 1000]).unwrap();
     let end = now() + S / 2;
     while now() < end {

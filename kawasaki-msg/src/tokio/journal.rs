@@ -3,13 +3,16 @@
 use core::fmt::Write as _;
 use core::future::Future;
 use core::str::FromStr;
+use core::time::Duration;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::string::String;
+use std::thread;
 use std::vec::Vec;
 
 use fs4::FileExt;
+use robot_session::tokio::{JoinHandle, spawn_blocking};
 
 /// How far an order is.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -43,15 +46,26 @@ impl Keep for () {
 /// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] *CHECKSUM` for every change, of which the last counts. The checksum is the
 /// CRC-32 of the line before it, in hex. Earlier versions wrote lines without one: such lines are read before the first that has one.
 ///
-/// A change is written and synchronised to the disk by the task itself, which does nothing else for that time: where the disk is slow,
-/// [`Task::thread`](robot_session::tokio::Task::thread) gives the task a thread of its own.
+/// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
 #[derive(Debug)]
 pub struct Journal {
+    /// Not while it writes.
+    writer: Option<Writer>,
+    /// The change that is being written. It goes on if the future that has begun it is dropped.
+    writing: Option<(JoinHandle<(Writer, io::Result<()>)>, Kept)>,
+}
+
+#[derive(Debug)]
+struct Writer {
     file: File,
     line: String,
     length: u64,
 }
 
+/// The time that the last write of a journal which was dropped may take.
+const LAST_WRITE: Duration = Duration::from_secs(1);
+/// The interval at which the lock of a journal is tried again.
+const RETRY: Duration = Duration::from_millis(10);
 /// The size at which the file is rewritten with its last line.
 const LONGEST: u64 = 1 << 20;
 
@@ -59,13 +73,18 @@ impl Journal {
     /// Opens a journal, or begins one; with it, the order that an earlier program has begun and not ended. One program has it at a time.
     ///
     /// # Errors
-    /// The file system's; another program has the journal; it holds something else, or a line of it is damaged
+    /// The file system's; another program has the journal, also after a second; it holds something else, or a line of it is damaged
     /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, and
     /// begin a new order after the last executed job, with another file.
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, Option<Kept>)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
-        if FileExt::try_lock(&file).is_err() {
-            return Err(io::Error::new(io::ErrorKind::ResourceBusy, "another program has this journal"));
+        let mut waited = Duration::ZERO;
+        while FileExt::try_lock(&file).is_err() {
+            if waited >= LAST_WRITE {
+                return Err(io::Error::new(io::ErrorKind::ResourceBusy, "another program has this journal"));
+            }
+            thread::sleep(RETRY);
+            waited += RETRY;
         }
         let mut text = String::new();
         file.read_to_string(&mut text)?;
@@ -80,7 +99,32 @@ impl Journal {
         let length = whole.len() as u64;
         file.set_len(length)?;
         file.seek(SeekFrom::Start(length))?;
-        Ok((Self { file, line: String::new(), length }, last.filter(|kept| kept.order != 0)))
+        let writer = Writer { file, line: String::new(), length };
+        Ok((Self { writer: Some(writer), writing: None }, last.filter(|kept| kept.order != 0)))
+    }
+
+    /// Waits for the change that is being written. Returns the change and how it went.
+    async fn written(&mut self) -> Option<(Kept, io::Result<()>)> {
+        let (writing, _) = self.writing.as_mut()?;
+        let joined = writing.await;
+        let (_, kept) = self.writing.take()?;
+        let result = joined.map_err(io::Error::other).and_then(|(writer, result)| {
+            self.writer = Some(writer);
+            result
+        });
+        Some((kept, result))
+    }
+}
+
+impl Writer {
+    fn store(&mut self, kept: &Kept) -> io::Result<()> {
+        let written = self.write(kept);
+        if written.is_err() {
+            // What was not kept whole is written over.
+            self.file.set_len(self.length)?;
+            self.file.seek(SeekFrom::Start(self.length))?;
+        }
+        written
     }
 
     fn write(&mut self, kept: &Kept) -> io::Result<()> {
@@ -114,13 +158,21 @@ impl Journal {
 
 impl Keep for Journal {
     async fn keep(&mut self, kept: &Kept) -> io::Result<()> {
-        let kept = self.write(kept);
-        if kept.is_err() {
-            // What was not kept whole is written over.
-            self.file.set_len(self.length)?;
-            self.file.seek(SeekFrom::Start(self.length))?;
+        if let Some((written, result)) = self.written().await
+            && written == *kept
+        {
+            return result;
         }
-        kept
+        let Some(mut writer) = self.writer.take() else {
+            return Err(io::Error::other("the journal has stopped in the middle of a line"));
+        };
+        let change = kept.clone();
+        let writing = spawn_blocking(move || {
+            let result = writer.store(&change);
+            (writer, result)
+        });
+        self.writing = Some((writing, kept.clone()));
+        self.written().await.map_or(Ok(()), |(_, result)| result)
     }
 }
 

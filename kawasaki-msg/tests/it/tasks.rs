@@ -1,6 +1,9 @@
 //! The task of each end, whose peer is the test.
 
+use core::future::Future;
+use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::{Context, Waker};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
@@ -160,6 +163,28 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     journal.keep(&last).await.unwrap();
     drop(journal);
     assert_eq!(Journal::open(&path).unwrap().1, Some(last));
+}
+
+/// A write goes on when its future is dropped: the next one waits for it, and does not write the same again.
+#[tokio::test]
+async fn a_change_whose_future_was_dropped_is_written_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let (mut journal, _) = Journal::open(&path).unwrap();
+    let kept = |sent| Kept { order: 50, sent, ..Kept::default() };
+    for sent in 1..=20 {
+        let mut context = Context::from_waker(Waker::noop());
+        let first = kept(sent);
+        assert!(pin!(journal.keep(&first)).poll(&mut context).is_pending());
+        if sent % 2 == 0 {
+            journal.keep(&first).await.unwrap();
+        }
+    }
+    drop(journal);
+    // The last write ends before another journal begins.
+    assert_eq!(Journal::open(&path).unwrap().1, Some(kept(20)));
+    let lines: Vec<_> = (1..=20).map(|sent| format!("50 0 {sent}\n")).collect();
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), lines.concat());
 }
 
 /// A PC in the middle of order 50, three jobs of which were sent.

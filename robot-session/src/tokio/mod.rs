@@ -15,6 +15,8 @@ mod timer;
 
 /// A value that changes, and who waits for it.
 pub use ::tokio::sync::watch;
+/// Work that blocks its thread, such as writing a file, beside the task.
+pub use ::tokio::task::{JoinHandle, spawn_blocking};
 pub use codec::Codec;
 #[cfg(feature = "tokio-serial")]
 pub use connector::Serial;

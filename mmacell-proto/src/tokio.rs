@@ -18,7 +18,9 @@ use std::io;
 use std::sync::Arc;
 
 use robot_session::now;
-use robot_session::tokio::{self as session, Closed, Connector, Handle, Reply, Reports, Service, Task};
+use robot_session::tokio::{
+    self as session, Closed, Connector, GIVE_UP_AFTER, Handle, Reply, Reports, Service, Task,
+};
 
 use crate::central::{Central, CentralConfig, CentralEvent, Closing, Miss, Progress, Unfinished};
 use crate::error::{ConfigError, SessionError};
@@ -76,6 +78,9 @@ pub enum Error {
     /// The motion has ended elsewhere.
     #[error("the motion has not arrived: {0:?}")]
     Missed(Miss),
+    /// For [`GIVE_UP_AFTER`] the device has refused to report its status. Whether the motion has arrived is unknown.
+    #[error("outcome of the motion unknown: the device does not report its status: {0}")]
+    Unreported(ErrorCode),
     /// The motion was stopped by another client.
     #[error("the motion was stopped")]
     Stopped,
@@ -151,6 +156,8 @@ struct Motion<P> {
     reply: Reply<Outcome<P>>,
     /// When the device is asked next; none while it is asked.
     ask: Option<Duration>,
+    /// The time at which the motion is given up if the device has reported no status until then.
+    silent_at: Duration,
 }
 
 /// What the task does: commands in, outcomes to whom they belong.
@@ -181,7 +188,9 @@ impl<P: Pose> Commands<P> {
             Some(Asked { until: Until::Arrived, reply, .. }) => {
                 // Another motion takes the place of this one.
                 self.end_motion(Err(Error::Stopped));
-                self.motion = Some(Motion { reply, ask: Some(now().saturating_add(ASK)) });
+                let now = now();
+                let (ask, silent_at) = (Some(now.saturating_add(ASK)), now.saturating_add(GIVE_UP_AFTER));
+                self.motion = Some(Motion { reply, ask, silent_at });
             }
             Some(asked) => {
                 if matches!(asked.command, Command::Move { .. } | Command::Stop | Command::Reset) {
@@ -201,7 +210,9 @@ impl<P: Pose> Commands<P> {
             Progress::Still => self.end_motion(Err(Error::Stopped)),
             Progress::Starting | Progress::Moving | Progress::Stopping => {
                 if let Some(motion) = &mut self.motion {
-                    motion.ask = Some(now().saturating_add(ASK));
+                    let now = now();
+                    motion.ask = Some(now.saturating_add(ASK));
+                    motion.silent_at = now.saturating_add(GIVE_UP_AFTER);
                 }
             }
         }
@@ -236,8 +247,11 @@ impl<P: Pose + Send + 'static> Service for Commands<P> {
         match event {
             CentralEvent::Done { .. } => self.done(),
             CentralEvent::Refused { error, .. } => match (&self.asked, &mut self.motion) {
-                (None, Some(motion)) => motion.ask = Some(now().saturating_add(ASK)),
-                _ => self.end(Err(Error::Refused(error))),
+                (None, Some(motion)) if now() < motion.silent_at => {
+                    motion.ask = Some(now().saturating_add(ASK));
+                }
+                (None, _) => self.end_motion(Err(Error::Unreported(error))),
+                (Some(_), _) => self.end(Err(Error::Refused(error))),
             },
             CentralEvent::Status { status, motion } => {
                 self.moved(status, motion);

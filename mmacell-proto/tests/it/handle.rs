@@ -2,14 +2,14 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
-use core::future::ready;
+use core::future::{pending, ready};
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io;
 
 use crate::common::{HOME, MS, pose};
-use mmacell_proto::robot_session::tokio::{Dial, Driver, Reconnect, Tcp};
+use mmacell_proto::robot_session::tokio::{Dial, Driver, GIVE_UP_AFTER, Reconnect, Tcp};
 use mmacell_proto::robot_session::{Session as _, now};
 use mmacell_proto::tokio::{Device as Robot, Error, central};
 use mmacell_proto::{
@@ -180,4 +180,77 @@ async fn without_a_motion_nothing_is_due() {
     sleep(Duration::from_secs(10)).await;
     let parked = runtime.worker_park_count(0) - before;
     assert!(parked < 10, "the task was woken {parked} times");
+}
+
+/// A peer, by what it does with a connection.
+#[derive(Debug, Clone, Copy)]
+enum Peer {
+    Closes,
+    Silent,
+    /// No attempt to connect ends.
+    Absent,
+}
+
+#[tokio::test(start_paused = true)]
+async fn every_command_ends_whatever_the_device_does() {
+    const HOUR: Duration = Duration::from_secs(3600);
+    for peer in [Peer::Closes, Peer::Silent, Peer::Absent] {
+        let mut open = Vec::new();
+        let dial = Dial(move || {
+            let (near, far) = tokio::io::duplex(4096);
+            match peer {
+                Peer::Closes => drop(far),
+                Peer::Silent | Peer::Absent => open.push(far),
+            }
+            async move {
+                if matches!(peer, Peer::Absent) {
+                    pending::<()>().await;
+                }
+                Ok(near)
+            }
+        });
+        let (robot, task) = central::<RobotPose, _>(CentralConfig::DEFAULT, dial).unwrap();
+        tokio::spawn(task.run());
+        let begun = tokio::time::Instant::now();
+        let calls =
+            async { tokio::join!(robot.status(), robot.command(Command::Stop), robot.move_to(pose(1.0))) };
+        let (status, stop, motion) = timeout(HOUR, calls).await.expect("outcomes");
+        for error in [status.map(drop).unwrap_err(), stop.unwrap_err(), motion.map(drop).unwrap_err()] {
+            let is_absent = matches!(error, Error::NotConnected(_));
+            assert!(is_absent || matches!(error, Error::Unknown(_) | Error::NotSent(_)), "{peer:?}: {error}");
+            assert_eq!(is_absent, matches!(peer, Peer::Absent), "{peer:?}: {error}");
+        }
+        assert!(begun.elapsed() < GIVE_UP_AFTER + LONG, "{peer:?}: {:?}", begun.elapsed());
+        let begun = tokio::time::Instant::now();
+        timeout(HOUR, robot.handle().shutdown_after(HOUR)).await.unwrap();
+        assert!(begun.elapsed() < MS);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_motion_of_which_nothing_is_reported_ends() {
+    let (near, mut far) = tokio::io::duplex(4096);
+    let mut near = Some(near);
+    let dial = Dial(move || ready(near.take().ok_or_else(|| io::ErrorKind::ConnectionRefused.into())));
+    let (robot, task) = central::<RobotPose, _>(CentralConfig::DEFAULT, dial).unwrap();
+    tokio::spawn(task.run());
+    // It reports that it moves for a minute, and then no status any more.
+    let moving_until = tokio::time::Instant::now() + Duration::from_secs(60);
+    tokio::spawn(async move {
+        let mut command = [0; 64];
+        while let Ok(length @ 1..) = far.read(&mut command).await {
+            let reply = if command[..length].starts_with(b"MOV") {
+                "OK\r\n"
+            } else if tokio::time::Instant::now() < moving_until {
+                "OKT+100.000+000.000+000.000+00.0000T+00100+00000\r\n"
+            } else {
+                "ER+00001\r\n"
+            };
+            far.write_all(reply.as_bytes()).await.unwrap();
+        }
+    });
+    let motion = timeout(10 * LONG, robot.move_to(pose(1.0))).await.expect("an outcome");
+    assert!(matches!(motion, Err(Error::Unreported(ErrorCode::Generic))), "{motion:?}");
+    let silent = moving_until.elapsed();
+    assert!((GIVE_UP_AFTER - 100 * MS..GIVE_UP_AFTER + 200 * MS).contains(&silent), "{silent:?}");
 }

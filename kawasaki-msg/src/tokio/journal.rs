@@ -52,8 +52,10 @@ pub struct Journal {
     /// Not while it writes.
     writer: Option<Writer>,
     /// The change that is being written. It goes on if the future that has begun it is dropped.
-    writing: Option<(JoinHandle<(Writer, io::Result<()>)>, Kept)>,
+    writing: Option<(Writing, Kept)>,
 }
+
+type Writing = JoinHandle<(Writer, io::Result<()>)>;
 
 #[derive(Debug)]
 struct Writer {
@@ -76,6 +78,7 @@ impl Journal {
     /// The file system's; another program has the journal, also after a second; it holds something else, or a line of it is damaged
     /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, and
     /// begin a new order after the last executed job, with another file.
+    #[allow(clippy::disallowed_methods, reason = "the lock of a file can only be tried again")]
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, Option<Kept>)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         let mut waited = Duration::ZERO;

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use crate::common::Bank;
 use fanuc_hmi_modbus::robot_session::Session as _;
-use fanuc_hmi_modbus::robot_session::tokio::{Dial, Link, Reconnect, Tcp, serve};
+use fanuc_hmi_modbus::robot_session::tokio::{Dial, GIVE_UP_AFTER, Link, Reconnect, Tcp, serve};
 use fanuc_hmi_modbus::tokio::{Client, Error, Event, client};
 use fanuc_hmi_modbus::{
     ClientConfig, Exception, Failure, PositionRegister, Registers, Request, Server, ServerConfig,
@@ -321,4 +321,58 @@ fn a_thread_serves_callers_that_have_no_runtime() {
     drop(robot);
     assert_eq!(thread.join().unwrap().statistics().requests, 2);
     drop(serving);
+}
+
+/// A peer, by what it does with a connection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Peer {
+    Closes,
+    Silent,
+    /// No attempt to connect ends.
+    Absent,
+}
+
+/// More callers than requests in flight, and than calls that wait for room.
+#[tokio::test(start_paused = true)]
+async fn every_request_ends_whatever_the_server_does() {
+    const HOUR: Duration = Duration::from_secs(3600);
+    for peer in [Peer::Closes, Peer::Silent, Peer::Absent] {
+        for config in [ClientConfig::tcp(), ClientConfig::rtu_over_tcp()] {
+            let mut open = Vec::new();
+            let dial = Dial(move || {
+                let (near, far) = tokio::io::duplex(4096);
+                if peer != Peer::Closes {
+                    open.push(far);
+                }
+                async move {
+                    if peer == Peer::Absent {
+                        core::future::pending::<()>().await;
+                    }
+                    Ok(near)
+                }
+            });
+            let (robot, task) = client(config, dial).unwrap();
+            tokio::spawn(task.run());
+            let mut callers = JoinSet::new();
+            for _ in 0..40 {
+                let robot = robot.clone();
+                callers.spawn(async move { robot.read_coils(0..1).await.unwrap_err() });
+            }
+            let begun = tokio::time::Instant::now();
+            let errors = timeout(HOUR, callers.join_all()).await.expect("outcomes");
+            let not_connected = errors.iter().filter(|error| matches!(error, Error::NotConnected(_))).count();
+            match peer {
+                Peer::Absent => assert_eq!(not_connected, 40),
+                Peer::Silent => assert_eq!(not_connected, 0),
+                Peer::Closes => {}
+            }
+            // A silent server costs each request its time, one after the other.
+            let each = config.timeout + config.settle;
+            let most = if peer == Peer::Silent { 40 * each + LONG } else { GIVE_UP_AFTER + LONG };
+            assert!(begun.elapsed() < most, "{peer:?}: {:?}", begun.elapsed());
+            let begun = tokio::time::Instant::now();
+            timeout(HOUR, robot.handle().shutdown_after(HOUR)).await.unwrap();
+            assert!(begun.elapsed() < MS);
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
+use core::future::pending;
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::pin::Pin;
@@ -12,11 +13,11 @@ use std::io::{self, Read as _, Write as _};
 use std::sync::{Arc, Mutex};
 use std::{net, thread};
 
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf, duplex};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
-use val2_alter::robot_session::tokio::{Dial, Driver, Reconnect, Tcp};
+use val2_alter::robot_session::tokio::{Dial, Driver, GIVE_UP_AFTER, Reconnect, Tcp};
 use val2_alter::robot_session::{Session as _, now};
 use val2_alter::tokio::{Arm, Error, host};
 use val2_alter::{
@@ -333,4 +334,63 @@ async fn without_a_connection_a_call_says_why() {
             "{error}"
         );
     }
+}
+
+/// A peer, by what it does with a connection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Peer {
+    Closes,
+    Silent,
+    /// No attempt to connect ends.
+    Absent,
+}
+
+#[tokio::test(start_paused = true)]
+async fn every_call_ends_whatever_the_controller_does() {
+    const HOUR: Duration = Duration::from_secs(3600);
+    for peer in [Peer::Closes, Peer::Silent, Peer::Absent] {
+        let mut open = Vec::new();
+        let dial = Dial(move || {
+            let (near, far) = duplex(4096);
+            if peer != Peer::Closes {
+                open.push(far);
+            }
+            async move {
+                if peer == Peer::Absent {
+                    pending::<()>().await;
+                }
+                Ok(near)
+            }
+        });
+        let config = HostConfig { subroutine: true, ..HostConfig::default() };
+        let (arm, task) = host(config, None, dial).unwrap();
+        tokio::spawn(task.run());
+        let begun = tokio::time::Instant::now();
+        let calls = async { tokio::join!(arm.stop(), arm.accept(), arm.exception(Exception::CloseGripper)) };
+        let (stop, accept, exception) = timeout(HOUR, calls).await.expect("outcomes");
+        let is_absent = |error: Error| matches!(error, Error::NotConnected(_));
+        assert!(stop.map_or_else(is_absent, |()| peer != Peer::Absent));
+        assert!(accept.map_or_else(is_absent, |()| peer != Peer::Absent));
+        assert_eq!(exception.map_err(is_absent), Err(peer == Peer::Absent));
+        assert!(begun.elapsed() <= GIVE_UP_AFTER + 10 * MS, "{peer:?}: {:?}", begun.elapsed());
+        timeout(MS, arm.handle().shutdown_after(HOUR)).await.unwrap();
+    }
+}
+
+/// In the middle of ALTER: the stop ends with the connection, and an exception has an outcome.
+#[tokio::test]
+async fn a_controller_that_goes_in_the_middle_costs_its_calls() {
+    let (arm, line) = Line::to_arm(Mode::CUMULATIVE_23).await;
+    line.start(Mode::CUMULATIVE_23).await;
+    arm.set_target([30, 0, 0, 0, 0, 0]);
+    line.reply(MotionPhase::Running, ErrorCode::None).await;
+    line.reply(MotionPhase::Running, ErrorCode::None).await;
+    let calls = async { tokio::join!(arm.exception(Exception::CloseGripper), arm.stop()) };
+    let going = async {
+        sleep(50 * MS).await;
+        drop(line);
+    };
+    let ((exception, stop), ()) = timeout(LONG, async { tokio::join!(calls, going) }).await.unwrap();
+    assert!(exception.is_ok(), "{exception:?}");
+    assert!(stop.is_ok(), "{stop:?}");
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, Failure, Reply, Request, TelemetryBlock, Ticket, WordOrder, Words,
+    Client, ClientConfig, ClientEvent, Reply, Request, TelemetryBlock, Ticket, WordOrder, Words,
 };
 use robot_session::now;
 use serde::Deserialize;

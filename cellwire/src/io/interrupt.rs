@@ -44,9 +44,12 @@ const LAST_LINE: Duration = Duration::from_secs(2);
 /// # Errors
 /// When the system has no room for a thread.
 pub fn handle() -> Result<()> {
-    install(|_| match lock(&ACCOUNT).is_empty() {
-        true => exit(),
-        false => end_at_once("interrupted"),
+    install(|_| {
+        let is_silent = lock(&ACCOUNT).is_empty();
+        if is_silent {
+            exit();
+        }
+        end_at_once("interrupted");
     })
 }
 

@@ -130,6 +130,25 @@ fn a_robot_that_is_played_draws_with_another_order() {
 const READ: &[u8] = &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1];
 const WRITE: &[u8] = &[0, 2, 0, 0, 0, 6, 1, 6, 0, 1, 0, 3];
 
+/// Its messages may move a device: a signal ends it, and the line has how many were sent.
+#[test]
+fn a_replay_that_is_interrupted_says_what_was_sent() {
+    let recorded = Recorded::new("fanuc-hmi-modbus", "fanuc");
+    let mut client = recorded.tap.connect();
+    exchange(&mut client, &[READ], 11);
+    thread::sleep(Duration::from_secs(5));
+    exchange(&mut client, &[WRITE], 12);
+    drop(client);
+    let (_folder, capture) = recorded.capture(4);
+
+    let server = Running::listening("fanuc");
+    let arguments = format!("fanuc-hmi-modbus --as client --pace times --connect {}", server.address());
+    let mut replay = replay(&arguments, &capture);
+    thread::sleep(Duration::from_secs(1));
+    assert_eq!(replay.signal("-TERM"), Some(130));
+    replay.line("interrupted: 1 of 2 messages were sent, and may have an effect");
+}
+
 #[test]
 fn departures_are_said_message_by_message() {
     let recorded = Recorded::new("fanuc-hmi-modbus", "fanuc");

@@ -147,9 +147,9 @@ fn execute(
     Ok((runner.run(port)?, before))
 }
 
-/// What the controller still does: done means queued, and no message reports what of that is executed.
+/// What the controller still does: done means queued, unknown may be, and no message reports what of that is executed.
 fn machine(before: usize, tally: &Tally) -> String {
-    match tally.done.saturating_sub(before) {
+    match tally.done.saturating_sub(before) + tally.unknown {
         0 => "nothing was queued".into(),
         queued => format!("the controller may still execute up to {queued} queued instructions"),
     }

@@ -155,7 +155,7 @@ fn shadows_need_both_ends() {
     let (status, _, error) = run(cellwire("decode laser-eb90 --shadow"));
     assert_eq!(status, Some(2));
     assert!(
-        error.contains("--shadow needs both ends: use it with a capture, such as --format pcap"),
+        error.contains("--shadow needs both ends: use it with a capture, such as a file of pcap"),
         "{error}"
     );
 }

@@ -66,3 +66,24 @@ fn the_nearest_links_are_those_with_most_beginnings() {
     ];
     assert_eq!(near(&rtu.repeat(4)), expected);
 }
+
+/// Both ends of the link send the same messages: two streams are of two ends, whatever is known of them.
+#[test]
+fn two_streams_of_a_conversation_are_of_both_ends() {
+    let job =
+        bytes("kawasaki-msg", "pc", &json!({}), &json!({"name": "Job", "fields": ["1", "2"]})).repeat(5);
+    let named = |name: &str| Sender::Named(name.into());
+    let traced = |sent| Sender::Traced { name: "of another tool".into(), sent };
+    for (first, second, expected) in [
+        (Sender::Unknown, Sender::Unknown, ["pc", "robot"]),
+        (traced(true), traced(false), ["pc", "robot"]),
+        (named("robot"), Sender::Other("robot".into()), ["robot", "pc"]),
+        (named("pc"), Sender::Other("pc".into()), ["pc", "robot"]),
+        // The PC is traced, and the robot connects.
+        (Sender::Kept { by_keeper: true }, Sender::Kept { by_keeper: false }, ["pc", "robot"]),
+    ] {
+        let streams = [stream(first, &job), stream(second, &job)];
+        let found = identify(by_name("kawasaki-msg"), &streams).unwrap();
+        assert_eq!(found.senders, expected.map(|side| vec![side]));
+    }
+}

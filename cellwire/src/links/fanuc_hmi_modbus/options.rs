@@ -24,6 +24,8 @@ pub struct FanucSettings {
     pub silence: Option<Duration>,
     /// The stall that ends a frame of RTU over TCP.
     pub stall: Duration,
+    /// How long the rest of a request is waited for on a serial line; `None`: 20 ms and 32 characters.
+    pub frame_timeout: Option<Duration>,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
     /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
@@ -117,6 +119,7 @@ impl Default for FanucSettings {
             baud: 19_200,
             silence: None,
             stall,
+            frame_timeout: None,
             word_order,
             faults: None,
             program: ProgramSettings::default(),
@@ -146,13 +149,26 @@ impl FanucSettings {
     }
 
     fn with(&self, config: ServerConfig) -> ServerConfig {
-        ServerConfig { broadcast: self.broadcast.unwrap_or(config.broadcast), ..config }
+        let broadcast = self.broadcast.unwrap_or(config.broadcast);
+        let frame_timeout = self.frame_timeout.unwrap_or(config.frame_timeout);
+        ServerConfig { broadcast, frame_timeout, ..config }
     }
 }
 
 impl Configure for FanucSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults, program } = self;
+        let Self {
+            frames,
+            unit,
+            broadcast,
+            baud,
+            silence,
+            stall,
+            frame_timeout,
+            word_order,
+            faults,
+            program,
+        } = self;
         frames_setting(fields, frames);
         let about = "its unit number; auto: all on TCP, 1 in RTU frames";
         fields.whole_or("unit", 0..=u8::MAX, "", "auto", about, unit);
@@ -163,6 +179,9 @@ impl Configure for FanucSettings {
         let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
         fields.time_or("silence", SOME_TIME, "auto", about, silence);
         fields.time("stall", SOME_TIME, "in RTU over TCP, the silence that ends a frame", stall);
+        let about =
+            "on a serial line, how long the rest of a request is waited for; auto: 20 ms and 32 characters";
+        fields.time_or("frame_timeout", SOME_TIME, "auto", about, frame_timeout);
         word_order_setting(fields, word_order);
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";

@@ -26,7 +26,7 @@ use crate::{STALL, Session, is_due, now};
 const CALLS: usize = 16;
 /// How many events are kept for who has not read them yet.
 const EVENTS: usize = 256;
-/// The time after which calls fail again that waited for others to fail.
+/// The shortest time between two times at which calls fail.
 const AGAIN: Duration = Duration::from_millis(10);
 /// A session without a connection that is due is called as often as this at most.
 const SHORTEST: Duration = Duration::from_millis(1);
@@ -311,6 +311,7 @@ struct Outage {
 impl Outage {
     /// An outage that begins now.
     fn new(limit: Duration) -> Self {
+        let limit = limit.max(AGAIN);
         Self { limit, until: now().saturating_add(limit), why: None }
     }
 

@@ -264,6 +264,21 @@ async fn without_a_limit_a_call_waits() {
     assert!(timeout(100 * S, handle.call(|reply| reply)).await.is_err());
 }
 
+/// It does not keep its processor busy with that.
+#[tokio::test(start_paused = true)]
+async fn with_a_limit_of_zero_a_call_fails_soon() {
+    let (handle, task, _) = cell(Disk::Works, [Peer::Absent]);
+    tokio::spawn(task.give_up_after(Duration::ZERO).run());
+    let (outcome, time) = timed(ask(&handle)).await;
+    assert_eq!(outcome, Ok(Err("there is no peer".into())));
+    assert!(time < 50 * MS, "{time:?}");
+    let runtime = tokio::runtime::Handle::current().metrics();
+    let before = runtime.worker_park_count(0);
+    sleep(S).await;
+    let parked = runtime.worker_park_count(0) - before;
+    assert!(parked < 300, "the task was woken {parked} times");
+}
+
 /// Of a peer that closes each connection after its answer, twenty calls take longer than the limit.
 #[tokio::test(start_paused = true)]
 async fn a_connection_on_which_something_was_sent_gives_calls_their_time_again() {

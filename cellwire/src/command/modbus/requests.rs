@@ -11,7 +11,7 @@ use super::{Refused, Unknown};
 use crate::io::drive::Lost;
 use crate::io::output::log;
 use crate::io::{input, interrupt};
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
 use cellwire_links::json::value as object;
 
 pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<bool> {
@@ -87,14 +87,8 @@ fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
 
 fn failed(frame: &Frame<PduBuf>, failure: Failure) -> Value {
     let mut answer = json!({"failed": failure.to_string()});
-    let is_read = matches!(
-        frame.pdu.request(),
-        Ok(Request::ReadCoils { .. }
-            | Request::ReadDiscreteInputs { .. }
-            | Request::ReadHoldingRegisters { .. }
-            | Request::ReadInputRegisters { .. })
-    );
-    if let (Some(answer), true, false) = (answer.as_object_mut(), failure.is_unknown(), is_read) {
+    let changes = frame.pdu.request().is_ok_and(|request| !changes_nothing(&request));
+    if let (Some(answer), true, true) = (answer.as_object_mut(), failure.is_unknown(), changes) {
         answer.insert("unknown".into(), json!(true));
     }
     answer

@@ -255,7 +255,7 @@ impl Client {
 }
 
 /// Whether a request that is made twice does no harm.
-fn changes_nothing(request: &Request<'_>) -> bool {
+pub fn changes_nothing(request: &Request<'_>) -> bool {
     matches!(
         request,
         Request::ReadCoils { .. }

@@ -53,21 +53,23 @@ const STOPS: [(Input, Stop); 11] = [
     (Input::Foreign, Stop::Close),
 ];
 
+/// The tool as an argument of `env`: it does not ignore SIGHUP, also where the tests are run by `nohup`.
+const HEARS_HANGUP: [&str; 2] = ["--default-signal=HUP", env!("CARGO_BIN_EXE_cellwire")];
+
 /// A run, and the terminal that it has.
 pub(crate) struct Run(pub(crate) Tool, Option<Pty>);
 
 impl Run {
     pub(crate) fn start(args: &[String], input: Input) -> Self {
-        let program = env!("CARGO_BIN_EXE_cellwire");
         let mut command = match input {
-            Input::Pipe | Input::Null => Command::new(program),
+            Input::Pipe | Input::Null => Command::new("env"),
             Input::Session | Input::Foreign | Input::Terminal => {
                 let mut command = Command::new("setsid");
-                command.args((input == Input::Terminal).then_some("--ctty")).arg(program);
+                command.args((input == Input::Terminal).then_some("--ctty")).arg("env");
                 command
             }
         };
-        command.args(args);
+        command.args(HEARS_HANGUP).args(args);
         let mut terminal = None;
         match input {
             Input::Pipe => command.stdin(Stdio::piped()),
@@ -434,7 +436,7 @@ fn a_closed_terminal_that_is_the_output_too_leaves_nothing_unknown() {
         let (user, path) = Pty::new();
         let end = || Stdio::from(File::options().read(true).write(true).open(&path).unwrap());
         let mut command = Command::new("setsid");
-        command.args(session).arg(env!("CARGO_BIN_EXE_cellwire"));
+        command.args(session).arg("env").args(HEARS_HANGUP);
         command.args(cell.arguments(&program, &["--set", "baud=9600", "--again"]));
         let mut process = command.stdin(end()).stdout(end()).stderr(end()).spawn().unwrap();
         drop(command);

@@ -30,7 +30,8 @@ fn judged_run(
 ) -> (Central, Cell) {
     let mut central =
         Central::new(Some(parts), 1, cell::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
-    let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
+    let device = mmacell_proto::DeviceConfig::DEFAULT;
+    let mut cell = Cell::new(seed, errors, MotionFaults::default(), device).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;
     let now = |time| Now { wall: time, cell: time };

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{PlatformPose, RobotPose};
+use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
 use mmacell_task::{Device, TaskConfig};
 
 use super::periphery::Periphery;
@@ -60,18 +60,21 @@ impl Which {
 }
 
 impl Cell {
-    /// A cell whose parts follow from `seed`; with `errors`, one motion of the robot in a hundred fails, and one stalls.
+    /// A cell whose parts follow from `seed`, and whose devices are of this kind; with `errors`, one motion of the robot in a hundred fails, and
+    /// one stalls.
     ///
     /// # Errors
-    /// Never, with the defaults of the protocol.
-    pub fn new(seed: u64, errors: bool, robot: MotionFaults) -> Result<Self> {
-        let config = CONFIG;
+    /// Never, with the refusal of the protocol.
+    pub fn new(seed: u64, errors: bool, robot: MotionFaults, device: DeviceConfig) -> Result<Self> {
+        let cell = CONFIG;
         Ok(Self {
-            robot: Mma { home: config.robot_home, faults: robot, ..Mma::default() }
+            robot: Mma { config: device, home: cell.robot_home, faults: robot, ..Mma::default() }
                 .simulator()?
                 .keeping_nothing(),
-            platform: Mma { home: config.platform_home, ..Mma::default() }.simulator()?.keeping_nothing(),
-            periphery: Periphery::new()?,
+            platform: Mma { config: device, home: cell.platform_home, ..Mma::default() }
+                .simulator()?
+                .keeping_nothing(),
+            periphery: Periphery::new(device)?,
             parts: Workpieces::new(seed),
             errors: errors.then(|| fastrand::Rng::with_seed(!seed)),
             motions_seen: 0,

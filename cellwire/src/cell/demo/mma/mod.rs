@@ -19,7 +19,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use mmacell_proto::CentralConfig;
+use mmacell_proto::{CentralConfig, DeviceConfig};
 use mmacell_task::{Step, TaskConfig};
 
 use self::cell::{Cell, Which};
@@ -47,7 +47,9 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
-    let run = Run::start(options, speed, stalls)?;
+    // The devices speak as the central controller is set to hear and to speak.
+    let device = DeviceConfig { accepts: central.writes, writes: central.accepts, ..DeviceConfig::DEFAULT };
+    let run = Run::start(options, speed, stalls, device)?;
     let (mut log, mut cell, mut judged) =
         run.place((!until_limit).then_some(parts), task, central, options)?;
     let shown = judged.finish(&mut log, cell.record_mut());
@@ -88,8 +90,8 @@ impl Clock {
 }
 
 impl Run {
-    fn start(options: &DemoOptions, speed: u32, stalls: MotionFaults) -> Result<Self> {
-        let cell = Arc::new(Mutex::new(Cell::new(options.seed, options.faults, stalls)?));
+    fn start(options: &DemoOptions, speed: u32, stalls: MotionFaults, device: DeviceConfig) -> Result<Self> {
+        let cell = Arc::new(Mutex::new(Cell::new(options.seed, options.faults, stalls, device)?));
         let clock = Clock { epoch: Instant::now(), speed };
         let mut addresses = Vec::new();
         let mut proxies = Vec::new();
@@ -132,6 +134,7 @@ impl Run {
         }
         options.progress.set_length(parts.unwrap_or_default());
         let mut stands_since = (Step::AwaitDevices, Duration::ZERO);
+        let mut placed_last = (0, Duration::ZERO);
         while central.step() != Step::Finished {
             let now = self.clock.now();
             {
@@ -159,6 +162,15 @@ impl Run {
             } else if now.wall - stands_since.1 > STANDSTILL {
                 bail!("the cell stalled in step {:?}: please report this as a bug", stands_since.0);
             }
+            if placed_last.0 != central.log.placed {
+                placed_last = (central.log.placed, now.wall);
+            } else if now.wall - placed_last.1 > 3 * STANDSTILL {
+                bail!(
+                    "no part was placed in {} s, the step is {:?}",
+                    3 * STANDSTILL.as_secs(),
+                    central.step()
+                );
+            }
             Self::wait(self.clock, &mut central, &mut connections, &inbox)?;
         }
         drop(connections);
@@ -167,7 +179,7 @@ impl Run {
             stop.stop();
             let _ = device.join();
         }
-        let rest = Cell::new(0, false, MotionFaults::default())?;
+        let rest = Cell::new(0, false, MotionFaults::default(), DeviceConfig::DEFAULT)?;
         let cell = core::mem::replace(&mut *lock(&self.cell), rest);
         Ok((central.log, cell, judged))
     }
@@ -412,7 +424,7 @@ mod tests {
 
     #[test]
     fn a_part_that_is_let_go_in_the_wrong_place_fails_the_demo() {
-        let mut cell = Cell::new(1, false, MotionFaults::default()).unwrap();
+        let mut cell = Cell::new(1, false, MotionFaults::default(), DeviceConfig::DEFAULT).unwrap();
         let at = Duration::from_secs;
         cell.drop_part(at(3));
         let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];

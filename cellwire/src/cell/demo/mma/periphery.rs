@@ -24,8 +24,8 @@ pub(super) struct Periphery {
 }
 
 impl Periphery {
-    pub(super) fn new() -> Result<Self> {
-        Ok(Self { device: Device::new(DeviceConfig::DEFAULT)? })
+    pub(super) fn new(device: DeviceConfig) -> Result<Self> {
+        Ok(Self { device: Device::new(device)? })
     }
 
     pub(super) fn connect(&mut self, now: Duration) {
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn it_knows_cameras_and_valves_and_refuses_the_rest() {
-        let mut periphery = Periphery::new().unwrap();
+        let mut periphery = Periphery::new(DeviceConfig::DEFAULT).unwrap();
         periphery.connect(Duration::ZERO);
         let answer = periphery
             .receive(Duration::ZERO, b"ACQ+00002\r\nHND+00000OPEN\r\nHND+00007OPEN\r\nSTA\r\nRST\r\nCLO\r\n");

@@ -53,9 +53,9 @@ impl Line {
         }
     }
 
-    /// Whether a frame may be sent: on a serial line after the silence only.
+    /// Whether a frame may be sent: on a serial line after a silence only.
     pub(crate) fn may_send(self, framing: Framing) -> bool {
-        !framing.is_serial() || self == Self::Silent
+        !framing.is_serial() || !matches!(self, Self::Busy { .. })
     }
 
     /// Whether the bytes that have arrived have ended.

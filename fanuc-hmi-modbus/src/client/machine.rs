@@ -258,7 +258,9 @@ impl<const N: usize> ClientMachine<N> {
             // Without the rule a driver that runs late sends before it has read the late reply.
             Quiet::Until { end } => config.rules.keeps(Rule::ReadBeforeSend) || now < end,
         };
-        let is_busy = !line.may_send(config.framing) && config.rules.keeps(Rule::WaitForSilence);
+        // The rest of a reply is waited for from its first bytes on, and not from a silence on.
+        let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. });
+        let is_busy = !may_send && config.rules.keeps(Rule::WaitForSilence);
         !is_quiet && !is_busy
     }
 

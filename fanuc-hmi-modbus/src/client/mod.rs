@@ -44,6 +44,8 @@ pub struct Client<const N: usize = 8, F: Framings = Framing> {
     places: [Place; N],
     /// The bytes before those that are read now ended within corruption.
     was_corrupt: bool,
+    /// The bytes that were read last may be the beginning of a reply.
+    waits_for_rest: bool,
 }
 
 /// Outcomes have room here for every place.
@@ -104,6 +106,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
             places: [place; N],
             was_corrupt: false,
+            waits_for_rest: false,
         })
     }
 
@@ -300,7 +303,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             };
             let frame = self.core.decoder.frame(range.clone())?;
             let mut fit = self.fit(&frame).unwrap_or(Fit::Misfit);
-            if fit == Fit::Exception && self.core.decoder.is_last(&range) {
+            if fit == Fit::Exception && self.core.decoder.is_last(&range) && !self.waits_for_rest {
                 fit = Fit::Whole;
             }
             let transaction = frame.transaction.unwrap_or(0);
@@ -356,8 +359,11 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     /// On TCP the server is out of step: its next valid frame may never come. Off TCP the rest of a reply may still come.
     #[inline(always)]
     fn end_input(&mut self, now: Duration) {
-        if !self.core.decoder.has_transactions() && self.core.decoder.pending() > 0 && self.holds_partial() {
-            self.advance(now, Input::Partial, None);
+        if !self.core.decoder.has_transactions() {
+            self.waits_for_rest = self.core.decoder.pending() > 0 && self.holds_partial();
+            if self.waits_for_rest {
+                self.advance(now, Input::Partial, None);
+            }
         }
         if let (false, Framing::Tcp, Some(error)) =
             (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())

@@ -22,9 +22,9 @@ val2-viewer list 35d978bec0ae2903
 isra-ball Assumption: IB-24 53, IB-25 7, IB-26 3, IB-31 15
 isra-ball Rule: IB-10 3, IB-11 1, IB-25 8, IB-33 4, IB-35 26, IB-9 8
 isra-ball list 87406c333513cd81
-fanuc-hmi-modbus Assumption: FM-42 93, FM-57 25
+fanuc-hmi-modbus Assumption: FM-42 107, FM-57 28
 fanuc-hmi-modbus Rule: FM-40 22, FM-41 2, FM-43 27, FM-44 30, FM-48 43, FM-60 3, FM-61 8
-fanuc-hmi-modbus list 16a68b4f18659004
+fanuc-hmi-modbus list cd427ea71e4d349b
 laser-eb90 Assumption: LE-72 16, LE-98 13
 laser-eb90 Budget: LE-99 64
 laser-eb90 Rule: LE-102 12, LE-19 1, LE-22 2, LE-23 4, LE-24 3, LE-25 7, LE-45 19, LE-5 23
@@ -43,7 +43,7 @@ kawasaki-msg: 99 of 360; 484/512 + 40, 506/552, 550/551 + 1, 26/26 + 341, 120/12
 val2-alter: 91 of 430; 200/208 + 119, 324/327, 168/174 + 153, 11/11 + 239, 327/327; 30; 214 120 6 137 0 34 0 0; list 2d3ce949f9f94e5e
 val2-viewer: 57 of 142; 67/67 + 60, 96/97 + 30, 45/45 + 82, 0/0 + 35, 72/72 + 55; 0; 35 27 5 60 0 0 29 106; list a1f8ea3eb4e87031
 isra-ball: 34 of 90; 80/80 + 24, 104/104, 56/56 + 48, 5/5 + 35, 104/104; 0; 35 21 3 48 0 0 0 0; list 8774e218441dacca
-fanuc-hmi-modbus: 81 of 255; 215/221 + 76, 261/268 + 29, 136/140 + 157, 122/128 + 160, 263/263 + 34; 12; 84 81 3 157 97 0 34 0; list ae8551c873ef552f
+fanuc-hmi-modbus: 88 of 284; 221/227 + 79, 264/274 + 32, 143/147 + 159, 124/130 + 167, 272/272 + 34; 12; 87 83 3 159 105 0 34 0; list 6dc030058865606a
 laser-eb90: 107 of 263; 170/170 + 79, 240/240 + 9, 111/111 + 138, 111/111 + 133, 249/249; 0; 25 42 4 138 150 0 0 0; list 5f1ed4a9f754b1eb
 mmacell-proto: 118 of 191; 798/799 + 78, 877/877, 419/419 + 458, 100/106 + 225, 819/819 + 58; 45; 212 38 40 458 0 13 58 0; list ebd6b4496045a3ff
 ";

@@ -182,7 +182,7 @@ static struct judgement judge(const struct modbus_client *client, const struct m
         return differ(MODBUS_CLIENT_FUNCTION, request->function, reply->function);
     if (reply->shape != MODBUS_EXCEPTION)
         return judge_data(request, reply);
-    bool is_last = client->decoder.ended && client->decoder.length == 0;
+    bool is_last = client->decoder.ended && client->decoder.length == 0 && !client->is_cut;
     bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last;
     return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
 }
@@ -250,6 +250,7 @@ static void read_items(struct modbus_client *client)
 
 static void end_bytes(struct modbus_client *client)
 {
+    client->is_cut = client->is_partial;
     client->is_busy = client->is_partial = false;
     modbus_end(&client->decoder);
     read_items(client);

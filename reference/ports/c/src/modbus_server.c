@@ -418,14 +418,14 @@ bool modbus_server_event(struct modbus_server *server, struct modbus_server_even
 size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_t *out, size_t size)
 {
     bool was_full = is_full(server);
-    if (server->reply_count == 0 || size < MODBUS_MAX_LEN || (is_serial(server) && server->is_busy))
+    if (server->reply_count == 0 || size < MODBUS_MAX_LEN || (is_serial(server) && server->is_busy && !server->is_partial))
         return 0;
     size_t length = server->replies[0].length;
     memcpy(out, server->replies[0].bytes, length);
     memmove(server->replies, server->replies + 1, --server->reply_count * sizeof *server->replies);
     if (is_tcp(server)) {
         read_tcp(server);
-    } else {
+    } else if (!is_serial(server)) {
         if (was_full)
             server->silent_at = after(now, server->config.silence);
         read_rtu(server, false);

@@ -24,9 +24,9 @@ pub const TABLES: &[Table] = &[
     Table::of::<rows::Client<rows::Tcp>>("fanuc-hmi-modbus", 144),
     Table::of::<rows::Client<rows::Rtu>>("fanuc-hmi-modbus", 144),
     Table::of::<rows::Client<rows::RtuOverTcp>>("fanuc-hmi-modbus", 144),
-    Table::of::<rows::Server<rows::Tcp>>("fanuc-hmi-modbus", 24),
-    Table::of::<rows::Server<rows::Rtu>>("fanuc-hmi-modbus", 24),
-    Table::of::<rows::Server<rows::RtuOverTcp>>("fanuc-hmi-modbus", 24),
+    Table::of::<rows::Server<rows::Tcp>>("fanuc-hmi-modbus", 32),
+    Table::of::<rows::Server<rows::Rtu>>("fanuc-hmi-modbus", 32),
+    Table::of::<rows::Server<rows::RtuOverTcp>>("fanuc-hmi-modbus", 32),
 ];
 
 /// Over TCP, with transactions in the frames.

@@ -79,6 +79,7 @@ struct modbus_client {
     struct modbus_decoder decoder;
     bool is_up, is_busy, is_quiet;
     bool is_partial; /* until `silent_at` the rest of a reply is waited for (FM-86) */
+    bool is_cut; /* the last end of the input was that of such a wait */
     uint64_t silent_at, quiet_until;
     struct modbus_client_place places[MODBUS_CLIENT_PLACES];
     uint64_t tickets, expiries;

@@ -85,6 +85,7 @@ class Client(Session):
         self.is_up = False
         self.silent_at: int | None = None  # None: the line is silent
         self.is_partial = False  # until then the rest of the reply is waited for (FM-86)
+        self.is_cut = False  # the last end of the input was that of such a wait
         self.quiet_until: int | None = None
         self.places: list[Request | None] = [None] * config.places
         self.tickets = self.ends = self.last_transaction = 0
@@ -197,7 +198,7 @@ class Client(Session):
                 self.silent_at, self.is_partial = max(self.silent_at or 0, request.deadline), True
 
     def end_input(self) -> None:
-        self.is_partial = False
+        self.is_cut, self.is_partial = self.is_partial, False
         self.replies.end()
         self.read(0)
 
@@ -221,7 +222,7 @@ class Client(Session):
             return
         request = flight[0]
         mismatch = self.mismatch(request.message, header["unit"], item.message)
-        is_last = self.replies.ended and not self.replies.held
+        is_last = self.replies.ended and not self.replies.held and not self.is_cut
         is_doubtful = not self.is_tcp and pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
         if item.message is not None and mismatch is None and not is_doubtful:
             self.finish(request, "replied", message=reply_of(request.message, item.message))

@@ -272,13 +272,13 @@ class Server(Session):
 
     def transmit(self, now: int) -> bytes | None:
         """FM-60"""
-        if not self.replies or self.is_line and self.silent_at is not None:
+        if not self.replies or self.is_line and self.silent_at is not None and not self.is_partial:
             return None
         was_full = self.is_full()
         reply = self.replies.pop(0)
         if self.is_tcp:
             self.read_tcp()
-        elif was_full:
+        elif was_full and not self.is_line:
             if self.silent_at is not None and self.gap is not None:
                 self.silent_at = after(now, self.gap)  # FM-66
             self.read_stream(False)

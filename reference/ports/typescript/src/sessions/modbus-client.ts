@@ -63,6 +63,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private silentAt: number | null = null;
   /** Until then the rest of a reply is waited for (FM-86). */
   private partial = false;
+  /** The last end of the input was that of such a wait. */
+  private cut = false;
   /** Until when nothing is sent; null: quiet is over. */
   private quietUntil: number | null = null;
   private readonly places: (Place | null)[];
@@ -279,6 +281,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   // Replies
 
   private endInput(): void {
+    this.cut = this.partial;
     this.partial = false;
     this.decoder.end();
     this.read();
@@ -322,7 +325,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       const mismatch = mismatchOf(place.request, reply);
       if (mismatch !== null) {
         this.misfit(place, stray, withoutTransaction, mismatch);
-      } else if (withoutTransaction && "exception" in reply && this.damaged && !this.decoder.isAtEnd) {
+      } else if (withoutTransaction && "exception" in reply && this.damaged && (this.cut || !this.decoder.isAtEnd)) {
         this.events.push(stray);
       } else {
         place.stage = "ended";

@@ -119,13 +119,13 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   transmitted(): void {}
 
   transmit(now: number): Uint8Array | null {
-    if (this.config.framing === "rtu" && this.silentAt !== null) return null;
+    if (this.config.framing === "rtu" && this.silentAt !== null && !this.partial) return null;
     const full = this.isFull();
     const reply = this.replies.shift();
     if (reply === undefined) return null;
     if (this.config.framing === "tcp") {
       this.readTcp();
-    } else if (full) {
+    } else if (full && this.config.framing === "rtu_over_tcp") {
       if (this.silentAt !== null) this.silentAt = now + this.config.silence;
       this.readStream();
     }

@@ -94,7 +94,9 @@ impl Journal {
         // What has no end was not kept.
         let whole = text.rfind('\n').map_or("", |end| text.get(..=end).unwrap_or_default());
         let last = whole.lines().last().map(|line| match line.rsplit_once(" *") {
-            Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(checksum(text)) => Kept::from_str(text),
+            Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(crc32fast::hash(text.as_bytes())) => {
+                Kept::from_str(text)
+            }
             None if !whole.contains('*') => Kept::from_str(line),
             _ => Err(damaged(line)),
         });
@@ -135,7 +137,7 @@ impl Writer {
         let Kept { order, executed, sent, ahead } = kept;
         let written = write!(self.line, "{order} {executed} {sent}");
         let ahead = ahead.iter().try_for_each(|index| write!(self.line, " {index}"));
-        let sum = checksum(&self.line);
+        let sum = crc32fast::hash(self.line.as_bytes());
         written.and(ahead).and(writeln!(self.line, " *{sum:08x}")).map_err(io::Error::other)?;
         self.file.write_all(self.line.as_bytes())?;
         self.file.sync_data()?;
@@ -204,11 +206,4 @@ fn damaged(line: &str) -> io::Error {
         "this is not the journal of an order, or it is damaged: {line:?} is not ORDER EXECUTED SENT [AHEAD …] *CHECKSUM"
     );
     io::Error::new(io::ErrorKind::InvalidData, message)
-}
-
-/// CRC-32, as in IEEE 802.3.
-fn checksum(line: &str) -> u32 {
-    !line.bytes().fold(u32::MAX, |sum, byte| {
-        (0..8).fold(sum ^ u32::from(byte), |sum, _| sum >> 1 ^ if sum & 1 == 1 { 0xEDB8_8320 } else { 0 })
-    })
 }

@@ -8,9 +8,11 @@ use std::sync::{Arc, Mutex};
 
 use kawasaki_msg::robot_session::tokio::{Dial, GIVE_UP_AFTER, Reconnect};
 use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Over, Pc, pc};
-use kawasaki_msg::{Dialect, Entry, Field, JobKind, Line, PcConfig, PcEvent, Point, Role, SessionError};
+use kawasaki_msg::{JobKind, Line, PcConfig, PcEvent, Point, SessionError};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
 use tokio::time::{Instant, sleep, timeout};
+
+use super::tasks::with_command;
 
 const LONG: Duration = Duration::from_secs(3600);
 const S: Duration = Duration::from_secs(1);
@@ -20,14 +22,6 @@ const STARTED: &str = "<TilausKuittaus$2#50#><Tila$7#50$2$$$#><TyoPyynto$4#50$1#
 
 fn jobs(count: i32) -> Vec<Line> {
     (0..count).map(|x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(0, 0) }).collect()
-}
-
-fn with_command() -> PcConfig<'static> {
-    let mut table = Dialect::DEFAULT.entries().to_vec();
-    let fields = &[Field::Order, Field::Value];
-    let role = Role::Command(7);
-    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None, past_queue: true });
-    PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::TCP }
 }
 
 type Connecting = Pin<Box<dyn Future<Output = io::Result<DuplexStream>> + Send>>;

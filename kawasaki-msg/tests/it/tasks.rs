@@ -232,7 +232,8 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
     assert!(matches!(refused, Error::Refused { active: 9 }), "{refused:?}");
 }
 
-fn with_command() -> PcConfig<'static> {
+/// Over TCP, with a command of the plant: number 7.
+pub(crate) fn with_command() -> PcConfig<'static> {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let fields = &[Field::Order, Field::Value];
     let role = Role::Command(7);

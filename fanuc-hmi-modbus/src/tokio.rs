@@ -378,7 +378,7 @@ impl Service for Requests {
             ClientEvent::Failed { failure, .. } => Err(failure.into()),
             ClientEvent::Replied { .. } => match session.reply(ticket) {
                 Some(Reply::Exception { exception, .. }) => Err(Error::Exception(exception)),
-                Some(reply) => pdu.put_reply(&reply).map(|()| pdu).map_err(Error::from),
+                Some(reply) => pdu.put(&reply).map(|()| pdu).map_err(Error::from),
                 None => return,
             },
             // A broadcast has no reply: its outcome is the request.

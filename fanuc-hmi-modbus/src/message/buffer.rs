@@ -30,16 +30,8 @@ impl PduBuf {
 
     /// Holds this message from now on, unless the specification does not allow it: that is judged before the first byte is written.
     #[inline]
-    pub(crate) fn put(&mut self, request: &Request<'_>) -> Result<(), EncodeError> {
-        let len = request.encode(&mut self.bytes)?;
-        self.len = u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })?;
-        Ok(())
-    }
-
-    /// Encodes a reply into the buffer.
-    #[cfg(feature = "tokio")]
-    pub(crate) fn put_reply(&mut self, reply: &Reply<'_>) -> Result<(), EncodeError> {
-        let len = Pdu::encode(reply, &mut self.bytes)?;
+    pub(crate) fn put(&mut self, pdu: &impl Pdu) -> Result<(), EncodeError> {
+        let len = pdu.encode(&mut self.bytes)?;
         self.len = u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })?;
         Ok(())
     }

@@ -10,7 +10,6 @@ from .replies import begins_reply
 
 MAX_PLACES = 16
 READING = (1, 2, 3, 4, 23)
-BITS = (1, 2)
 ECHO = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
 
 
@@ -255,8 +254,8 @@ class Client(Session):
             return None
         if function in READING:
             quantity = request["quantity"]
-            expected = -(-quantity // 8) if function in BITS else 2 * quantity
-            found = len(reply["bits"]) // 8 if function in BITS else 2 * len(reply["registers"])
+            expected = -(-quantity // 8) if function in codec.BITS else 2 * quantity
+            found = len(reply["bits"]) // 8 if function in codec.BITS else 2 * len(reply["registers"])
             return None if found == expected else {"kind": "quantity", "expected": expected, "found": found}
         if function in ECHO:
             is_echo = all(reply[name] == request[name] for name in ECHO[function])

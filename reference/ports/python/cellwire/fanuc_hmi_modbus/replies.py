@@ -6,8 +6,6 @@ from ..stream import Incomplete, Json
 from . import codec
 from .requests import is_right
 
-BITS = (1, 2)
-
 
 class Begins(Enum):
     """What begins with some bytes."""
@@ -48,4 +46,4 @@ def has_asked_count(data: bytes, request: Json) -> bool:
     if len(data) < 3 or data[1] >= codec.EXCEPTION or "quantity" not in request:
         return True
     quantity = request["quantity"]
-    return bool(data[2] == (-(-quantity // 8) if data[1] in BITS else 2 * quantity))
+    return bool(data[2] == (-(-quantity // 8) if data[1] in codec.BITS else 2 * quantity))

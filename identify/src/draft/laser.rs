@@ -6,14 +6,12 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use serde_json::Value;
 
-use super::Said;
+use super::{Said, TWICE};
 
 /// An answer that comes later comes after an execution.
 const AT_ONCE: Duration = Duration::from_millis(150);
 /// One answer may be late for other reasons.
 const SHARE: usize = 2;
-/// What is seen once may be chance.
-const TWICE: usize = 2;
 /// The times of a capture without times only say what came before what.
 const NO_TIME: Duration = Duration::from_micros(1);
 

@@ -13,6 +13,9 @@ use serde_json::{Map, Value, json};
 use super::{Finding, Stream};
 use cellwire_links::codec;
 
+/// The least times that something has to be seen: once may be chance.
+const TWICE: usize = 2;
+
 /// A message of a conversation.
 #[derive(Debug, Clone)]
 struct Said {

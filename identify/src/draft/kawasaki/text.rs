@@ -2,13 +2,11 @@
 
 use core::fmt::Write as _;
 
-use super::super::toml_text;
+use super::super::{TWICE, toml_text};
 use super::{Fields, Guess, Kind, Line};
 
 /// The roles that a plant may lack.
 const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
-/// What one message shows may be chance.
-const TWICE: usize = 2;
 
 /// The draft: `work` are the places of a job's own fields, `left` the messages without a role.
 pub(super) fn draft(

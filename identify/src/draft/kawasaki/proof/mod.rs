@@ -9,9 +9,8 @@ mod orders;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Kind, number};
+use crate::draft::TWICE;
 
-/// How often something has to be seen.
-const TWICE: usize = 2;
 /// The fields of a status that every plant has: order, queued, executed. A filler has none of them.
 const FIELDS_OF_A_STATUS: usize = 3;
 

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{Conversation, Kind, Proof, Run, TWICE, only, repeats};
+use super::{Conversation, Kind, Proof, Run, only, repeats};
+use crate::draft::TWICE;
 
 impl<'a> Conversation<'a> {
     /// Adds the messages that begin an order, and the robot's answers to begin and end.

@@ -203,7 +203,7 @@ fn serve(
     runner.run(&mut meeting, &trace)
 }
 
-/// What the robot still does.
+/// The jobs that the robot still draws.
 fn machine(tally: &Tally) -> String {
     match tally.queued {
         0 => "the robot has no jobs of this file queued".into(),

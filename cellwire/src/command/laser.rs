@@ -147,7 +147,7 @@ fn execute(
     Ok((runner.run(port)?, before))
 }
 
-/// What the controller still does: done means queued, unknown may be, and no message reports what of that is executed.
+/// The parts that the controller may still execute: done means queued, unknown may be, and no message reports the execution.
 fn machine(before: usize, tally: &Tally) -> String {
     match tally.done.saturating_sub(before) + tally.unknown {
         0 => "nothing was queued".into(),

@@ -30,7 +30,7 @@ impl SetArgs {
         self.set.is_empty() && self.settings.is_none()
     }
 
-    /// What was set of a command that has these settings.
+    /// The values that were set, of a command that knows these settings.
     ///
     /// # Errors
     /// When the file cannot be read or is not TOML, with line and column; when a name is a table and a value at once.
@@ -38,7 +38,7 @@ impl SetArgs {
         self.read_over(None, known)
     }
 
-    /// What was set, over what another file of settings says.
+    /// The values that were set, over those of another file of settings.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -59,7 +59,7 @@ impl SetArgs {
         Ok(given)
     }
 
-    /// What was set of a client of Modbus: the frames and the order of words as `decode` has them, and the session.
+    /// The values that were set of a client of Modbus: the frames and the order of words as `decode` has them, and the session.
     ///
     /// # Errors
     /// As [`read`](Self::read); when a value of the first is none of theirs.

@@ -133,8 +133,8 @@ impl<R, T> Ran<R, T> {
     }
 }
 
-/// What an operator types, and signals: the first one is a stop, the second one ends the program, which prints `account` then.
-pub(super) fn operator(bell: Bell) -> Result<Receiver<Typed>> {
+/// The lines and the signals of an operator: the first signal is a stop, the second one ends the program, which prints `account` then.
+pub(super) fn operator(bell: Bell) -> Result<Receiver<Option<Typed>>> {
     // A run that waits for its machine ends by itself before that.
     input::operator(bell, STOP_WITHIN + 2 * END_WITHIN)
 }

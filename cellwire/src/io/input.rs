@@ -78,23 +78,21 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// What an operator does.
+/// A line or a signal of an operator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Typed {
-    /// Types a line.
+    /// A line of standard input.
     Line(String),
-    /// Types nothing more: standard input has ended, or is not a terminal.
-    End,
-    /// Asks for a stop: the first signal, or a terminal that was closed.
+    /// A stop is asked for: the first signal, or a terminal that was closed.
     Stop,
 }
 
-/// Reads what an operator does, until the program ends; the bell is rung for each. A first signal is [`Typed::Stop`]. A second one ends the
-/// program, and so does a stop that has not ended the program after `limit`.
+/// Reads what an operator does, until the program ends; the bell is rung for each. `None` is the end of standard input: nobody types any
+/// more. A first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not ended the program after `limit`.
 ///
 /// # Errors
 /// When the system has no room for a thread.
-pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Typed>> {
+pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> {
     let (sender, typed) = mpsc::channel();
     // When nobody receives any more, the run is over.
     let put = move |what| {
@@ -105,7 +103,7 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Typed>> {
         (put.clone(), interrupt::within(limit, "the command did not stop in time, and was ended"));
     interrupt::watch(move |count| {
         if count == 1 {
-            stop(Typed::Stop);
+            stop(Some(Typed::Stop));
         }
         late(count);
     })?;
@@ -113,17 +111,17 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Typed>> {
         let was_terminal = io::stdin().is_terminal();
         for line in io::stdin().lines() {
             match line {
-                Ok(line) => put(Typed::Line(line)),
+                Ok(line) => put(Some(Typed::Line(line))),
                 // It is not a word.
-                Err(error) if error.kind() == ErrorKind::InvalidData => put(Typed::Line(String::new())),
+                Err(error) if error.kind() == ErrorKind::InvalidData => put(Some(Typed::Line(String::new()))),
                 Err(_) => break,
             }
         }
         // Without a session of its own the process gets no SIGHUP. After Ctrl-D the terminal is still there.
         if was_terminal && !io::stdin().is_terminal() {
-            put(Typed::Stop);
+            put(Some(Typed::Stop));
         }
-        put(Typed::End);
+        put(None);
     });
     Ok(typed)
 }

@@ -298,7 +298,7 @@ impl<R: Record> Journal<R> {
         Ok(number > 0)
     }
 
-    /// What is known if this line is damaged, and what to do.
+    /// The error of a damaged line: the outcomes that are still known, and the way on.
     fn damage(&self, work: &str, number: u64) -> String {
         let Tally { parts, done, .. } = self.tally();
         let known = match number {

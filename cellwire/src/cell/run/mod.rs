@@ -10,7 +10,7 @@ use std::time::Duration;
 use anyhow::Result;
 use robot_session::now;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::io::input::Typed;
 use crate::io::journal::Tally;
@@ -24,7 +24,7 @@ pub const END_WITHIN: Duration = Duration::from_secs(5);
 /// The operator of a run, and where the run is reported.
 #[allow(missing_debug_implementations, reason = "it has closures")]
 pub struct Operator<'a> {
-    typed: Receiver<Typed>,
+    typed: Receiver<Option<Typed>>,
     notify: &'a mut dyn FnMut(Value) -> Result<()>,
     progress: &'a mut dyn FnMut(Tally),
     /// Whether nobody types any more.
@@ -40,15 +40,15 @@ pub struct Operator<'a> {
 impl<'a> Operator<'a> {
     /// An operator who does what `typed` receives. `notify` prints an event, `progress` shows how much of the work is done.
     pub fn new(
-        typed: Receiver<Typed>,
+        typed: Receiver<Option<Typed>>,
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
         progress: &'a mut dyn FnMut(Tally),
     ) -> Self {
         Self { typed, notify, progress, is_absent: false, stop_at: None, is_deaf: false, stops: false }
     }
 
-    /// What the operator does next, within `wait`; without one, however long that takes. `None` if that is nothing, and when nobody
-    /// types any more.
+    /// The next line or stop of the operator, within `wait`; without one, however long that takes. `None` if there is none, and when
+    /// nobody types any more.
     pub fn next(&mut self, wait: Option<Duration>) -> Option<Typed> {
         if core::mem::take(&mut self.stops) {
             return Some(self.stop());
@@ -59,9 +59,9 @@ impl<'a> Operator<'a> {
             Some(wait) => self.typed.recv_timeout(wait),
         };
         match typed {
-            Ok(Typed::Line(line)) => Some(Typed::Line(line)),
-            Ok(Typed::Stop) => Some(self.stop()),
-            Ok(Typed::End) | Err(RecvTimeoutError::Disconnected) => {
+            Ok(Some(Typed::Line(line))) => Some(Typed::Line(line)),
+            Ok(Some(Typed::Stop)) => Some(self.stop()),
+            Ok(None) | Err(RecvTimeoutError::Disconnected) => {
                 self.is_absent = true;
                 None
             }
@@ -101,6 +101,11 @@ impl<'a> Operator<'a> {
             remark(&format!("{error:#}: the run stops"));
             (self.is_deaf, self.stops) = (true, true);
         }
+    }
+
+    /// Says what can be typed.
+    pub fn hint(&mut self, hint: &str) {
+        self.notify(json!({"event": "hint", "hint": hint}));
     }
 
     /// Shows how much of the work is done.

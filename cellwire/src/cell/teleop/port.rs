@@ -50,7 +50,7 @@ pub(super) struct Port {
     pub(super) read_at: Duration,
     /// When bytes were written last.
     pub(super) written_at: Duration,
-    /// What a driver has set: [`Transport::discard_after`].
+    /// The time of [`Transport::discard_after`], once a driver has set it.
     discard_after: Option<Duration>,
 }
 

@@ -44,7 +44,7 @@ pub(super) struct WriteArgs {
     value: String,
 }
 
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, clap::Args)]
 struct PlaceArgs {
     /// The controller: HOST:PORT, where the port is usually 502
     server: String,
@@ -82,14 +82,14 @@ enum KindArg {
 }
 
 pub(super) fn read(args: &ReadArgs) -> Result<bool> {
-    let place = &args.place.with_order()?;
-    let (mut client, each) = (place.connect()?, place.registers());
+    let (variable, port) = args.place.variable()?;
+    let (mut client, each) = (Client::open(&port)?, variable.registers());
     for index in 0..args.count {
-        let address = u32::from(place.address) + u32::from(index) * u32::from(each);
+        let address = u32::from(args.place.address) + u32::from(index) * u32::from(each);
         let address = u16::try_from(address).ok().context("the registers end at 65535")?;
-        let Some(registers) = place.read(&mut client, address)? else { return Ok(false) };
-        log(&json!({"address": address, "value": place.value(&registers)}))?;
-        if place.is_denormal(&registers) {
+        let Some(registers) = variable.read(&mut client, address)? else { return Ok(false) };
+        log(&json!({"address": address, "value": variable.value(&registers)}))?;
+        if variable.is_denormal(&registers) {
             remark(
                 "warning: denormal numbers: another variable is mapped here, or the word order is the other one",
             );
@@ -99,69 +99,67 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
 }
 
 pub(super) fn write(args: &WriteArgs) -> Result<bool> {
-    let place = &args.place.with_order()?;
+    let (variable, port) = args.place.variable()?;
     let value = Value::from_str(&args.value)
         .with_context(|| format!("{} is not JSON: a string needs quotes, '\"text\"'", args.value))?;
-    let registers = place.registers_of(&value)?;
-    let mut client = place.connect()?;
-    let request =
-        Request::WriteRegisters { address: place.address, values: Words::from(registers.as_slice()) };
+    let registers = variable.registers_of(&value)?;
+    let mut client = Client::open(&port)?;
+    let address = args.place.address;
+    let request = Request::WriteRegisters { address, values: Words::from(registers.as_slice()) };
     interrupt::handle_after_reply()?;
     interrupt::account("the controller may hold the new value".into());
-    if place.ask(&mut client, &request)?.is_none() {
+    if variable.ask(&mut client, &request)?.is_none() {
         return Ok(false);
     }
-    let Some(held) = place.read(&mut client, place.address)? else { return Ok(false) };
-    let (meant, found) = (place.value(&registers), place.value(&held));
+    let Some(held) = variable.read(&mut client, address)? else { return Ok(false) };
+    let (meant, found) = (variable.value(&registers), variable.value(&held));
     let is_same = meant == found;
-    log(&json!({"address": place.address, "value": found, "written": is_same}))?;
+    log(&json!({"address": address, "value": found, "written": is_same}))?;
     if !is_same {
         remark(&format!("error: {meant} was written, the controller holds {found}"));
     }
     Ok(is_same)
 }
 
-impl PlaceArgs {
-    /// With the order of words of the settings, where the command line does not give one.
-    fn with_order(&self) -> Result<Self> {
-        let (view, _) = self.set.read_client()?;
-        let set =
-            if view.word_order == WordOrder::HighFirst { OrderArg::HighFirst } else { OrderArg::LowFirst };
-        Ok(Self { word_order: self.word_order.or(Some(set)), ..self.clone() })
-    }
+/// A variable, and the order of its words.
+struct Variable<'a> {
+    place: &'a PlaceArgs,
+    order: WordOrder,
+}
 
-    fn connect(&self) -> Result<Client> {
+impl PlaceArgs {
+    /// The variable and the port of its controller, by the command line and the settings.
+    fn variable(&self) -> Result<(Variable<'_>, Port)> {
         let (view, given) = self.set.read_client()?;
+        let order = self.word_order.map_or(view.word_order, WordOrder::from);
         let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
         let connect_timeout = self.connect.timeout();
         let mut port = Port::new(PortKind::Tcp { server, rtu, connect_timeout });
         settings::read("fanuc", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
-        Client::open(&port)
+        Ok((Variable { place: self, order }, port))
     }
+}
 
+impl Variable<'_> {
     /// The registers of a variable.
     fn registers(&self) -> u16 {
-        match self.kind {
+        match self.place.kind {
             KindArg::Int16 => 1,
             KindArg::Int32 | KindArg::Real => 2,
-            KindArg::String => self.size,
+            KindArg::String => self.place.size,
             KindArg::Position => PositionRegister::QUANTITY,
         }
     }
 
-    fn order(&self) -> WordOrder {
-        self.word_order.map_or_else(WordOrder::default, WordOrder::from)
-    }
-
     fn number(&self) -> Number {
-        let kind = match self.kind {
+        let kind = match self.place.kind {
             KindArg::Int16 => Kind::Int16,
             KindArg::Int32 => Kind::Int32,
             _ => Kind::Float32,
         };
-        let multiply = if kind == Kind::Float32 { Multiply::Real } else { self.multiply };
-        Number { kind, multiply, order: self.order() }
+        let multiply = if kind == Kind::Float32 { Multiply::Real } else { self.place.multiply };
+        Number { kind, multiply, order: self.order }
     }
 
     /// None when the controller refuses, which has been said.
@@ -172,7 +170,7 @@ impl PlaceArgs {
 
     /// The registers in the reply. None when the controller refuses, which has been said.
     fn ask(&self, client: &mut Client, request: &Request<'_>) -> Result<Option<Vec<u16>>> {
-        let answer = client.ask(self.unit, request, |reply| match reply.pdu {
+        let answer = client.ask(self.place.unit, request, |reply| match reply.pdu {
             Reply::Exception { exception, .. } => Err(exception),
             Reply::HoldingRegisters(words) => Ok(words.iter().collect()),
             _ => Ok(Vec::new()),
@@ -182,7 +180,7 @@ impl PlaceArgs {
             Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
             Answer::Failed(failure @ Failure::TimedOut) => remark(&format!(
                 "error: {failure}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
-                self.server, self.unit
+                self.place.server, self.place.unit
             )),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
             Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),
@@ -192,7 +190,7 @@ impl PlaceArgs {
 
     /// What registers hold.
     fn value(&self, registers: &[u16]) -> Value {
-        match self.kind {
+        match self.place.kind {
             KindArg::String => {
                 let mut bytes = vec![0; 2 * registers.len()];
                 let length = text::read(registers, &mut bytes);
@@ -203,7 +201,7 @@ impl PlaceArgs {
                     .into()
             }
             KindArg::Position => registers.first_chunk().map_or(Value::Null, |registers| {
-                json!(PositionRegister::from_registers(registers, self.order()))
+                json!(PositionRegister::from_registers(registers, self.order))
             }),
             KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
                 let word = |index| registers.get(index).copied().unwrap_or(0);
@@ -216,14 +214,14 @@ impl PlaceArgs {
 
     /// Whether a value is one that no robot computes: below 2^-126, and not 0.
     fn is_denormal(&self, registers: &[u16]) -> bool {
-        match (self.kind, registers.first_chunk()) {
+        match (self.place.kind, registers.first_chunk()) {
             (KindArg::Position, Some(registers)) => {
-                let position = PositionRegister::from_registers(registers, self.order());
+                let position = PositionRegister::from_registers(registers, self.order);
                 let cartesian = position.cartesian.iter().flat_map(|it| it.xyzwpr);
                 cartesian.chain(position.joints.into_iter().flatten()).any(f32::is_subnormal)
             }
             (KindArg::Real, _) => match *registers {
-                [first, second] => self.order().f32([first, second]).is_subnormal(),
+                [first, second] => self.order.f32([first, second]).is_subnormal(),
                 _ => false,
             },
             _ => false,
@@ -232,7 +230,7 @@ impl PlaceArgs {
 
     fn registers_of(&self, value: &Value) -> Result<Vec<u16>> {
         let mut registers = vec![0; self.registers().into()];
-        match self.kind {
+        match self.place.kind {
             KindArg::String => {
                 let string = value.as_str().context("a string is JSON in quotes: '\"text\"'")?;
                 text::write(string.as_bytes(), &mut registers)?;
@@ -244,7 +242,7 @@ impl PlaceArgs {
                     position.cartesian.is_some() != position.joints.is_some(),
                     "a position has either cartesian or joints"
                 );
-                registers = position.to_registers(self.order()).to_vec();
+                registers = position.to_registers(self.order).to_vec();
             }
             KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
                 let number = value.as_f64().context("a number is needed")?;

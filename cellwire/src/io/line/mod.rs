@@ -32,7 +32,7 @@ pub use faults::LineFaults;
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
 
-/// What a client that has left has sent is carried for this long. The rest is dropped: what the system holds for it may take an hour on the
+/// The bytes of a client that has left are carried for this long. The rest is dropped: what the system holds for it may take an hour on the
 /// line.
 const CARRIED: Duration = Duration::from_secs(5);
 
@@ -189,7 +189,7 @@ impl Line {
     }
 
     /// Over TCP, like a serial device server: one client at a time, others are refused, and the device continues when the client
-    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`. What a client that has left has sent is carried for five
+    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`. The bytes of a client that has left are carried for five
     /// more seconds; the rest of it is dropped, and so are answers to it.
     ///
     /// # Errors

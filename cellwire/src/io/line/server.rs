@@ -56,7 +56,7 @@ struct Stream {
 struct Connection {
     stream: Arc<Stream>,
     peer: SocketAddr,
-    /// What was read to see whether the client has left behind it.
+    /// Bytes that were read to see whether the client has left behind them.
     ahead: VecDeque<u8>,
     /// What the line has no room for yet.
     held: Option<Chunk>,

@@ -52,7 +52,7 @@ fn serve(
 ) -> Result<()> {
     client.set_nodelay(true)?;
     let server = tcp::connect(server, timeout)?;
-    // What the tap has taken from one end must not reach the other much later than it would have without the tap.
+    // Bytes that the tap has taken from one end must not reach the other much later than they would have without the tap.
     for stream in [client, &server] {
         discard_unacknowledged(stream, tcp::DISCARD_AFTER)?;
     }

@@ -144,7 +144,7 @@ impl<'a> Runner<'a> {
             let (word, text) = match self.operator.next(Some(Duration::ZERO)) {
                 Some(Typed::Line(text)) => (Word::parse(&text), text),
                 Some(Typed::Stop) => (Some(Word::Stop), String::new()),
-                Some(Typed::End) | None => {
+                None => {
                     // There is no operator to continue it.
                     self.stopping |= self.operator.is_absent() && (self.paused || self.question.is_some());
                     return Ok(());
@@ -168,7 +168,7 @@ impl<'a> Runner<'a> {
                     let last = text.trim().parse().ok().filter(|last| (first..=first + count).contains(last));
                     match last {
                         Some(last) => self.answer(first, count, last - first)?,
-                        None => self.hint(&format!(
+                        None => self.operator.hint(&format!(
                             "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
                             first + count
                         )),
@@ -184,7 +184,7 @@ impl<'a> Runner<'a> {
                     "continued"
                 }
                 (Some(Word::Pause | Word::Continue), Some(_)) => {
-                    self.hint("answer done, repeat or stop");
+                    self.operator.hint("answer done, repeat or stop");
                     continue;
                 }
                 // An early answer may not be meant for this question.
@@ -197,7 +197,7 @@ impl<'a> Runner<'a> {
                     continue;
                 }
                 (None, None) => {
-                    self.hint(Word::HINT);
+                    self.operator.hint(Word::HINT);
                     continue;
                 }
             };
@@ -208,10 +208,6 @@ impl<'a> Runner<'a> {
     fn unasked(&mut self, typed: &str) {
         let hint = "there is no open question: answers count only after a question";
         self.operator.notify(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}));
-    }
-
-    fn hint(&mut self, hint: &str) {
-        self.operator.notify(json!({"event": "hint", "hint": hint}));
     }
 
     /// Of the jobs that were asked about, the first `done` are.
@@ -289,7 +285,8 @@ impl<'a> Runner<'a> {
                 }
                 // It was ended at the robot.
                 self.paused = true;
-                self.hint("the robot has ended the order: type continue to execute the rest, or stop");
+                self.operator
+                    .hint("the robot has ended the order: type continue to execute the rest, or stop");
                 return Ok(());
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {

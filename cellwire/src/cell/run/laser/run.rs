@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
 use robot_session::{Driver, Session as _, Transport, now};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Journal;
 use super::program::Program;
@@ -150,21 +150,23 @@ impl<'a> Runner<'a> {
     }
 
     fn take(&mut self, _: &mut Host, event: HostEvent) -> Result<()> {
-        match event {
-            HostEvent::Done { .. } => self.outcome(Outcome::Done, ""),
+        let event = match event {
+            HostEvent::Done { .. } => return self.outcome(Outcome::Done, ""),
             HostEvent::Refused { refusal, .. } => {
                 self.refused = true;
-                self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal:?}"))
+                return self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal:?}"));
             }
             HostEvent::Unknown { reason, .. } => {
                 self.unknown = true;
                 let why = self.why(reason);
-                self.outcome(Outcome::Unknown, &why)
+                return self.outcome(Outcome::Unknown, &why);
             }
-            HostEvent::Unasked { word } => self.notify(json!({"event": "unasked", "word": word})),
-            HostEvent::Corrupt(error) => self.notify(json!({"event": "corrupt", "error": error})),
-            other => self.notify(json!({"event": "notice", "what": format!("{other:?}")})),
-        }
+            HostEvent::Unasked { word } => json!({"event": "unasked", "word": word}),
+            HostEvent::Corrupt(error) => json!({"event": "corrupt", "error": error}),
+            other => json!({"event": "notice", "what": format!("{other:?}")}),
+        };
+        self.operator.notify(event);
+        Ok(())
     }
 
     fn why(&self, reason: UnknownReason) -> String {
@@ -189,17 +191,13 @@ impl<'a> Runner<'a> {
         if let (Some(line), false) = (line.as_object_mut(), why.is_empty()) {
             line.insert("why".into(), why.into());
         }
-        self.notify(line)
+        self.operator.notify(line);
+        Ok(())
     }
 
     fn note(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
         self.journal.note(&Span { outcome, first, count })?;
         self.operator.progress(self.journal.tally());
-        Ok(())
-    }
-
-    fn notify(&mut self, event: Value) -> Result<()> {
-        self.operator.notify(event);
         Ok(())
     }
 
@@ -218,17 +216,17 @@ impl<'a> Runner<'a> {
         }));
         loop {
             let outcome = match self.operator.next(None) {
-                None | Some(Typed::Stop | Typed::End) => return Ok(false),
+                None | Some(Typed::Stop) => return Ok(false),
                 Some(Typed::Line(text)) => match Word::parse(&text) {
                     Some(Word::Done) => Outcome::Done,
                     Some(Word::Repeat) => Outcome::NotSent,
                     Some(Word::Stop | Word::Abort) => return Ok(false),
                     Some(Word::Pause | Word::Continue) => {
-                        self.hint("answer done, repeat or stop");
+                        self.operator.hint("answer done, repeat or stop");
                         continue;
                     }
                     None => {
-                        self.hint(Word::HINT);
+                        self.operator.hint(Word::HINT);
                         continue;
                     }
                 },
@@ -249,7 +247,7 @@ impl<'a> Runner<'a> {
             let word = match self.operator.next(Some(wait)) {
                 Some(Typed::Line(text)) => Word::parse(&text),
                 Some(Typed::Stop) => Some(Word::Stop),
-                Some(Typed::End) | None => {
+                None => {
                     // There is no operator to continue it.
                     self.stopping |= self.paused && self.operator.is_absent();
                     return;
@@ -270,15 +268,11 @@ impl<'a> Runner<'a> {
                 }
                 Some(Word::Done | Word::Repeat) => "no_question",
                 None => {
-                    self.hint(Word::HINT);
+                    self.operator.hint(Word::HINT);
                     continue;
                 }
             };
             self.operator.notify(json!({"event": event}));
         }
-    }
-
-    fn hint(&mut self, hint: &str) {
-        self.operator.notify(json!({"event": "hint", "hint": hint}));
     }
 }

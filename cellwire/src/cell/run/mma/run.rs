@@ -81,7 +81,7 @@ impl<'a> Runner<'a> {
                     Some(Word::Repeat) => self.note(Outcome::NotSent)?,
                     Some(Word::Stop | Word::Abort) => return Ok(false),
                     _ => {
-                        self.operator.notify(json!({"event": "hint", "hint": Word::HINT}));
+                        self.operator.hint(Word::HINT);
                         continue;
                     }
                 }
@@ -320,10 +320,8 @@ impl<'a> Runner<'a> {
                     Some(Word::Abort)
                 }
                 Some(Typed::Stop) => Some(Word::Stop),
-                Some(Typed::End) | None if self.operator.is_absent() && (self.question || self.held) => {
-                    Some(Word::Stop)
-                }
-                Some(Typed::End) | None => return Ok(()),
+                None if self.operator.is_absent() && (self.question || self.held) => Some(Word::Stop),
+                None => return Ok(()),
             };
             let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
             match word {
@@ -351,7 +349,7 @@ impl<'a> Runner<'a> {
                     task.handle_event(now(), go);
                 }
                 Some(Word::Done | Word::Repeat) | None => {
-                    self.operator.notify(json!({"event": "hint", "hint": Word::HINT}));
+                    self.operator.hint(Word::HINT);
                     continue;
                 }
             }

@@ -144,7 +144,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     this.read();
     if (this.config.framing === "tcp") return;
     this.silentAt = now + this.config.silence;
-        const [asked] = this.inFlight();
+    const [asked] = this.inFlight();
     this.partial = asked !== undefined && mayBeginReply(this.decoder.waiting, asked.request, this.config.any_unit);
     if (asked !== undefined && this.partial) this.silentAt = Math.max(this.silentAt, asked.deadline);
   }

@@ -225,6 +225,9 @@ pub enum ConfigError {
     /// The session was built for the other framing alone.
     #[error("this session's type is for another framing (Tcp or Rtu)")]
     Framing,
+    /// No adapter for two wires is within a TCP connection.
+    #[error("over TCP the line returns nothing: echo is for RTU frames")]
+    Echo,
     /// Every request would time out as it is sent.
     #[error("the timeout is zero")]
     Timeout,

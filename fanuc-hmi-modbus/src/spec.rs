@@ -42,6 +42,8 @@ impl Configure for ClientConfig {
             broadcast,
             turnaround,
             settle,
+            pause,
+            echo,
             #[cfg(feature = "model")]
                 transactions: _,
             rules: _,
@@ -56,19 +58,24 @@ impl Configure for ClientConfig {
         fields.source("SL §2.4.1").time("turnaround", ANY_TIME, about, turnaround);
         let about = "assumed: in RTU frames, the latest reply after its request has timed out";
         fields.time("settle", ANY_TIME, about, settle);
+        fields.time("pause", ANY_TIME, "from the end of a request to the next one", pause);
+        let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
+        fields.flag("echo", about, echo);
         framing_of(fields, framing);
     }
 }
 
 impl Configure for ServerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { framing, unit, broadcast, frame_timeout, rules: _ } = self;
+        let Self { framing, unit, broadcast, frame_timeout, echo, rules: _ } = self;
         let about = "its unit number; any: all";
         fields.source("SL §2.2").whole_or("unit", 0..=u8::MAX, "", "any", about, unit);
         let about = "unit 0 is a broadcast, executed without a reply";
         fields.source("SL §2.2").flag("broadcast", about, broadcast);
         let about = "on a serial line, how long the rest of an incomplete request is waited for";
         fields.time("frame_timeout", SOME_TIME, about, frame_timeout);
+        let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
+        fields.flag("echo", about, echo);
         framing_of(fields, framing);
     }
 }

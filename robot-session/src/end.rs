@@ -95,6 +95,16 @@ pub trait End: Sized {
         &self.core().machine
     }
 
+    /// A connection begins. An end of a line that may return what it sends has both of [`echo!`](crate::echo).
+    #[inline(always)]
+    fn begin_line(&mut self) {}
+
+    /// What has arrived, without what the line returns of the output.
+    #[inline(always)]
+    fn take_echo<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+        bytes
+    }
+
     /// Bytes have arrived, and are not yet decoded. False: they are not read.
     #[inline]
     fn begin_input(&mut self, _now: Duration) -> bool {
@@ -261,6 +271,7 @@ impl<E: End> Session for E {
 
     fn handle_connected(&mut self, now: Duration) {
         expire_first(self, now);
+        self.begin_line();
         let core = self.core_mut();
         core.decoder.clear();
         let has_room = core.events.has_room(E::ROOM.connect);
@@ -278,6 +289,7 @@ impl<E: End> Session for E {
         if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeInput | Expiry::BeforeBytes) {
             self.handle_timeout(now);
         }
+        bytes = self.take_echo(bytes);
         if bytes.is_empty() || !self.begin_input(now) {
             return;
         }
@@ -403,6 +415,28 @@ macro_rules! core {
 
         fn unexpected(unexpected: $crate::Unexpected) -> $crate::EventOf<Self> {
             $unexpected(unexpected)
+        }
+    };
+}
+
+/// What an [`End`](crate::End) does with its field `echo`, an [`Echo`](crate::Echo), and the event of an [`EchoError`](crate::EchoError).
+#[macro_export]
+macro_rules! echo {
+    ($event:path) => {
+        #[inline]
+        fn begin_line(&mut self) {
+            self.echo.connect();
+        }
+
+        #[inline]
+        fn take_echo<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+            let (rest, error) = self.echo.receive(bytes);
+            if let Some(error) = error {
+                // The beginning of what came back may be in it.
+                $crate::Decoder::clear(&mut self.core.decoder);
+                $crate::Events::push_notice(&mut self.core.events, $event(error));
+            }
+            rest
         }
     };
 }

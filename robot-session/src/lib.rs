@@ -12,6 +12,7 @@ mod bytes;
 pub mod contract;
 mod counters;
 mod decoder;
+mod echo;
 #[cfg(feature = "embedded-io")]
 pub mod embedded_io;
 #[cfg(feature = "embedded-io-async")]
@@ -49,6 +50,7 @@ pub use buffer::StreamBuffer;
 pub use bytes::ByteDecoder;
 pub use counters::Counters;
 pub use decoder::Decoder;
+pub use echo::{Echo, EchoError};
 pub use encode::Encode;
 pub use end::{ActionOf, ConfigOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]

@@ -29,6 +29,15 @@ pub struct ClientConfig {
     /// it may be matched to the wrong request, whose own reply is then reported as a stray. 1 s on a serial line; 10 s for
     /// RTU over TCP, where a new connection ends the wait at once.
     pub settle: Duration,
+    /// The time in which nothing is sent after a request has ended, for devices that lose what comes sooner. 0.
+    pub pause: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires often do; not on TCP. Off. The bytes of a request come back
+    /// first then: they are compared with it and dropped, and others are [`ClientEvent::Echo`](crate::ClientEvent::Echo), a collision.
+    ///
+    /// While it is off, requests on a connection that cannot equal their reply show whether the line returns them; that is the same event,
+    /// and from then on they are dropped. A request that can (function 5, 6, 8 or 22, or one without a type) is not sent before that is
+    /// known: the client reads register 0 of its unit first.
+    pub echo: bool,
     /// For the model only: transactions count modulo this.
     #[cfg(feature = "model")]
     #[doc(hidden)]
@@ -61,6 +70,8 @@ robot_session::rules! {
         CutAtSilence,
         /// The rest of a reply that has begun is waited for, even if a silence is seen within it.
         AwaitRest,
+        /// Without transactions no request that can equal its reply is sent before it is known whether the line returns it.
+        ProveEcho,
         /// What is in flight ends with the connection.
         EndAtDisconnect,
         /// What waits to be sent ends with the connection.
@@ -79,6 +90,8 @@ impl ClientConfig {
             broadcast: false,
             turnaround: Duration::from_millis(100),
             settle: Duration::from_secs(1),
+            pause: Duration::ZERO,
+            echo: false,
             #[cfg(feature = "model")]
             transactions: u16::MAX,
             rules: Rules::ALL,
@@ -107,6 +120,11 @@ impl ClientConfig {
     /// Whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
+    }
+
+    /// Whether it is known before the first request what the line does with what is sent.
+    pub(crate) const fn knows_echo(&self) -> bool {
+        self.framing.has_transactions() || self.echo
     }
 
     /// How many requests may be in flight at once.

@@ -1,4 +1,4 @@
-use robot_session::Unexpected;
+use robot_session::{EchoError, Unexpected};
 
 use crate::error::{DecodeError, Mismatch};
 
@@ -76,6 +76,10 @@ pub enum ClientEvent {
     /// On TCP, which does not corrupt data: bytes that do not begin a frame, and no frame after them yet. Reconnect.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
+    /// Except on TCP: the line returns what is sent, and [`ClientConfig::echo`](crate::ClientConfig::echo) is off; or it is on, and something
+    /// else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A call violated the contract; nothing has changed.
     Unexpected(Unexpected),
 }
@@ -87,7 +91,11 @@ impl ClientEvent {
             Self::Replied { ticket, .. } | Self::Announced { ticket } | Self::Failed { ticket, .. } => {
                 Some(*ticket)
             }
-            Self::Stray { .. } | Self::Corrupt(_) | Self::OutOfStep(_) | Self::Unexpected(_) => None,
+            Self::Stray { .. }
+            | Self::Corrupt(_)
+            | Self::OutOfStep(_)
+            | Self::Echo(_)
+            | Self::Unexpected(_) => None,
         }
     }
 }

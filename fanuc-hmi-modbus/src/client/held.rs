@@ -17,9 +17,17 @@ pub struct Held {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// It waits to be sent to one unit.
-    Queued,
+    Queued {
+        /// Its reply can equal it.
+        mirrored: bool,
+    },
     /// It waits to be sent to all units.
     QueuedBroadcast,
+    /// Before it a read was sent, which shows whether the line returns what is sent.
+    Probing {
+        /// When that times out.
+        deadline: Duration,
+    },
     /// It was sent, and waits for its reply.
     InFlight {
         /// Its transaction; 0 where frames have none.
@@ -47,8 +55,8 @@ impl Held {
     /// When it times out.
     pub(super) const fn deadline(&self) -> Option<Duration> {
         match self.stage {
-            Stage::InFlight { deadline, .. } => Some(deadline),
-            Stage::Queued
+            Stage::Probing { deadline } | Stage::InFlight { deadline, .. } => Some(deadline),
+            Stage::Queued { .. }
             | Stage::QueuedBroadcast
             | Stage::Ended
             | Stage::TimedOut { .. }
@@ -56,9 +64,20 @@ impl Held {
         }
     }
 
-    /// Whether it is in flight, and a frame with this transaction belongs to it.
+    /// Whether it waits to be sent.
+    pub(super) const fn is_queued(&self) -> bool {
+        matches!(self.stage, Stage::Queued { .. } | Stage::QueuedBroadcast)
+    }
+
+    /// Whether it is in flight, or the read before it.
+    pub(super) const fn is_in_flight(&self) -> bool {
+        matches!(self.stage, Stage::Probing { .. } | Stage::InFlight { .. })
+    }
+
+    /// Whether it, or the read before it, is in flight, and a frame with this transaction belongs to it.
     pub(super) fn waits(&self, transaction: u16, config: &ClientConfig) -> bool {
         match self.stage {
+            Stage::Probing { .. } => true,
             Stage::InFlight { transaction: found, .. } => {
                 found == transaction || !config.rules.keeps(Rule::MatchTransaction)
             }

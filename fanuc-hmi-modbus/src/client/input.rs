@@ -15,6 +15,8 @@ pub enum Input {
     Request {
         /// To all units.
         broadcast: bool,
+        /// Its reply can equal it.
+        mirrored: bool,
     },
     /// The caller has taken the outcome of the request in this place.
     Taken {
@@ -56,6 +58,8 @@ pub struct Due {
     pub place: u8,
     /// Its transaction; 0 where frames have none.
     pub transaction: u16,
+    /// Not the request is sent, but the read before it that shows whether the line returns what is sent.
+    pub probe: bool,
 }
 
 /// What a client does.
@@ -104,8 +108,9 @@ pub enum Action {
 }
 
 robot_session::inputs!(
-    Input: Request { broadcast: false } as "Request",
-    Request { broadcast: true } as "Request(broadcast)",
+    Input: Request { broadcast: true } as "Request(broadcast)",
+    Request { mirrored: true } as "Request(mirrored)",
+    Request { mirrored: false } as "Request",
     Taken,
     Received,
     Partial,

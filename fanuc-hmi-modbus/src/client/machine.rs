@@ -34,6 +34,8 @@ pub enum ClientLink {
         line: Line,
         /// Whether something may be sent as far as earlier requests are concerned.
         quiet: Quiet,
+        /// Whether it is known what the line does with what is sent: it returns it or not.
+        proven: bool,
     },
 }
 
@@ -67,7 +69,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
             Input::Connected => Some(self.connected(now, config)),
             Input::Disconnected => Some(self.disconnected(config)),
             Input::Timeout => Some(self.timeout(now, config)),
-            Input::Request { broadcast } => self.request(broadcast),
+            Input::Request { broadcast, mirrored } => self.request(broadcast, mirrored, config),
             Input::Taken { place } => self.taken(place),
             Input::Received => match &mut self.link {
                 ClientLink::Down => None,
@@ -81,7 +83,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
             Input::Partial => self.partial(config),
             Input::Reply { transaction, fit } => match self.link {
                 ClientLink::Down => None,
-                ClientLink::Up { .. } => Some(self.reply(transaction, fit, config)),
+                ClientLink::Up { .. } => Some(self.reply(now, transaction, fit, config)),
             },
             Input::Corrupt => match self.link {
                 ClientLink::Down => None,
@@ -100,20 +102,21 @@ impl<const N: usize> Machine for ClientMachine<N> {
         // What is in flight was asked for before what waits.
         let mut in_flight = 0;
         let queued = self.held().find(|held| {
-            in_flight += usize::from(matches!(held.stage, Stage::InFlight { .. }));
-            matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast)
+            in_flight += usize::from(held.is_in_flight());
+            held.is_queued()
         });
         let Held { place, stage } = *queued?;
-        let transaction = if config.framing.has_transactions() && stage == Stage::Queued {
+        let transaction = if config.framing.has_transactions() && stage != Stage::QueuedBroadcast {
             free_transaction(&self.requests, self.transaction, config)
         } else {
             0
         };
-        (in_flight < config.most_in_flight()).then_some(Due { place, transaction })
+        let probe = self.needs_probe(stage, config);
+        (in_flight < config.most_in_flight()).then_some(Due { place, transaction, probe })
     }
 
     fn deadline(&self) -> Option<Duration> {
-        let ClientLink::Up { line, quiet } = self.link else { return None };
+        let ClientLink::Up { line, quiet, .. } = self.link else { return None };
         let end = match quiet {
             Quiet::Over => None,
             Quiet::Until { end } => Some(end),
@@ -127,27 +130,26 @@ impl<const N: usize> Machine for ClientMachine<N> {
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
-        if let ClientLink::Up { line, quiet } = &mut self.link {
+        if let ClientLink::Up { line, quiet, .. } = &mut self.link {
             line.ends_at_mut().into_iter().for_each(&mut f);
             if let Quiet::Until { end } = quiet {
                 f(end);
             }
         }
         for held in self.requests.iter_mut().flatten() {
-            if let Stage::InFlight { deadline, .. } = &mut held.stage {
+            if let Stage::Probing { deadline } | Stage::InFlight { deadline, .. } = &mut held.stage {
                 f(deadline);
             }
         }
     }
 
     fn name(&self) -> &'static str {
-        let ClientLink::Up { line, quiet } = self.link else { return "Disconnected" };
-        let is_queued = |held: &Held| matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast);
+        let ClientLink::Up { line, quiet, .. } = self.link else { return "Disconnected" };
         match (self.in_flight(), quiet, line) {
             (1.., _, _) => "Waiting",
             (0, Quiet::Until { .. }, _) => "Quiet",
             (0, Quiet::Over, Line::Busy { .. } | Line::Partial { .. }) => "Receiving",
-            (0, Quiet::Over, Line::Silent) if self.held().any(is_queued) => "Ready",
+            (0, Quiet::Over, Line::Silent) if self.held().any(Held::is_queued) => "Ready",
             (0, Quiet::Over, Line::Silent) => "Idle",
         }
     }
@@ -157,9 +159,9 @@ impl<const N: usize> ClientMachine<N> {
     /// Without a connection, without requests.
     pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
 
-    /// How many requests are in flight.
+    /// How many requests are in flight, or the reads before them.
     pub fn in_flight(&self) -> usize {
-        self.held().filter(|held| matches!(held.stage, Stage::InFlight { .. })).count()
+        self.held().filter(|held| held.is_in_flight()).count()
     }
 
     /// The requests, oldest first.
@@ -178,9 +180,9 @@ impl<const N: usize> ClientMachine<N> {
         }
     }
 
-    /// The request in flight that a frame with this transaction belongs to.
-    pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<u8> {
-        self.held().find(|held| held.waits(transaction, config)).map(|held| held.place)
+    /// The request in flight, or whose read before it is, that a frame with this transaction belongs to.
+    pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<&Held> {
+        self.held().find(|held| held.waits(transaction, config))
     }
 
     /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
@@ -192,7 +194,7 @@ impl<const N: usize> ClientMachine<N> {
         } else {
             Quiet::Over
         };
-        self.link = ClientLink::Up { line: Line::Silent, quiet };
+        self.link = ClientLink::Up { line: Line::Silent, quiet, proven: config.knows_echo() };
         reset
     }
 
@@ -202,8 +204,9 @@ impl<const N: usize> ClientMachine<N> {
         if self.link != ClientLink::Down {
             for held in self.requests.iter_mut().map_while(Option::as_mut) {
                 match held.stage {
-                    Stage::Queued | Stage::QueuedBroadcast if !config.rules.keeps(Rule::DropQueued) => {}
-                    Stage::Queued | Stage::QueuedBroadcast => {
+                    Stage::Queued { .. } | Stage::QueuedBroadcast
+                        if !config.rules.keeps(Rule::DropQueued) => {}
+                    Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } => {
                         not_sent.insert(held.place);
                         held.stage = Stage::Ended;
                     }
@@ -225,13 +228,18 @@ impl<const N: usize> ClientMachine<N> {
         Action::Reset { lost, not_sent }
     }
 
-    fn request(&mut self, broadcast: bool) -> Option<Action> {
+    fn request(&mut self, broadcast: bool, mirrored: bool, config: &ClientConfig) -> Option<Action> {
         let place = self.free_place()?;
         let expired = self.held().position(|held| held.place == place);
         if let Some(expired) = expired {
             self.remove(expired);
         }
-        let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued };
+        let is_open = match self.link {
+            ClientLink::Down => !config.knows_echo(),
+            ClientLink::Up { proven, .. } => !proven,
+        };
+        let mirrored = mirrored && is_open;
+        let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued { mirrored } };
         let free = self.requests.iter_mut().find(|held| held.is_none())?;
         *free = Some(Held { place, stage });
         Some(Action::Keep { place })
@@ -243,38 +251,57 @@ impl<const N: usize> ClientMachine<N> {
         match held.stage {
             Stage::Ended => drop(self.remove(index)),
             Stage::TimedOut { transaction } => held.stage = Stage::Expired { transaction },
-            Stage::Queued | Stage::QueuedBroadcast | Stage::InFlight { .. } | Stage::Expired { .. } => {
-                return None;
-            }
+            Stage::Queued { .. }
+            | Stage::QueuedBroadcast
+            | Stage::Probing { .. }
+            | Stage::InFlight { .. }
+            | Stage::Expired { .. } => return None,
         }
         Some(Action::Nothing)
     }
 
     /// As far as the line and earlier requests are concerned.
     fn may_send(&self, now: Duration, config: &ClientConfig) -> bool {
-        let ClientLink::Up { line, quiet } = self.link else { return false };
+        let ClientLink::Up { line, quiet, .. } = self.link else { return false };
         let is_quiet = match quiet {
             Quiet::Over => false,
             // Without the rule a driver that runs late sends before it has read the late reply.
             Quiet::Until { end } => config.rules.keeps(Rule::ReadBeforeSend) || now < end,
         };
-        // The rest of a reply is waited for from its first bytes on, and not from a silence on.
-        let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. });
+        // The rest of a reply is waited for from its first bytes on, and not from a silence on. Where a line returns what is sent, what
+        // comes first has to be that.
+        let is_silent = !config.echo || line == Line::Silent;
+        let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. }) && is_silent;
         let is_busy = !may_send && config.rules.keeps(Rule::WaitForSilence);
         !is_quiet && !is_busy
     }
 
+    /// Whether it has to be seen before this request what the line does with what is sent.
+    fn needs_probe(&self, stage: Stage, config: &ClientConfig) -> bool {
+        let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
+        stage == Stage::Queued { mirrored: true } && !is_proven && config.rules.keeps(Rule::ProveEcho)
+    }
+
     #[inline(always)]
     fn sent(&mut self, now: Duration, due: Due, config: &ClientConfig) -> Option<Action> {
-        let Due { place, transaction } = due;
+        let Due { place, transaction, probe } = due;
         if !self.may_send(now, config) {
+            return None;
+        }
+        let stage = self.held().find(|held| held.place == place)?.stage;
+        if probe != self.needs_probe(stage, config) {
             return None;
         }
         let ClientLink::Up { quiet, .. } = &mut self.link else { return None };
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
         let held = requests.find(|held| held.place == place)?;
-        match held.stage {
-            Stage::Queued => {
+        match stage {
+            Stage::Queued { .. } if probe => {
+                held.stage = Stage::Probing { deadline: now.saturating_add(config.timeout) };
+                *quiet = Quiet::Over;
+                Some(Action::Sent)
+            }
+            Stage::Queued { .. } => {
                 let deadline = now.saturating_add(config.timeout);
                 held.stage = Stage::InFlight { transaction, deadline, doubtful: false };
                 *quiet = Quiet::Over;
@@ -288,12 +315,16 @@ impl<const N: usize> ClientMachine<N> {
                 *quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
                 Some(Action::Announced { place })
             }
-            Stage::InFlight { .. } | Stage::Ended | Stage::TimedOut { .. } | Stage::Expired { .. } => None,
+            Stage::Probing { .. }
+            | Stage::InFlight { .. }
+            | Stage::Ended
+            | Stage::TimedOut { .. }
+            | Stage::Expired { .. } => None,
         }
     }
 
     #[inline(always)]
-    fn reply(&mut self, transaction: u16, fit: Fit, config: &ClientConfig) -> Action {
+    fn reply(&mut self, now: Duration, transaction: u16, fit: Fit, config: &ClientConfig) -> Action {
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
         let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
             return self.late_reply(transaction);
@@ -306,13 +337,24 @@ impl<const N: usize> ClientMachine<N> {
             }
             Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
         };
+        let is_probe = matches!(held.stage, Stage::Probing { .. });
         // Without a transaction it may be a late reply to an earlier request: the right one may still come.
         if !fits && !config.framing.has_transactions() {
             return Action::Stray { late: None };
         }
-        held.stage = Stage::Ended;
+        held.stage = if is_probe { Stage::Queued { mirrored: true } } else { Stage::Ended };
         let place = held.place;
-        if fits { Action::Replied { place } } else { Action::Refused { place } }
+        if let ClientLink::Up { quiet, proven, .. } = &mut self.link {
+            *proven = true;
+            if !config.pause.is_zero() {
+                *quiet = Quiet::Until { end: now.saturating_add(config.pause) };
+            }
+        }
+        match fits {
+            _ if is_probe => Action::Nothing,
+            true => Action::Replied { place },
+            false => Action::Refused { place },
+        }
     }
 
     /// The rest of the reply is waited for as long as the reply itself.
@@ -362,7 +404,7 @@ impl<const N: usize> ClientMachine<N> {
 
     /// One thing at a time: the end of a frame may bring the reply to a request that would time out.
     fn timeout(&mut self, now: Duration, config: &ClientConfig) -> Action {
-        let ClientLink::Up { line, quiet } = &mut self.link else { return Action::Nothing };
+        let ClientLink::Up { line, quiet, proven } = &mut self.link else { return Action::Nothing };
         if line.is_due(now) {
             *line = Line::Silent;
             return if config.rules.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
@@ -371,22 +413,31 @@ impl<const N: usize> ClientMachine<N> {
             *quiet = Quiet::Over;
             return Action::Nothing;
         }
-        let mut places = Places::default();
+        let (mut places, mut has_ended) = (Places::default(), false);
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
-            if let Stage::InFlight { transaction, deadline, .. } = held.stage
-                && is_due(deadline, now)
-            {
-                held.stage = Stage::TimedOut { transaction };
-                places.insert(held.place);
+            match held.stage {
+                Stage::InFlight { transaction, deadline, .. } if is_due(deadline, now) => {
+                    held.stage = Stage::TimedOut { transaction };
+                    places.insert(held.place);
+                }
+                // Nothing has come back, not even what was sent.
+                Stage::Probing { deadline } if is_due(deadline, now) => {
+                    held.stage = Stage::Queued { mirrored: true };
+                }
+                _ => continue,
             }
+            has_ended = true;
         }
-        if places == Places::default() {
+        if !has_ended {
             return Action::Nothing;
         }
-        if !config.framing.has_transactions() {
-            *quiet = Quiet::Until { end: now.saturating_add(config.settle) };
+        *proven = true;
+        let wait =
+            if config.framing.has_transactions() { config.pause } else { config.settle.max(config.pause) };
+        if !wait.is_zero() {
+            *quiet = Quiet::Until { end: now.saturating_add(wait) };
         }
-        Action::TimedOut(places)
+        if places == Places::default() { Action::Nothing } else { Action::TimedOut(places) }
     }
 
     fn remove(&mut self, index: usize) -> Option<Held> {
@@ -410,7 +461,7 @@ fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig)
             Stage::InFlight { transaction: found, .. }
             | Stage::TimedOut { transaction: found }
             | Stage::Expired { transaction: found } => found == transaction,
-            Stage::Queued | Stage::QueuedBroadcast | Stage::Ended => false,
+            Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } | Stage::Ended => false,
         })
     };
     let mut transaction = next;

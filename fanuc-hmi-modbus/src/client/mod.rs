@@ -10,13 +10,13 @@ mod places;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, Encode as _, End, EventQueue, Room};
+use robot_session::{Core, Echo, Encode as _, End, EventQueue, Room};
 
 pub use config::ClientConfig;
 #[doc(hidden)]
 pub use config::Rule;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-use machine::{Action, ClientMachine, Due, Fit, Input, Places};
+use machine::{Action, ClientMachine, Due, Fit, Held, Input, Places, Stage};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
@@ -42,6 +42,7 @@ use crate::message::{PduBuf, Reply, Request, function};
 pub struct Client<const N: usize = 8, F: Framings = Framing> {
     core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
+    echo: Echo<{ Frame::MAX_LEN }>,
     /// The bytes before those that are read now ended within corruption.
     was_corrupt: bool,
     /// The bytes that were read last may be the beginning of a reply.
@@ -59,8 +60,13 @@ struct Place {
     /// How many bits or registers the request reads.
     quantity: u16,
     is_reply: bool,
+    /// The reply can be equal to the request.
+    is_mirrored: bool,
     pdu: PduBuf,
 }
+
+/// The request that shows whether the line returns what is sent: its reply has 2 bytes of data, and so begins in another way.
+const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
 
 /// What begins with some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +90,8 @@ impl<const N: usize, F: Framings> Client<N, F> {
     /// A client without a connection and without requests.
     ///
     /// # Errors
-    /// No request can be in flight, or more than there are places for; the timeout is zero; the type is for another framing.
+    /// No request can be in flight, or more than there are places for; the timeout is zero; the type is for another framing; over TCP the line
+    /// is said to return what is sent.
     pub fn new(config: ClientConfig) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= EVENTS, "a client has 1 to 16 places") };
         let most = if config.framing.has_transactions() { N } else { 1 };
@@ -94,17 +101,14 @@ impl<const N: usize, F: Framings> Client<N, F> {
         if config.timeout.is_zero() {
             return Err(ConfigError::Timeout);
         }
-        let place = Place {
-            ticket: Ticket { number: 0, place: 0 },
-            unit: 0,
-            quantity: 0,
-            is_reply: false,
-            pdu: PduBuf::EMPTY,
-        };
+        if config.echo && config.framing.has_transactions() {
+            return Err(ConfigError::Echo);
+        }
         let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
-            places: [place; N],
+            places: [Place::EMPTY; N],
+            echo: Echo::new(config.echo),
             was_corrupt: false,
             waits_for_rest: false,
         })
@@ -129,9 +133,10 @@ impl<const N: usize, F: Framings> Client<N, F> {
         kept.pdu.put(request)?;
         let ticket = Ticket { number: self.core.statistics.requests + 1, place };
         (kept.ticket, kept.unit) = (ticket, unit);
-        (kept.quantity, kept.is_reply) = (request.quantity_read(), false);
+        let mirrored = request.is_mirrored();
+        (kept.quantity, kept.is_reply, kept.is_mirrored) = (request.quantity_read(), false, mirrored);
         self.core.statistics.requests += 1;
-        self.tell(Input::Request { broadcast });
+        self.tell(Input::Request { broadcast, mirrored });
         Ok(ticket)
     }
 
@@ -168,9 +173,17 @@ impl<const N: usize, F: Framings> Client<N, F> {
     #[inline(always)]
     fn fit(&self, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
         match self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config) {
-            Some(place) => self.fit_of(place, frame),
+            Some(Held { place, stage: Stage::Probing { .. } }) => self.fit_probe(*place, frame),
+            Some(Held { place, .. }) => self.fit_of(*place, frame),
             None => Ok(Fit::Whole),
         }
+    }
+
+    /// Whether a frame can be the reply to the read before the request in this place.
+    #[cold]
+    fn fit_probe(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
+        let probe = self.places.get(usize::from(place)).map(Place::probe);
+        probe.map_or(Ok(Fit::Whole), |probe| probe.fit(frame, self.core.config.any_unit))
     }
 
     /// Whether a frame can be the reply to the request in this place.
@@ -187,8 +200,10 @@ impl<const N: usize, F: Framings> Client<N, F> {
     #[cold]
     fn holds_partial(&self) -> bool {
         let Self { core, places, .. } = self;
-        let place = core.machine.expects(0, &core.config).and_then(|place| places.get(usize::from(place)));
-        let Some(place) = place else { return false };
+        let Some(Held { place, stage }) = core.machine.expects(0, &core.config) else { return false };
+        let Some(place) = places.get(usize::from(*place)) else { return false };
+        let probe = matches!(stage, Stage::Probing { .. }).then(|| place.probe());
+        let place = probe.as_ref().unwrap_or(place);
         let held = core.decoder.held();
         let begins = (0..held.len())
             .map(|at| place.begins_reply(held.get(at..).unwrap_or_default(), core.config.any_unit));
@@ -286,6 +301,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(ClientEvent::Unexpected);
+    robot_session::echo!(ClientEvent::Echo);
 
     fn discards_after(&self) -> Option<Duration> {
         Some(self.core.config.timeout)
@@ -337,8 +353,14 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         let out = out.get_mut(..Self::MAX_TRANSMIT)?;
         let place = self.places.get(usize::from(due.place))?;
         let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
-        let frame = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() };
-        let length = frame.encode(out).ok()?;
+        let probe = due.probe.then(|| place.probe());
+        let Place { unit, pdu, is_mirrored, .. } = probe.as_ref().unwrap_or(place);
+        let length = Frame { transaction, unit: *unit, pdu: pdu.as_bytes() }.encode(out).ok()?;
+        if transaction.is_none() {
+            // Nobody answers a broadcast.
+            let is_proof = !is_mirrored || self.core.config.is_broadcast(*unit);
+            self.echo.sent(out.get(..length).unwrap_or_default(), is_proof);
+        }
         Some((length, Input::Sent(due)))
     }
 
@@ -383,6 +405,22 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 }
 
 impl Place {
+    const EMPTY: Self = Self {
+        ticket: Ticket { number: 0, place: 0 },
+        unit: 0,
+        quantity: 0,
+        is_reply: false,
+        is_mirrored: false,
+        pdu: PduBuf::EMPTY,
+    };
+
+    /// The read before the request in this place.
+    #[cold]
+    fn probe(&self) -> Self {
+        let pdu = PduBuf::new(&PROBE).unwrap_or(PduBuf::EMPTY);
+        Self { unit: self.unit, quantity: PROBE.quantity_read(), pdu, ..Self::EMPTY }
+    }
+
     /// Whether a frame can be the reply to the request in this place.
     #[inline(always)]
     fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {

@@ -102,6 +102,25 @@ impl<'a> Request<'a> {
         })
     }
 
+    /// Whether a reply may be equal to it, or begin as it does; of a function without a type nothing is known.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        // A read's reply has the number of its bytes where the request has the high byte of its address.
+        let counts = |address: u16, bytes: u16| address >> 8 == bytes;
+        match *self {
+            Self::ReadCoils { address, quantity } | Self::ReadDiscreteInputs { address, quantity } => {
+                counts(address, quantity.div_ceil(8))
+            }
+            Self::ReadHoldingRegisters { address, quantity }
+            | Self::ReadInputRegisters { address, quantity }
+            | Self::ReadWriteRegisters { address, quantity, .. } => counts(address, 2 * quantity),
+            Self::WriteCoils { .. } | Self::WriteRegisters { .. } => false,
+            Self::WriteCoil { .. }
+            | Self::WriteRegister { .. }
+            | Self::MaskWriteRegister { .. }
+            | Self::Other { .. } => true,
+        }
+    }
+
     /// The function code.
     pub const fn function(&self) -> u8 {
         match self {

@@ -19,6 +19,12 @@ pub struct ServerConfig {
     /// pieces: a CH340 delivers 32 at once, an FTDI adapter up to 16 ms late, a UART with a FIFO 8 or 14. [`rtu`](Self::rtu) sets the
     /// time of 32 characters and 20 ms.
     pub frame_timeout: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires often do; not on TCP. Off. The bytes of a reply come back first
+    /// then: they are compared with it and dropped, and others are [`ServerEvent::Echo`](crate::ServerEvent::Echo), a collision.
+    ///
+    /// While it is off, such a line gives the reply to a write back to the server as the same write, again and again. The first reply to
+    /// a read that is longer than a request shows it: that is the same event, and from then on what comes back is dropped.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -48,7 +54,14 @@ impl ServerConfig {
     /// Modbus TCP: every unit is answered.
     pub const fn tcp() -> Self {
         let frame_timeout = Duration::from_millis(50);
-        Self { framing: Framing::Tcp, unit: None, broadcast: false, frame_timeout, rules: Rules::ALL }
+        Self {
+            framing: Framing::Tcp,
+            unit: None,
+            broadcast: false,
+            frame_timeout,
+            echo: false,
+            rules: Rules::ALL,
+        }
     }
 
     /// RTU on a serial line.

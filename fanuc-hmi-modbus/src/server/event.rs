@@ -1,4 +1,4 @@
-use robot_session::Unexpected;
+use robot_session::{EchoError, Unexpected};
 
 use crate::error::DecodeError;
 use crate::message::Exception;
@@ -36,6 +36,10 @@ pub enum ServerEvent {
     /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best close the connection.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
+    /// Except on TCP: the line returns what is sent, and [`ServerConfig::echo`](crate::ServerConfig::echo) is off; or it is on, and something
+    /// else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A call violated the contract; nothing has changed.
     Unexpected(Unexpected),
 }

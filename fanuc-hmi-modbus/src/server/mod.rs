@@ -9,7 +9,7 @@ mod replies;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, End, EventQueue, Room};
+use robot_session::{Core, Echo, End, EventQueue, Room};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -25,6 +25,9 @@ use crate::message::{function, limit};
 use crate::registers::{Registers, serve_any};
 pub(crate) use receiver::{AnyReceiver, Receive, RtuReceiver};
 use replies::Replies;
+
+/// The bytes of an RTU request to read.
+const READ_REQUEST: usize = 8;
 
 /// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
 ///
@@ -47,6 +50,7 @@ pub struct Server<R, const N: usize = 8, F: Framings = Framing> {
     core: Core<ServerMachine<N>, F::Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
+    echo: Echo<{ Frame::MAX_LEN }>,
     /// What was read last ended within corruption.
     was_corrupt: bool,
 }
@@ -55,17 +59,21 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// A server without a connection.
     ///
     /// # Errors
-    /// It would be unit 0 where that is the broadcast; the type is for another framing.
+    /// It would be unit 0 where that is the broadcast; the type is for another framing; over TCP the line is said to return what is sent.
     pub fn new(config: ServerConfig, registers: R) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= 255, "a server has 1 to 255 places") };
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
             return Err(ConfigError::Unit { found });
         }
         F::of(config.framing).ok_or(ConfigError::Framing)?;
+        if config.echo && config.framing.has_transactions() {
+            return Err(ConfigError::Echo);
+        }
         Ok(Self {
             core: Core::new(config, ServerMachine::NEW, Receive::new(config.framing, config.unit)),
             registers,
             replies: Replies::EMPTY,
+            echo: Echo::new(config.echo),
             was_corrupt: false,
         })
     }
@@ -150,6 +158,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(ServerEvent::Unexpected);
+    robot_session::echo!(ServerEvent::Echo);
 
     #[inline]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
@@ -197,7 +206,12 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     #[inline]
     fn write(&mut self, _now: Duration, Due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.first_chunk_mut::<{ Frame::MAX_LEN }>()?;
-        Some((self.replies.pop(out)?, Input::Sent))
+        let length = self.replies.pop(out)?;
+        if !self.core.config.framing.has_transactions() {
+            let reply = out.get(..length).unwrap_or_default();
+            self.echo.sent(reply, is_long_read(reply));
+        }
+        Some((length, Input::Sent))
     }
 
     #[inline]
@@ -224,4 +238,10 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
             self.refused(request);
         }
     }
+}
+
+/// Whether an RTU reply has values, and is longer than a request to read them.
+fn is_long_read(reply: &[u8]) -> bool {
+    let is_read = |code| matches!(code, 1..=4 | function::READ_WRITE_REGISTERS);
+    reply.len() > READ_REQUEST && reply.get(1).is_some_and(|code| is_read(*code))
 }

@@ -509,14 +509,25 @@ fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
     ]
 }
 
+/// A client of which the first reply has come, and the time.
+fn proven(config: ClientConfig) -> (Client, Duration) {
+    let mut client: Client = connected(config);
+    client.request(1, &read(0, 1)).unwrap();
+    assert_eq!(sent(&mut client, MS).len(), 1);
+    client.handle_input(2 * MS, &bytes(None, 1, Reply::HoldingRegisters(Words::from(&[7]))));
+    let now = Duration::from_secs(1);
+    client.handle_timeout(now);
+    assert_eq!(all(&mut client).len(), 1);
+    (client, now)
+}
+
 /// A UART with a FIFO, a USB adapter or a device server delivers a reply in pieces, with silences between them that the line has not.
 #[test]
 fn a_reply_that_is_delivered_in_pieces_is_one() {
     for config in [rtu(), ClientConfig::rtu(115_200), ClientConfig::rtu(1200), ClientConfig::rtu_over_tcp()] {
         for (request, reply) in exchanges() {
             for size in 1..reply.len() {
-                let mut client: Client = connected(config);
-                let mut now = MS;
+                let (mut client, mut now) = proven(config);
                 let ticket = client.request(1, &request).unwrap();
                 assert_eq!(sent(&mut client, now).len(), 1);
                 let gap = if size < 4 { 6 * MS } else { 20 * MS };
@@ -589,8 +600,7 @@ fn a_byte_before_a_reply_does_not_hide_it() {
     {
         for byte in [0x00, 0xFF, 0x55] {
             for size in [1, 3, 500] {
-                let mut client: Client = connected(rtu());
-                let mut now = MS;
+                let (mut client, mut now) = proven(rtu());
                 let ticket = client.request(1, &request).unwrap();
                 assert_eq!(sent(&mut client, now).len(), 1);
                 for piece in [&[byte], &reply[..]].concat().chunks(size) {

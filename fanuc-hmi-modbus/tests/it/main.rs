@@ -6,6 +6,7 @@ mod arbitrary;
 mod client;
 mod common;
 mod decoder;
+mod echo;
 mod edges;
 mod framings;
 #[cfg(feature = "tokio")]

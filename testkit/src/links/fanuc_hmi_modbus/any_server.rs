@@ -13,17 +13,31 @@ use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 pub(super) const FITS: &str = "a reply that does not fit is not taken";
 pub(super) const DATA: &str = "data of a damaged reply is not taken for an exception";
 pub(super) const REST: &str = "the rest of a reply is waited for until the timeout";
+pub(super) const PROVEN: &str =
+    "a request that can equal its reply is not sent before it is known what the line returns";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-44, FM-57",
     free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, and damaged replies whose data looks like an exception",
-    properties: &[FOREIGN_REPLY, FITS, DATA, REST, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    properties: &[
+        FOREIGN_REPLY,
+        FITS,
+        DATA,
+        REST,
+        PROVEN,
+        ENDED_TWICE,
+        SENT,
+        STALE,
+        ENDS,
+        COLLISION,
+        EXPECTED,
+    ],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
-    properties: &[FITS, DATA, REST, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    properties: &[FITS, DATA, REST, PROVEN, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 
 /// A server of which only this is known.
@@ -51,12 +65,17 @@ pub struct Known {
     is_damaged: bool,
     /// They are the beginning of a reply.
     is_partial: bool,
+    /// The read is in flight that shows what the line returns.
+    is_probing: bool,
+    /// A request has ended on this connection, or such a read.
+    is_proven: bool,
     wrong: Option<&'static str>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Job {
     id: u8,
+    is_mirrored: bool,
     was_sent: bool,
     /// It waited when a connection was lost.
     is_stale: bool,
@@ -77,6 +96,8 @@ pub enum Word {
     Request {
         /// To every unit.
         broadcast: bool,
+        /// Its reply can equal it.
+        mirrored: bool,
     },
     /// The caller takes the outcome of the request in this place.
     Take(u8),
@@ -145,15 +166,18 @@ impl Peer for AnyServer {
             is_arriving: false,
             is_damaged: false,
             is_partial: false,
+            is_probing: false,
+            is_proven: false,
             wrong: None,
         }
     }
 
     fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
         if end.free_place().is_some() {
-            words.push(Word::Request { broadcast: false });
+            words.push(Word::Request { broadcast: false, mirrored: false });
             if !self.is_tcp() {
-                words.push(Word::Request { broadcast: true });
+                words.push(Word::Request { broadcast: false, mirrored: true });
+                words.push(Word::Request { broadcast: true, mirrored: false });
             }
         }
         let ended = |place: &u8| known.jobs[usize::from(*place)].is_some_and(|job| job.has_ended);
@@ -198,7 +222,7 @@ impl Peer for AnyServer {
 
     fn hear(&self, end: &ClientMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
         Some(match word {
-            Word::Request { broadcast } => Input::Request { broadcast },
+            Word::Request { broadcast, mirrored } => Input::Request { broadcast, mirrored },
             Word::Take(place) => Input::Taken { place },
             Word::Bytes => {
                 known.is_arriving = true;
@@ -234,13 +258,18 @@ impl Peer for AnyServer {
         if let Cause::Sent(due) = cause {
             self.was_sent(known, due, action);
         }
+        if known.is_probing && !end.held().any(|held| matches!(held.stage, Stage::Probing { .. })) {
+            (known.is_probing, known.is_proven) = (false, true);
+        }
         match action {
             Action::Keep { place } => {
                 let id = (0..).find(|id| !known.has(*id)).unwrap_or(NOBODY);
+                let is_mirrored = matches!(cause, Cause::Word(Word::Request { mirrored: true, .. }));
                 known.jobs[usize::from(place)] =
-                    Some(Job { id, was_sent: false, is_stale: false, has_ended: false });
+                    Some(Job { id, is_mirrored, was_sent: false, is_stale: false, has_ended: false });
             }
             Action::Replied { place } => {
+                known.is_proven = true;
                 let job = known.end(place, true);
                 if let (Cause::Word(Word::Reply { id, fit, .. }), Some(job)) = (cause, job) {
                     if self.keeps_rules && job.id != id {
@@ -254,17 +283,27 @@ impl Peer for AnyServer {
                     known.wrong = Some(DATA);
                 }
             }
-            Action::Refused { place } | Action::Announced { place } => {
+            Action::Refused { place } => {
+                known.is_proven = true;
                 known.end(place, true);
             }
-            Action::TimedOut(places) => known.end_all(places, true),
+            Action::Announced { place } => {
+                known.end(place, true);
+            }
+            Action::TimedOut(places) => {
+                known.is_proven = true;
+                known.end_all(places, true);
+            }
             Action::Reset { lost, not_sent } => {
                 known.end_all(lost, true);
                 known.end_all(not_sent, false);
             }
             Action::Cut => {
                 // Time is counted from now: what is due is at zero.
-                let waits = |held: &Held| matches!(held.stage, Stage::InFlight { deadline, .. } if !deadline.is_zero());
+                let waits = |held: &Held| match held.stage {
+                    Stage::Probing { deadline } | Stage::InFlight { deadline, .. } => !deadline.is_zero(),
+                    _ => false,
+                };
                 if known.is_partial && end.held().any(waits) {
                     known.wrong = Some(REST);
                 }
@@ -282,6 +321,7 @@ impl Peer for AnyServer {
                     }
                 }
                 known.is_up = cause == Cause::Connected;
+                (known.is_probing, known.is_proven) = (false, self.is_tcp());
                 self.reconnected(known);
             }
             _ => {}
@@ -297,6 +337,7 @@ impl Peer for AnyServer {
 
     fn restarted(&self, known: &mut Known) {
         (known.jobs, known.is_up) = ([None; 2], false);
+        (known.is_probing, known.is_proven) = (false, false);
         self.reconnected(known);
     }
 
@@ -319,7 +360,17 @@ impl AnyServer {
         if self.is_tcp() {
             known.age();
         }
+        if due.probe {
+            known.is_probing = true;
+            if self.keeps_rules {
+                known.outstanding.push(Outstanding { id: NOBODY, transaction: 0, left: self.memory });
+            }
+            return;
+        }
         let Some(job) = &mut known.jobs[usize::from(due.place)] else { return };
+        if job.is_mirrored && !known.is_proven {
+            known.wrong = Some(PROVEN);
+        }
         if job.is_stale {
             known.wrong = Some(STALE);
         }

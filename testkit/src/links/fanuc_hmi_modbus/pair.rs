@@ -74,7 +74,7 @@ impl Setup {
             && matches!(world.client.link, ClientLink::Up { line: client::Line::Busy { silent_at }, .. } if !silent_at.is_zero());
         let Some(due) = world.client.transmit(Duration::ZERO, &self.client) else { return };
         let action = self.client(world, client::Input::Sent(due), edges);
-        let client::Due { place, transaction } = due;
+        let client::Due { place, transaction, .. } = due;
         world.flags.collision |= collides;
         let job = world.places[usize::from(place)];
         let asked = world.records[usize::from(job)].epoch;
@@ -187,7 +187,7 @@ impl Setup {
     fn take(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
         let transaction = frame.transaction;
         let expects = world.client.expects(transaction, &self.client);
-        let asked = expects.map(|place| self.unit(world.places[usize::from(place)]));
+        let asked = expects.map(|held| self.unit(world.places[usize::from(held.place)]));
         let fits =
             frame.what != What::OtherUnit && asked.is_none_or(|unit| unit == self.unit(frame.job).max(1));
         let fit = match frame.what {
@@ -235,7 +235,13 @@ impl Setup {
         }
         let mut next = world.client.clone();
         if usize::from(world.next) < self.jobs.len()
-            && next.on(Duration::ZERO, client::Input::Request { broadcast: false }, &self.client).is_ok()
+            && next
+                .on(
+                    Duration::ZERO,
+                    client::Input::Request { broadcast: false, mirrored: false },
+                    &self.client,
+                )
+                .is_ok()
         {
             ready.push(Act::Ask);
         }
@@ -317,7 +323,7 @@ impl System for Setup {
                 let job = world_mut.next;
                 let broadcast = self.jobs[usize::from(job)] == Job::Broadcast;
                 if let client::Action::Keep { place } =
-                    self.client(world_mut, client::Input::Request { broadcast }, edges)
+                    self.client(world_mut, client::Input::Request { broadcast, mirrored: false }, edges)
                 {
                     world_mut.places[usize::from(place)] = job;
                     let up = world_mut.client.link != ClientLink::Down;

@@ -160,7 +160,7 @@ impl<'a> Sessions<'a> {
 
     fn send(&mut self, before: &World, after: &World, walk: &[Act]) {
         let due = before.client.transmit(Duration::ZERO, &self.setup.client);
-        let Due { place, transaction } = due.unwrap_or_else(|| panic!("nothing is due: {walk:?}"));
+        let Due { place, transaction, .. } = due.unwrap_or_else(|| panic!("nothing is due: {walk:?}"));
         let job = before.places[usize::from(place)];
         let mut out = [0; Frame::MAX_LEN];
         let length = self.client.poll_transmit(self.now, &mut out).expect("a request is to be sent");

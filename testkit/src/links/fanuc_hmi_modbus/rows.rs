@@ -84,7 +84,9 @@ pub fn client_state<const N: usize>(machine: &ClientMachine<N>) -> String {
     let stages: Vec<&str> = machine
         .held()
         .map(|held| match held.stage {
-            Stage::Queued => "queued",
+            Stage::Queued { mirrored: false } => "queued",
+            Stage::Queued { mirrored: true } => "queued mirrored",
+            Stage::Probing { .. } => "probing",
             Stage::QueuedBroadcast => "queued broadcast",
             Stage::InFlight { .. } => "in flight",
             Stage::Ended => "ended",
@@ -116,8 +118,10 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             }
             machine
         };
-        let (ask, announce) = (On::Request { broadcast: false }, On::Request { broadcast: true });
-        let sent = On::Sent(Due { place: 0, transaction: Self::first() });
+        let request = |broadcast, mirrored| On::Request { broadcast, mirrored };
+        let (ask, mirror, announce) = (request(false, false), request(false, true), request(true, false));
+        let due = Due { place: 0, transaction: Self::first(), probe: false };
+        let (sent, probed) = (On::Sent(due), On::Sent(Due { probe: true, ..due }));
         let reply = On::Reply { transaction: Self::first(), fit: Fit::Whole };
         let mut states = Vec::new();
         // Nothing is over yet; everything is.
@@ -147,6 +151,9 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ]);
             if T::NAME != Tcp::NAME {
                 states.push(up(&[ask, sent, On::Received, On::Partial]));
+                states.extend([after(&[(at, mirror)]), up(&[mirror]), up(&[mirror, probed])]);
+                states.push(up(&[mirror, probed, On::Received]));
+                states.push(up(&[mirror, probed, On::Received, On::Partial]));
             }
             states.extend([after(&timed_out), after(&taken), up(&[announce, sent])]);
         }
@@ -160,21 +167,23 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             On::Connected,
             On::Disconnected,
             On::Timeout,
-            On::Request { broadcast: false },
-            On::Request { broadcast: true },
+            On::Request { broadcast: false, mirrored: false },
+            On::Request { broadcast: true, mirrored: false },
             On::Taken { place: 0 },
             On::Received,
             On::Reply { transaction, fit: Fit::Whole },
             On::Reply { transaction, fit: Fit::Exception },
             On::Reply { transaction, fit: Fit::Misfit },
             On::Corrupt,
-            On::Sent(Due { place: 0, transaction }),
+            On::Sent(Due { place: 0, transaction, probe: false }),
         ];
         // Without transactions every reply has that of every request, and only its bytes show where it ends.
         if transaction > 0 {
             inputs.push(On::Reply { transaction: 77, fit: Fit::Whole });
         } else {
             inputs.push(On::Partial);
+            inputs.push(On::Request { broadcast: false, mirrored: true });
+            inputs.push(On::Sent(Due { place: 0, transaction, probe: true }));
         }
         inputs
     }
@@ -196,7 +205,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
 
     fn column_at(machine: &ClientMachine<N>, now: Duration, input: &client::Input) -> String {
         let (is_silent, is_quiet_over) = match machine.link {
-            ClientLink::Up { line, quiet } => (
+            ClientLink::Up { line, quiet, .. } => (
                 match line {
                     Line::Busy { silent_at: at } | Line::Partial { until: at } => is_due(at, now),
                     Line::Silent => false,
@@ -210,6 +219,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             client::Input::Timeout if is_silent => " of a silence",
             client::Input::Timeout if is_quiet_over => " of the quiet",
             client::Input::Timeout => " of a request",
+            client::Input::Sent(Due { probe: true, .. }) => " to probe",
             client::Input::Reply { transaction, .. } => {
                 let is_late = |stage| match stage {
                     Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
@@ -217,9 +227,11 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
                     }
                     _ => false,
                 };
-                let is_expected = machine.held().any(
-                    |held| matches!(held.stage, Stage::InFlight { transaction: found, .. } if found == transaction),
-                );
+                let is_expected = machine.held().any(|held| match held.stage {
+                    Stage::Probing { .. } => true,
+                    Stage::InFlight { transaction: found, .. } => found == transaction,
+                    _ => false,
+                });
                 // A frame is compared with the request in flight that it belongs to.
                 match machine.link {
                     ClientLink::Up { .. } if is_expected => "",

@@ -1,0 +1,144 @@
+//! Lines that return what is sent.
+
+use core::fmt;
+
+/// Takes out of the input of an end what a line returns of its output: many adapters for two wires do that.
+///
+/// With the setting, as many bytes as were sent come back first. They are compared with what was sent, and dropped. Without it,
+/// a message that no peer answers with the same bytes shows whether the line returns it: if so, that is reported, and from then on what
+/// comes back is dropped as with the setting, until the connection ends.
+#[derive(Debug, Clone)]
+pub struct Echo<const N: usize> {
+    /// Whether the line is said to return what is sent.
+    is_set: bool,
+    /// Whether it does.
+    returns: bool,
+    /// The last message.
+    sent: [u8; N],
+    len: usize,
+    /// How many bytes have come since it was sent, as far as they may be its own.
+    come: usize,
+    /// Of a line of which it is not known: its own bytes may have begun with one of the first three that came, a bit for each. Before
+    /// them an adapter may give a byte of noise.
+    begun: u8,
+    /// A collision was reported.
+    has_collided: bool,
+}
+
+/// A line that returns what is sent, or should.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EchoError {
+    /// The line returns what is sent, and `echo` is not set. What comes back is dropped from here on.
+    NotSet {
+        /// The bytes of the message that came back.
+        length: usize,
+    },
+    /// `echo` is set, and something else than what was sent has come back.
+    Collision {
+        /// The first byte that differs, counted from 0.
+        offset: usize,
+        /// The byte that was sent.
+        expected: u8,
+        /// The byte that came.
+        found: u8,
+    },
+}
+
+/// How many bytes of noise may come before a message that comes back, plus one.
+const BEGINNINGS: usize = 3;
+
+impl<const N: usize> Echo<N> {
+    /// Of a line that returns what is sent, or of which that is not known.
+    pub const fn new(is_set: bool) -> Self {
+        Self { is_set, returns: is_set, sent: [0; N], len: 0, come: 0, begun: 0, has_collided: false }
+    }
+
+    /// A connection begins: another line may be behind it.
+    pub const fn connect(&mut self) {
+        (self.returns, self.len, self.begun) = (self.is_set, 0, 0);
+    }
+
+    /// A message is sent, of `N` bytes at most. `is_proof`: no answer to it begins with the same bytes.
+    pub fn sent(&mut self, message: &[u8], is_proof: bool) {
+        (self.len, self.come, self.begun, self.has_collided) = (0, 0, 0, false);
+        if !self.returns && !is_proof {
+            return;
+        }
+        if let Some(room) = self.sent.get_mut(..message.len()) {
+            room.copy_from_slice(message);
+            self.len = message.len();
+            self.begun = if self.returns { 0 } else { (1 << BEGINNINGS) - 1 };
+        }
+    }
+
+    /// The bytes that have come, without what the line has returned; and what is wrong, once for each message.
+    #[inline]
+    pub fn receive<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
+        if self.len == 0 { (bytes, None) } else { self.compare(bytes) }
+    }
+
+    #[cold]
+    fn compare<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
+        if !self.returns {
+            return self.look(bytes);
+        }
+        let expected = self.sent.get(self.come..self.len).unwrap_or_default();
+        let differs = expected.iter().zip(bytes).position(|(expected, found)| expected != found);
+        let wrong = differs.filter(|_| !self.has_collided).and_then(|at| {
+            let (expected, found) = (*expected.get(at)?, *bytes.get(at)?);
+            Some(EchoError::Collision { offset: self.come + at, expected, found })
+        });
+        self.has_collided |= wrong.is_some();
+        let count = expected.len().min(bytes.len());
+        self.come += count;
+        if self.come == self.len {
+            self.len = 0;
+        }
+        (bytes.get(count..).unwrap_or_default(), wrong)
+    }
+
+    /// Looks for the message among what has come first.
+    fn look<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
+        for (at, byte) in bytes.iter().enumerate() {
+            for noise in 0..BEGINNINGS {
+                let Some(place) = self.come.checked_sub(noise) else { break };
+                if self.begun & (1 << noise) == 0 {
+                    continue;
+                }
+                if self.sent.get(place) != Some(byte) {
+                    self.begun &= !(1 << noise);
+                } else if place + 1 == self.len {
+                    let length = core::mem::take(&mut self.len);
+                    self.returns = true;
+                    return (bytes.get(at + 1..).unwrap_or_default(), Some(EchoError::NotSet { length }));
+                }
+            }
+            if self.begun == 0 {
+                self.len = 0;
+                break;
+            }
+            self.come += 1;
+        }
+        (bytes, None)
+    }
+}
+
+impl fmt::Display for EchoError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotSet { length } => {
+                write!(f, "the line returns what is sent ({length} bytes came back): set echo to true")
+            }
+            Self::Collision { offset, expected, found } => write!(
+                f,
+                "byte {offset} of what was sent, {expected:#04x}, came back as {found:#04x}: two have sent at once, or the line \
+                 returns nothing and echo has to be false"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for EchoError {}

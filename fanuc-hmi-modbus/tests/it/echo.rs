@@ -173,7 +173,7 @@ fn a_line_that_returns_what_is_sent_is_found() {
     }
     assert_eq!(
         EchoError::NotSet { length: 8 }.to_string(),
-        "the line returns what is sent (8 bytes came back): set echo to true"
+        "the line returns what is sent (8 bytes came back): set echo=true"
     );
 }
 

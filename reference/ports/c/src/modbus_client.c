@@ -28,7 +28,7 @@ bool modbus_client_init(struct modbus_client *client, const struct modbus_client
     modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
     unsigned most = is_tcp(client) ? config->places : 1;
     return config->places >= 1 && config->places <= MODBUS_CLIENT_PLACES && config->timeout > 0 && config->in_flight >= 1 &&
-           config->in_flight <= most && (is_tcp(client) || config->silence > 0);
+           config->in_flight <= most && (is_tcp(client) ? !config->echo : config->silence > 0);
 }
 
 /* An outcome, for which there is always room. */
@@ -79,7 +79,7 @@ static void end_connection(struct modbus_client *client)
             end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "disconnected");
     }
     for (size_t i = 0; i < client->config.places; i++)
-        if (client->places[i].stage == MODBUS_CLIENT_QUEUED)
+        if (client->places[i].stage == MODBUS_CLIENT_QUEUED || client->places[i].stage == MODBUS_CLIENT_PROBING)
             end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "not_sent");
     client->is_up = client->is_busy = client->is_partial = client->is_quiet = client->is_doubtful = false;
     memset(&client->step, 0, sizeof client->step);
@@ -92,11 +92,20 @@ static void be_quiet(struct modbus_client *client, uint64_t until)
     client->quiet_until = until;
 }
 
+/* FM-94: for so long, if it is above 0. */
+static void rest(struct modbus_client *client, uint64_t now, uint64_t span)
+{
+    if (span > 0)
+        be_quiet(client, after(now, span));
+}
+
 /* FM-53 */
 void modbus_client_connected(struct modbus_client *client, uint64_t now)
 {
     end_connection(client);
     client->is_up = true;
+    client->is_proven = is_tcp(client) || client->config.echo;
+    line_echo_init(&client->echo, client->config.echo);
     if (client->config.framing == MODBUS_LINE_RTU)
         be_quiet(client, after(after(now, client->config.timeout), client->config.settle));
 }
@@ -107,10 +116,24 @@ void modbus_client_disconnected(struct modbus_client *client, uint64_t now)
     end_connection(client);
 }
 
+/* The request, or the probe before it. */
+static bool is_in_flight(const struct modbus_client_place *place)
+{
+    return place->stage == MODBUS_CLIENT_IN_FLIGHT || place->stage == MODBUS_CLIENT_PROBING;
+}
+
+/* FM-93; its unit is the request's. */
+static const struct modbus_message PROBE = {.function = 3, .shape = MODBUS_READ, .quantity = 1};
+
+static const struct modbus_message *asked(const struct modbus_client_place *place)
+{
+    return place->stage == MODBUS_CLIENT_PROBING ? &PROBE : &place->message;
+}
+
 static struct modbus_client_place *find_in_flight(struct modbus_client *client, uint16_t transaction)
 {
     for (size_t i = 0; i < client->config.places; i++)
-        if (client->places[i].stage == MODBUS_CLIENT_IN_FLIGHT && client->places[i].message.transaction == transaction)
+        if (is_in_flight(&client->places[i]) && client->places[i].message.transaction == transaction)
             return &client->places[i];
     return NULL;
 }
@@ -144,17 +167,35 @@ static struct judgement echo(bool is_same)
     return (struct judgement){.misfit = is_same ? MODBUS_CLIENT_FITS : MODBUS_CLIENT_ECHO};
 }
 
+static bool is_read(const struct modbus_message *request)
+{
+    return request->shape == MODBUS_READ || request->shape == MODBUS_READ_WRITE;
+}
+
+/* How many bytes of data the reply to a read has. */
+static unsigned asked_bytes(const struct modbus_message *request)
+{
+    if (request->shape == MODBUS_READ_WRITE)
+        return 2u * request->read_quantity;
+    return request->function <= 2 ? (request->quantity + 7u) / 8 : 2u * request->quantity;
+}
+
+/* FM-93 */
+static bool is_mirrored(const struct modbus_message *request)
+{
+    if (is_read(request))
+        return request->address >> 8 == (int)asked_bytes(request);
+    return request->shape != MODBUS_WRITE_COILS && request->shape != MODBUS_WRITE_WORDS;
+}
+
 /* FM-44: the data of a reply. */
 static struct judgement judge_data(const struct modbus_message *request, const struct modbus_message *reply)
 {
     bool is_address = request->address == reply->address;
     switch (request->shape) {
     case MODBUS_READ:
-        if (request->function <= 2)
-            return differ(MODBUS_CLIENT_QUANTITY, (request->quantity + 7u) / 8, reply->quantity / 8u);
-        return differ(MODBUS_CLIENT_QUANTITY, 2u * request->quantity, 2u * reply->quantity);
     case MODBUS_READ_WRITE:
-        return differ(MODBUS_CLIENT_QUANTITY, 2u * request->read_quantity, 2u * reply->quantity);
+        return differ(MODBUS_CLIENT_QUANTITY, asked_bytes(request), request->function <= 2 ? reply->quantity / 8u : 2u * reply->quantity);
     case MODBUS_WRITE_COIL:
         return echo(is_address && request->coil == reply->coil);
     case MODBUS_WRITE_REGISTER:
@@ -170,12 +211,12 @@ static struct judgement judge_data(const struct modbus_message *request, const s
 }
 
 /* FM-44, FM-84 */
-static struct judgement judge(const struct modbus_client *client, const struct modbus_message *request,
+static struct judgement judge(const struct modbus_client *client, const struct modbus_client_place *place,
                               const struct modbus_item *item)
 {
-    const struct modbus_message *reply = &item->message;
-    if (!client->config.any_unit && reply->unit != request->unit)
-        return differ(MODBUS_CLIENT_UNIT, request->unit, reply->unit);
+    const struct modbus_message *request = asked(place), *reply = &item->message;
+    if (!client->config.any_unit && reply->unit != place->message.unit)
+        return differ(MODBUS_CLIENT_UNIT, place->message.unit, reply->unit);
     if (item->error != MODBUS_NO_ERROR)
         return (struct judgement){.misfit = MODBUS_CLIENT_MALFORMED};
     if (reply->function != request->function)
@@ -183,7 +224,7 @@ static struct judgement judge(const struct modbus_client *client, const struct m
     if (reply->shape != MODBUS_EXCEPTION)
         return judge_data(request, reply);
     bool is_last = client->decoder.ended && client->decoder.length == 0 && !client->is_cut;
-    bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last;
+    bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last && place->stage == MODBUS_CLIENT_IN_FLIGHT;
     return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
 }
 
@@ -205,7 +246,7 @@ static struct modbus_client_event *stray(struct modbus_client *client, const str
 }
 
 /* Section 7.3 */
-static void take_frame(struct modbus_client *client, const struct modbus_item *item)
+static void take_frame(struct modbus_client *client, uint64_t now, const struct modbus_item *item)
 {
     struct modbus_client_place *place = find_in_flight(client, item->message.transaction);
     if (place == NULL) {
@@ -217,27 +258,33 @@ static void take_frame(struct modbus_client *client, const struct modbus_item *i
         }
         return;
     }
-    struct judgement judgement = judge(client, &place->message, item);
-    if (judgement.misfit == MODBUS_CLIENT_FITS) {
+    struct judgement judgement = judge(client, place, item);
+    if (judgement.misfit != MODBUS_CLIENT_FITS && !is_tcp(client)) {
+        say_misfit(stray(client, &item->message), &judgement, item);
+        return;
+    }
+    client->is_proven = true;
+    rest(client, now, client->config.pause);
+    if (place->stage == MODBUS_CLIENT_PROBING) {
+        place->stage = MODBUS_CLIENT_QUEUED;
+    } else if (judgement.misfit == MODBUS_CLIENT_FITS) {
         uint16_t quantity = place->message.quantity;
         bool is_bits = item->message.shape == MODBUS_BITS;
         place->message = item->message;
         if (is_bits)
             place->message.quantity = quantity;
         end_request(client, place, MODBUS_CLIENT_REPLIED, NULL);
-    } else if (is_tcp(client)) {
-        say_misfit(end_request(client, place, MODBUS_CLIENT_FAILED, NULL), &judgement, item);
     } else {
-        say_misfit(stray(client, &item->message), &judgement, item);
+        say_misfit(end_request(client, place, MODBUS_CLIENT_FAILED, NULL), &judgement, item);
     }
 }
 
-static void read_items(struct modbus_client *client)
+static void read_items(struct modbus_client *client, uint64_t now)
 {
     struct modbus_item item;
     while (modbus_next(&client->decoder, &item)) {
         if (item.error == MODBUS_NO_ERROR || item.error > MODBUS_NOISE) {
-            take_frame(client, &item);
+            take_frame(client, now, &item);
             continue;
         }
         client->is_doubtful = true;
@@ -248,12 +295,12 @@ static void read_items(struct modbus_client *client)
     }
 }
 
-static void end_bytes(struct modbus_client *client)
+static void end_bytes(struct modbus_client *client, uint64_t now)
 {
     client->is_cut = client->is_partial;
     client->is_busy = client->is_partial = false;
     modbus_end(&client->decoder);
-    read_items(client);
+    read_items(client, now);
 }
 
 /* What begins with some bytes (FM-86). */
@@ -262,17 +309,14 @@ enum begins { OTHER, PART, WHOLE };
 /* Whether the reply to a read, as far as it has come, counts the bytes that were asked for. */
 static bool has_asked_count(const struct modbus_message *request, const uint8_t *d, size_t length)
 {
-    bool is_read = request->shape == MODBUS_READ || request->shape == MODBUS_READ_WRITE;
-    if (length < 3 || d[1] >= 0x80 || !is_read)
-        return true;
-    unsigned quantity = request->shape == MODBUS_READ ? request->quantity : request->read_quantity;
-    return d[2] == (d[1] <= 2 ? (quantity + 7) / 8 : 2 * quantity);
+    return length < 3 || d[1] >= 0x80 || !is_read(request) || d[2] == asked_bytes(request);
 }
 
-static enum begins begins_reply(const struct modbus_client *client, const struct modbus_message *request, const uint8_t *d, size_t length)
+static enum begins begins_reply(const struct modbus_client *client, const struct modbus_client_place *place, const uint8_t *d, size_t length)
 {
+    const struct modbus_message *request = asked(place);
     size_t n;
-    if (!client->config.any_unit && d[0] != request->unit)
+    if (!client->config.any_unit && d[0] != place->message.unit)
         return OTHER;
     if (length > 1 && (d[1] & 0x7F) != request->function)
         return OTHER;
@@ -291,7 +335,7 @@ static void wait_for_rest(struct modbus_client *client)
     bool is_first = false, is_part = false, is_whole = false;
     const uint8_t *held = client->decoder.held;
     for (size_t at = 0; place != NULL && at < client->decoder.length; at++) {
-        enum begins begins = begins_reply(client, &place->message, held + at, client->decoder.length - at);
+        enum begins begins = begins_reply(client, place, held + at, client->decoder.length - at);
         is_first |= at == 0 && begins == PART;
         is_part |= begins == PART;
         is_whole |= begins == WHOLE;
@@ -302,6 +346,18 @@ static void wait_for_rest(struct modbus_client *client)
     }
 }
 
+/* FM-88, FM-92: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct modbus_client *client, const uint8_t *data, size_t size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_receive(&client->echo, client->sent, data, size, &error);
+    if (error.kind == LINE_ECHO_NOT_SET)
+        modbus_init(&client->decoder, MODBUS_SERVER, MODBUS_RTU);
+    if (error.kind != LINE_ECHO_NONE)
+        remark(client, MODBUS_CLIENT_LINE_ECHO)->echo = error;
+    return own;
+}
+
 /* FM-49, FM-81 */
 size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uint8_t *data, size_t size)
 {
@@ -310,16 +366,19 @@ size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uin
         remark(client, MODBUS_CLIENT_UNEXPECTED);
         return size;
     }
+    size_t taken = remove_echo(client, data, size);
+    if (taken == size)
+        return size;
     if (client->is_busy && !client->is_partial && now >= client->silent_at)
-        end_bytes(client);
+        end_bytes(client, now);
     if (!is_tcp(client)) {
         client->is_busy = true;
         client->is_partial = false;
         client->silent_at = after(now, client->config.silence);
     }
-    for (size_t taken = 0; taken < size;) {
+    while (taken < size) {
         taken += modbus_push(&client->decoder, data + taken, size - taken);
-        read_items(client);
+        read_items(client, now);
     }
     if (!is_tcp(client))
         wait_for_rest(client);
@@ -331,21 +390,27 @@ size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uin
 /* FM-50 */
 void modbus_client_timeout(struct modbus_client *client, uint64_t now)
 {
-    bool has_timed_out = false;
+    bool has_ended = false;
     if (client->is_busy && now >= client->silent_at)
-        end_bytes(client);
+        end_bytes(client, now);
     if (now >= client->quiet_until)
         client->is_quiet = false;
     for (size_t i = 0; i < client->config.places; i++) {
         struct modbus_client_place *place = &client->places[i];
-        if (place->stage != MODBUS_CLIENT_IN_FLIGHT || now < place->deadline)
+        if (!is_in_flight(place) || now < place->deadline)
             continue;
+        has_ended = true;
+        if (place->stage == MODBUS_CLIENT_PROBING) {
+            place->stage = MODBUS_CLIENT_QUEUED;
+            continue;
+        }
         end_request(client, place, MODBUS_CLIENT_FAILED, "timed_out");
         place->stage = MODBUS_CLIENT_TIMED_OUT;
-        has_timed_out = true;
     }
-    if (has_timed_out && !is_tcp(client) && client->config.settle > 0)
-        be_quiet(client, after(now, client->config.settle));
+    if (!has_ended)
+        return;
+    client->is_proven = true;
+    rest(client, now, later(client->config.pause, is_tcp(client) ? 0 : client->config.settle));
 }
 
 static bool is_broadcast(const struct modbus_client *client, const struct modbus_message *request)
@@ -371,9 +436,8 @@ uint64_t modbus_client_request(struct modbus_client *client, const struct modbus
 {
     uint8_t frame[MODBUS_MAX_LEN];
     struct modbus_client_place *place = find_place(client);
-    bool reads = request->shape == MODBUS_READ || request->shape == MODBUS_READ_WRITE;
     bool is_reply = request->shape >= MODBUS_BITS && request->shape != MODBUS_RAW;
-    if (place == NULL || is_reply || (is_broadcast(client, request) && reads) ||
+    if (place == NULL || is_reply || (is_broadcast(client, request) && is_read(request)) ||
         modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
         return 0;
     place->stage = MODBUS_CLIENT_QUEUED;
@@ -411,13 +475,21 @@ static struct modbus_client_place *find_next(struct modbus_client *client)
     unsigned in_flight = 0;
     for (size_t i = 0; i < client->config.places; i++) {
         struct modbus_client_place *place = &client->places[i];
-        in_flight += place->stage == MODBUS_CLIENT_IN_FLIGHT;
+        in_flight += is_in_flight(place);
         if (place->stage == MODBUS_CLIENT_QUEUED && (oldest == NULL || place->ticket < oldest->ticket))
             oldest = place;
     }
-    bool is_line_busy = client->config.framing == MODBUS_LINE_RTU && client->is_busy;
+    bool is_line_busy = (client->config.framing == MODBUS_LINE_RTU || client->config.echo) && client->is_busy;
     bool may_send = client->is_up && !client->is_quiet && !is_line_busy && in_flight < client->config.in_flight;
     return may_send ? oldest : NULL;
+}
+
+/* FM-93 */
+static size_t encode_probe(const struct modbus_client_place *place, uint8_t *out, size_t size)
+{
+    struct modbus_message probe = PROBE;
+    probe.unit = place->message.unit;
+    return modbus_encode(&probe, MODBUS_RTU, out, size);
 }
 
 /* FM-42, FM-43 */
@@ -433,13 +505,16 @@ size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_
         while (find_in_flight(client, client->transaction) != NULL || find_late(client, client->transaction) != NULL);
         place->message.transaction = client->transaction;
     }
-    size_t length = modbus_encode(&place->message, framing_of(client), out, size);
+    bool is_proof = announces || !is_mirrored(&place->message), probes = !is_proof && !client->is_proven;
+    size_t length = probes ? encode_probe(place, out, size) : modbus_encode(&place->message, framing_of(client), out, size);
+    if (!is_tcp(client))
+        line_echo_sent(&client->echo, client->sent, out, length, is_proof || probes);
     client->is_doubtful = false;
     if (announces) {
         end_request(client, place, MODBUS_CLIENT_ANNOUNCED, NULL);
         be_quiet(client, after(now, client->config.turnaround));
     } else {
-        place->stage = MODBUS_CLIENT_IN_FLIGHT;
+        place->stage = probes ? MODBUS_CLIENT_PROBING : MODBUS_CLIENT_IN_FLIGHT;
         place->deadline = after(now, client->config.timeout);
     }
     return length;
@@ -452,7 +527,7 @@ bool modbus_client_deadline(const struct modbus_client *client, uint64_t *deadli
     if (client->is_quiet)
         *deadline = sooner(*deadline, client->quiet_until);
     for (size_t i = 0; i < client->config.places; i++)
-        if (client->places[i].stage == MODBUS_CLIENT_IN_FLIGHT)
+        if (is_in_flight(&client->places[i]))
             *deadline = sooner(*deadline, client->places[i].deadline);
     return *deadline < NEVER;
 }

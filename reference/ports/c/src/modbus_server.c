@@ -7,6 +7,7 @@
 #define MAX_RTU 256
 #define ADDRESSES 65536u
 #define EXCEPTION 0x80
+#define READ_REQUEST 8 /* bytes */
 
 enum { ILLEGAL_FUNCTION = 1, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE };
 
@@ -36,11 +37,20 @@ static struct modbus_server_event *report(struct modbus_server *server, enum mod
     return event;
 }
 
+/* Of what has come of RTU frames. */
+static void forget_held(struct modbus_server *server)
+{
+    server->is_spoiled = false;
+    server->length = server->silence_count = 0;
+}
+
 /* FM-65 */
 static void restart(struct modbus_server *server)
 {
-    server->is_busy = server->is_partial = server->is_spoiled = false;
-    server->length = server->reply_count = server->silence_count = 0;
+    server->is_busy = server->is_partial = false;
+    server->reply_count = 0;
+    forget_held(server);
+    line_echo_init(&server->echo, server->config.echo);
     memset(&server->step, 0, sizeof server->step);
     modbus_init(&server->decoder, MODBUS_CLIENT, MODBUS_TCP); /* not used for RTU, but by `spoil` */
 }
@@ -50,8 +60,8 @@ bool modbus_server_init(struct modbus_server *server, const struct modbus_server
     memset(server, 0, sizeof *server);
     server->config = *config;
     bool is_unit = !config->has_unit || config->unit != 0 || !config->broadcast; // FM-67
-    bool is_silence = config->framing == MODBUS_LINE_TCP || config->silence > 0;
-    return is_silence && config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && is_unit;
+    bool is_line = config->framing == MODBUS_LINE_TCP ? !config->echo : config->silence > 0;
+    return is_line && config->places >= 1 && config->places <= MODBUS_SERVER_PLACES && is_unit;
 }
 
 void modbus_server_connected(struct modbus_server *server, uint64_t now)
@@ -370,6 +380,18 @@ static size_t input_tcp(struct modbus_server *server, const uint8_t *data, size_
     return taken;
 }
 
+/* FM-88, FM-92: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct modbus_server *server, const uint8_t *data, size_t size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_receive(&server->echo, server->sent, data, size, &error);
+    if (error.kind == LINE_ECHO_NOT_SET)
+        forget_held(server);
+    if (error.kind != LINE_ECHO_NONE)
+        report(server, MODBUS_SERVER_LINE_ECHO)->echo = error;
+    return own;
+}
+
 size_t modbus_server_input(struct modbus_server *server, uint64_t now, const uint8_t *data, size_t size)
 {
     if (!server->is_up) {
@@ -378,10 +400,12 @@ size_t modbus_server_input(struct modbus_server *server, uint64_t now, const uin
     }
     if (is_tcp(server))
         return input_tcp(server, data, size);
+    size_t taken = remove_echo(server, data, size);
+    if (taken == size)
+        return size;
     server->is_busy = true;
     server->is_partial = false;
     server->silent_at = after(now, server->config.silence);
-    size_t taken = 0;
     for (; taken < size; taken++) {
         if (!is_serial(server) && is_full(server) && server->length >= KEPT)
             break;
@@ -414,6 +438,13 @@ void modbus_server_timeout(struct modbus_server *server, uint64_t now)
 
 bool modbus_server_event(struct modbus_server *server, struct modbus_server_event *event) { return TAKE_EVENT(server, event); }
 
+/* FM-92 */
+static bool is_proof(const uint8_t *reply, size_t length)
+{
+    static const uint8_t READING[] = {1, 2, 3, 4, 23};
+    return length > READ_REQUEST && memchr(READING, reply[1], sizeof READING) != NULL;
+}
+
 /* FM-60 */
 size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_t *out, size_t size)
 {
@@ -425,7 +456,10 @@ size_t modbus_server_transmit(struct modbus_server *server, uint64_t now, uint8_
     memmove(server->replies, server->replies + 1, --server->reply_count * sizeof *server->replies);
     if (is_tcp(server)) {
         read_tcp(server);
-    } else if (!is_serial(server)) {
+        return length;
+    }
+    line_echo_sent(&server->echo, server->sent, out, length, is_proof(out, length));
+    if (!is_serial(server)) {
         if (was_full)
             server->silent_at = after(now, server->config.silence);
         read_rtu(server, false);

@@ -24,6 +24,15 @@ void read_unsigned(const struct json *config, const char *name, int64_t most, un
 
 void begin_event(bool is_first, const char *name) { print("%s{\"event\":\"%s\"", is_first ? "" : ",", name); }
 
+void print_line_echo(const struct line_echo_error *error)
+{
+    if (error->kind == LINE_ECHO_NOT_SET)
+        print(",\"error\":{\"kind\":\"not_set\",\"length\":%u}", (unsigned)error->length);
+    else
+        print(",\"error\":{\"kind\":\"collision\",\"offset\":%u,\"expected\":%u,\"found\":%u}", (unsigned)error->offset,
+              error->expected, error->found);
+}
+
 enum modbus_line read_modbus_line(const struct json *config)
 {
     const struct json *framing = json_get(config, "framing");

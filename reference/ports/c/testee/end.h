@@ -2,6 +2,7 @@
 #ifndef CELLWIRE_END_H
 #define CELLWIRE_END_H
 
+#include "cellwire/line_echo.h"
 #include "link.h"
 
 struct end {
@@ -52,6 +53,9 @@ void read_unsigned(const struct json *config, const char *name, int64_t most, un
 enum modbus_line read_modbus_line(const struct json *config);
 
 void begin_event(bool is_first, const char *name);
+
+/* The error of an event `echo`. */
+void print_line_echo(const struct line_echo_error *error);
 
 extern const struct end ALTER_CONTROLLER, ALTER_HOST, BALL, BALL_HOST, KAWASAKI_PC, KAWASAKI_ROBOT, LASER_CONTROLLER,
     LASER_HOST, MMACELL_CENTRAL, MMACELL_DEVICE, MODBUS_CLIENT_END, MODBUS_SERVER_END, VIEWER_HOST, VIEWER_WORKSTATION;

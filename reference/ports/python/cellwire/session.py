@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
+from .echo import Echo
 from .stream import Decoder, Item, Json
 
 NEVER = 2**63  # or later
@@ -36,6 +37,7 @@ class Session(ABC):
     """
 
     decoder: Decoder
+    echo: Echo  # of an end that has the setting; a new one for each connection
     # Events after which the connection is to be closed, and whether it is opened only after an event `connect`.
     CLOSES: ClassVar[frozenset[str]] = frozenset()
     CONNECTS: ClassVar[bool] = False
@@ -73,6 +75,18 @@ class Session(ABC):
     def wants_input(self) -> bool:
         """Whether bytes are read now; else they are best left in the transport, whose flow control holds the peer."""
         return True
+
+    def without_echo(self, data: bytes) -> bytes:
+        """What has come, without what the line has returned of the output."""
+        rest, error = self.echo.receive(data)
+        if error is not None:
+            if error["kind"] == "not_set":
+                self.empty()
+            self.report("echo", error=error)
+        return rest
+
+    def empty(self) -> None:
+        """Forgets the bytes that were not read yet: the beginning of a frame that came back is among them."""
 
     def read(self, now: int) -> None:
         """Takes what the decoder has found."""

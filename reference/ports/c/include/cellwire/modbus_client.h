@@ -3,6 +3,7 @@
 #define CELLWIRE_MODBUS_CLIENT_H
 
 #include "cellwire/fanuc_hmi_modbus.h"
+#include "cellwire/line_echo.h"
 #include "cellwire/modbus_line.h"
 
 #ifdef __cplusplus
@@ -20,7 +21,8 @@ struct modbus_client_config {
     uint64_t timeout;
     unsigned in_flight;
     bool any_unit, broadcast;
-    uint64_t turnaround, settle;
+    uint64_t turnaround, settle, pause;
+    bool echo; /* the line returns what is sent; not over TCP */
 };
 
 /* The defaults of a framing; `baud` is that of a serial line. */
@@ -29,6 +31,7 @@ struct modbus_client_config modbus_client_default(enum modbus_line framing, uint
 enum modbus_client_stage {
     MODBUS_CLIENT_FREE,
     MODBUS_CLIENT_QUEUED, /* a broadcast, too */
+    MODBUS_CLIENT_PROBING, /* queued, and the probe before it is in flight (FM-93) */
     MODBUS_CLIENT_IN_FLIGHT,
     MODBUS_CLIENT_ENDED,
     MODBUS_CLIENT_TIMED_OUT,
@@ -52,6 +55,7 @@ enum modbus_client_kind {
     MODBUS_CLIENT_STRAY,     /* unit, function, transaction, late: a ticket or 0; misfit */
     MODBUS_CLIENT_CORRUPT,   /* error */
     MODBUS_CLIENT_OUT_OF_STEP, /* error */
+    MODBUS_CLIENT_LINE_ECHO, /* echo: the line returns what is sent, or something else */
     MODBUS_CLIENT_UNEXPECTED,
 };
 
@@ -62,6 +66,7 @@ struct modbus_client_event {
     enum modbus_client_misfit misfit;
     uint16_t expected, found;
     struct modbus_fault error;
+    struct line_echo_error echo;
     uint16_t transaction;
     uint8_t unit, function;
     size_t place;
@@ -80,7 +85,10 @@ struct modbus_client {
     bool is_up, is_busy, is_quiet;
     bool is_partial; /* until `silent_at` the rest of a reply is waited for (FM-86) */
     bool is_cut; /* the last end of the input was that of such a wait */
+    bool is_proven; /* FM-93 */
     uint64_t silent_at, quiet_until;
+    struct line_echo echo;
+    uint8_t sent[MODBUS_MAX_LEN]; /* the last frame, if `echo` looks for it */
     struct modbus_client_place places[MODBUS_CLIENT_PLACES];
     uint64_t tickets, expiries;
     uint16_t transaction; /* the last one */

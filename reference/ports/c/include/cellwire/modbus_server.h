@@ -3,6 +3,7 @@
 #define CELLWIRE_MODBUS_SERVER_H
 
 #include "cellwire/fanuc_hmi_modbus.h"
+#include "cellwire/line_echo.h"
 #include "cellwire/modbus_line.h"
 
 #ifdef __cplusplus
@@ -30,6 +31,7 @@ struct modbus_server_config {
     bool broadcast;
     uint64_t silence; /* or stall */
     uint64_t frame_timeout;
+    bool echo; /* the line returns what is sent; not over TCP */
     struct modbus_server_owner owner;
 };
 
@@ -41,6 +43,7 @@ enum modbus_server_kind {
     MODBUS_SERVER_REFUSED, /* unit, function */
     MODBUS_SERVER_CORRUPT, /* error */
     MODBUS_SERVER_OUT_OF_STEP, /* error */
+    MODBUS_SERVER_LINE_ECHO, /* echo: the line returns what is sent, or something else */
     MODBUS_SERVER_UNEXPECTED,
 };
 
@@ -49,6 +52,7 @@ struct modbus_server_event {
     uint16_t transaction;
     uint8_t unit, function, exception;
     struct modbus_fault error;
+    struct line_echo_error echo;
 };
 
 struct modbus_server_reply {
@@ -69,6 +73,8 @@ struct modbus_server {
     size_t silence_count;
     bool is_spoiled; /* what comes before the next silence is no frame */
     struct modbus_fault fault; /* of these bytes */
+    struct line_echo echo;
+    uint8_t sent[MODBUS_MAX_LEN]; /* the last frame, if `echo` looks for it */
     struct modbus_server_reply replies[MODBUS_SERVER_PLACES];
     size_t reply_count;
     struct modbus_server_event events[MODBUS_SERVER_EVENTS];

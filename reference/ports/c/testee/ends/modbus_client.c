@@ -27,6 +27,8 @@ static bool begin(const struct json *object)
     read_time(object, "timeout", &config.timeout);
     read_time(object, "turnaround", &config.turnaround);
     read_time(object, "settle", &config.settle);
+    read_time(object, "pause", &config.pause);
+    config.echo = json_true(json_get(object, "echo"));
     if (config.framing == MODBUS_LINE_TCP)
         config.silence = 0; /* which is not looked at */
     unsigned places = config.places;
@@ -81,7 +83,7 @@ static void print_stray(const struct modbus_client_event *event)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"replied", "announced", "failed", "stray", "corrupt", "out_of_step", "unexpected"};
+    static const char *const NAMES[] = {"replied", "announced", "failed", "stray", "corrupt", "out_of_step", "echo", "unexpected"};
     struct modbus_client_event event;
     if (!modbus_client_event(&session, &event))
         return false;
@@ -104,6 +106,9 @@ static bool event(bool is_first)
     case MODBUS_CLIENT_OUT_OF_STEP:
         print(",\"error\":");
         print_modbus_error(&event.error);
+        break;
+    case MODBUS_CLIENT_LINE_ECHO:
+        print_line_echo(&event.echo);
         break;
     case MODBUS_CLIENT_UNEXPECTED:
         break;

@@ -135,6 +135,7 @@ static bool begin(const struct json *object)
     read_time(object, "silence", &config.silence);
     read_time(object, "stall", &config.silence);
     read_time(object, "frame_timeout", &config.frame_timeout);
+    config.echo = json_true(json_get(object, "echo"));
     config.owner.serve = serve;
     for (unsigned i = 0; i < TABLE; i++) {
         coils[i] = i % 3 == 0;
@@ -155,7 +156,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"served", "refused", "corrupt", "out_of_step", "unexpected"};
+    static const char *const NAMES[] = {"served", "refused", "corrupt", "out_of_step", "echo", "unexpected"};
     struct modbus_server_event event;
     if (!modbus_server_event(&session, &event))
         return false;
@@ -170,6 +171,8 @@ static bool event(bool is_first)
         print(",\"error\":");
         print_modbus_error(&event.error);
     }
+    if (event.kind == MODBUS_SERVER_LINE_ECHO)
+        print_line_echo(&event.echo);
     print("}");
     return true;
 }

@@ -3,14 +3,15 @@
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import MS, SECOND, NotTaken, Session, after
 from ..stream import Item, Json, Refused
 from . import codec, timing
-from .replies import begins_reply
+from .replies import asked_bytes, begins_reply, is_mirrored
 
 MAX_PLACES = 16
-READING = (1, 2, 3, 4, 23)
-ECHO = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
+PROBE: Json = {"function": 3, "address": 0, "quantity": 1}
+REPEATED = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
 
 
 @dataclass
@@ -27,11 +28,15 @@ class ClientConfig:
     broadcast: bool | None = None
     turnaround: int | None = None
     settle: int | None = None
+    pause: int = 0
+    echo: bool = False  # the line returns what is sent
     places: int = 8
 
     def __post_init__(self) -> None:
         if self.timeout == 0 or 0 in (self.silence, self.stall):
             raise ValueError("a timeout, a silence or a stall of 0")  # FM-56
+        if self.echo and self.framing == "tcp":
+            raise ValueError("an echo over TCP")  # FM-56
         most = self.places if self.framing == "tcp" else 1
         if not 1 <= self.places <= MAX_PLACES or not 1 <= self.in_flight <= most:
             raise ValueError("places are 1 to 16, and requests in flight as many, or one without transactions")
@@ -41,6 +46,7 @@ class Stage(Enum):
     """FM-75; what has ended, and was taken by the caller, is known by its event."""
 
     QUEUED = auto()
+    PROBING = auto()
     IN_FLIGHT = auto()
     ENDED = auto()
 
@@ -58,6 +64,10 @@ class Request:
     outcome: Json | None = None
     is_late: bool = False  # it timed out, and its reply may still come
     ended: int = 0  # how many ended before
+
+    def asked(self) -> Json:
+        """What was sent for it: the request, or the probe before it (FM-93)."""
+        return PROBE | {"unit": self.message["unit"]} if self.stage is Stage.PROBING else self.message
 
 
 class Client(Session):
@@ -101,10 +111,10 @@ class Client(Session):
         """A request object without a transaction: its ticket. Raises NotTaken (FM-39)."""
         is_broadcast = self.has_broadcast and message.get("unit") == 0
         try:
-            codec.encode(message | ({"transaction": 0} if self.is_tcp else {}), "client", self.options)
+            self.encode(message, 0 if self.is_tcp else None)
         except (Refused, KeyError, TypeError) as refused:
             raise NotTaken(f"message: {refused}") from refused
-        if is_broadcast and message["function"] in READING:
+        if is_broadcast and message["function"] in codec.READING:
             raise NotTaken("broadcast_read")
         place = self.free_place()
         self.tickets += 1
@@ -134,9 +144,13 @@ class Client(Session):
             if request is not None and self.is_taken(request) and not request.is_late:
                 self.places[place] = None
 
-    def all_in(self, stage: Stage) -> list[Request]:
-        """The requests in a stage, in the order of their places."""
-        return [request for request in self.places if request is not None and request.stage is stage]
+    def all_in(self, *stages: Stage) -> list[Request]:
+        """The requests in these stages, in the order of their places."""
+        return [request for request in self.places if request is not None and request.stage in stages]
+
+    def flying(self) -> list[Request]:
+        """The requests in flight, or whose probe is."""
+        return self.all_in(Stage.PROBING, Stage.IN_FLIGHT)
 
     def finish(self, request: Request, event: str, **fields: object) -> None:
         self.report(event, ticket=request.ticket, **fields)
@@ -150,6 +164,8 @@ class Client(Session):
         """FM-53"""
         self.lose()
         self.is_up = True
+        self.is_proven = self.is_tcp or self.config.echo  # FM-93
+        self.echo = Echo(self.config.echo)
         self.quiet_until = after(now, after(self.time_limit, self.settle)) if self.is_line else None
 
     def disconnected(self, now: int) -> None:
@@ -162,23 +178,28 @@ class Client(Session):
             return
         for request in self.all_in(Stage.IN_FLIGHT):
             self.finish(request, "failed", reason="disconnected")
-        for request in self.all_in(Stage.QUEUED):
+        for request in self.all_in(Stage.QUEUED, Stage.PROBING):
             self.finish(request, "failed", reason="not_sent")
         for request in self.all_in(Stage.ENDED):
             request.is_late = False
         self.silent_at = self.quiet_until = None
         self.was_within = self.is_partial = False
-        self.replies = self.new_decoder()
+        self.empty()
 
     # Input
+
+    def empty(self) -> None:
+        self.replies = self.new_decoder()
 
     def input(self, now: int, data: bytes) -> None:
         """FM-49"""
         if not self.is_up:
             self.unexpected("Disconnected", "Received")
             return
+        if not (data := self.without_echo(data)):
+            return
         if self.silent_at is not None and now >= self.silent_at and not self.is_partial:
-            self.end_input()
+            self.end_input(now)
         self.replies.push(data)
         self.read(now)
         if self.gap is not None:
@@ -192,44 +213,55 @@ class Client(Session):
     def wait_for_rest(self) -> None:
         """FM-86"""
         held = bytes(self.replies.held)
-        for request in self.all_in(Stage.IN_FLIGHT):
-            if begins_reply(held, request.message, self.config.any_unit):
+        for request in self.flying():
+            if begins_reply(held, request.asked(), self.config.any_unit):
                 self.silent_at, self.is_partial = max(self.silent_at or 0, request.deadline), True
 
-    def end_input(self) -> None:
+    def end_input(self, now: int) -> None:
         self.is_cut, self.is_partial = self.is_partial, False
         self.replies.end()
-        self.read(0)
+        self.read(now)
 
     def read(self, now: int) -> None:
         while (item := self.replies.next()) is not None:
             if self.replies.frame:
-                self.on_frame(self.replies.frame, item)
+                self.on_frame(now, self.replies.frame, item)
             else:
                 self.has_failed = True
                 if item.error is not None and item.error["kind"] != "noise":  # FM-81
                     self.report("corrupt", error=item.error)
 
-    def on_frame(self, frame: bytes, item: Item) -> None:
+    def on_frame(self, now: int, frame: bytes, item: Item) -> None:
         """Section 7.3."""
         header, pdu = codec.split(frame, self.is_tcp)
         transaction = header.get("transaction")
         stray = header | {"function": pdu[0] % codec.EXCEPTION}
-        flight = [request for request in self.all_in(Stage.IN_FLIGHT) if request.transaction == transaction]
+        flight = [request for request in self.flying() if request.transaction == transaction]
         if not flight:
             self.take_late(stray, transaction)
             return
         request = flight[0]
-        mismatch = self.mismatch(request.message, header["unit"], item.message)
+        mismatch = self.mismatch(request.asked(), header["unit"], item.message)
         is_last = self.replies.ended and not self.replies.held and not self.is_cut
-        is_doubtful = not self.is_tcp and pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
-        if item.message is not None and mismatch is None and not is_doubtful:
-            self.finish(request, "replied", message=reply_of(request.message, item.message))
-        elif self.is_tcp:
-            reason = {"mismatch": mismatch} if mismatch else {"malformed": item.error}
-            self.finish(request, "failed", reason=reason)
-        else:
+        may_doubt = request.stage is Stage.IN_FLIGHT and not is_last
+        is_doubtful = may_doubt and pdu[0] > codec.EXCEPTION and self.has_failed  # FM-84
+        if not self.is_tcp and (item.message is None or mismatch or is_doubtful):
             self.report("stray", **stray, **({"mismatch": mismatch} if mismatch else {}))
+            return
+        self.is_proven = True
+        self.be_quiet(now, self.config.pause)  # FM-94
+        if request.stage is Stage.PROBING:
+            request.stage = Stage.QUEUED
+        elif mismatch:
+            self.finish(request, "failed", reason={"mismatch": mismatch})
+        elif item.message is None:
+            self.finish(request, "failed", reason={"malformed": item.error})
+        else:
+            self.finish(request, "replied", message=reply_of(request.message, item.message))
+
+    def be_quiet(self, now: int, time: int) -> None:
+        if time > 0:
+            self.quiet_until = after(now, time)
 
     def take_late(self, stray: Json, transaction: int | None) -> None:
         """FM-48"""
@@ -252,13 +284,12 @@ class Client(Session):
             return {"kind": "function", "expected": function, "found": reply["function"]}
         if "exception" in reply or "data" in reply:
             return None
-        if function in READING:
-            quantity = request["quantity"]
-            expected = -(-quantity // 8) if function in codec.BITS else 2 * quantity
+        if function in codec.READING:
+            expected = asked_bytes(request)
             found = len(reply["bits"]) // 8 if function in codec.BITS else 2 * len(reply["registers"])
             return None if found == expected else {"kind": "quantity", "expected": expected, "found": found}
-        if function in ECHO:
-            is_echo = all(reply[name] == request[name] for name in ECHO[function])
+        if function in REPEATED:
+            is_echo = all(reply[name] == request[name] for name in REPEATED[function])
         else:
             is_echo = (reply["address"], reply["quantity"]) == (request["address"], len(request["values"]))
         return None if is_echo else {"kind": "echo"}
@@ -270,38 +301,54 @@ class Client(Session):
         while True:
             if self.silent_at is not None and now >= self.silent_at:
                 self.silent_at = None
-                self.end_input()
+                self.end_input(now)
             elif self.quiet_until is not None and now >= self.quiet_until:
                 self.quiet_until = None
             else:
-                due = [request for request in self.all_in(Stage.IN_FLIGHT) if now >= request.deadline]
+                due = [request for request in self.flying() if now >= request.deadline]
                 if not due:
                     return
                 for request in due:
-                    self.finish(request, "failed", reason="timed_out")
-                    request.is_late = True
-                if not self.is_tcp:
-                    self.quiet_until = after(now, self.settle)
+                    if request.stage is Stage.PROBING:
+                        request.stage = Stage.QUEUED
+                    else:
+                        self.finish(request, "failed", reason="timed_out")
+                        request.is_late = True
+                self.is_proven = True
+                self.be_quiet(now, max(self.config.pause, 0 if self.is_tcp else self.settle))
 
     def transmit(self, now: int) -> bytes | None:
         """Section 7.2."""
         queued = self.all_in(Stage.QUEUED)
-        flying = self.all_in(Stage.IN_FLIGHT)
-        is_busy = self.quiet_until is not None or self.is_line and self.silent_at is not None
-        if not self.is_up or is_busy or not queued or len(flying) >= self.config.in_flight:
+        waits_for_silence = self.is_line or self.config.echo
+        is_busy = self.quiet_until is not None or waits_for_silence and self.silent_at is not None
+        if not self.is_up or is_busy or not queued or len(self.flying()) >= self.config.in_flight:
             return None
         request = min(queued, key=lambda request: request.ticket)
         self.has_failed = False
+        needs_probe = not self.is_proven and is_mirrored(request.message)  # FM-93
         if request.is_broadcast:
             self.quiet_until = after(now, self.turnaround)
             self.finish(request, "announced")
-            return codec.encode(request.message | ({"transaction": 0} if self.is_tcp else {}), "client", self.options)
-        request.stage = Stage.IN_FLIGHT
-        request.deadline = after(now, self.time_limit)
+        else:
+            request.stage = Stage.PROBING if needs_probe else Stage.IN_FLIGHT
+            request.deadline = after(now, self.time_limit)
         if self.is_tcp:
-            request.transaction = self.last_transaction = self.next_transaction()
-        header = {"transaction": request.transaction} if self.is_tcp else {}
-        return codec.encode(request.message | header, "client", self.options)
+            return self.encode(request.message, self.transaction_of(request))
+        frame = self.encode(request.asked())
+        self.echo.sent(frame, needs_probe or request.is_broadcast or not is_mirrored(request.message))
+        return frame
+
+    def encode(self, message: Json, transaction: int | None = None) -> bytes:
+        header = {} if transaction is None else {"transaction": transaction}
+        return codec.encode(message | header, "client", self.options)
+
+    def transaction_of(self, request: Request) -> int:
+        """FM-41; of a broadcast it is 0 (FM-43)."""
+        if request.is_broadcast:
+            return 0
+        request.transaction = self.last_transaction = self.next_transaction()
+        return request.transaction
 
     def next_transaction(self) -> int:
         """FM-41"""
@@ -313,7 +360,7 @@ class Client(Session):
 
     def deadline(self) -> int | None:
         """FM-55; without a connection there is none of these times."""
-        deadlines = [request.deadline for request in self.all_in(Stage.IN_FLIGHT)]
+        deadlines = [request.deadline for request in self.flying()]
         times = [time for time in (self.silent_at, self.quiet_until, *deadlines) if time is not None]
         return min(times, default=None)
 

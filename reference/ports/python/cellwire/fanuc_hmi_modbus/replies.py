@@ -45,5 +45,17 @@ def has_asked_count(data: bytes, request: Json) -> bool:
     """Whether the reply to a read, as far as it has come, counts the bytes that were asked for."""
     if len(data) < 3 or data[1] >= codec.EXCEPTION or "quantity" not in request:
         return True
-    quantity = request["quantity"]
-    return bool(data[2] == (-(-quantity // 8) if data[1] in codec.BITS else 2 * quantity))
+    return data[2] == asked_bytes(request)
+
+
+def asked_bytes(request: Json) -> int:
+    """How many bytes of data the reply to a read has."""
+    quantity: int = request["quantity"]
+    return -(-quantity // 8) if request["function"] in codec.BITS else 2 * quantity
+
+
+def is_mirrored(request: Json) -> bool:
+    """Whether a reply can begin with the bytes of the request (FM-93)."""
+    if request["function"] in codec.READING:
+        return bool(request["address"] >> 8 == asked_bytes(request))
+    return request["function"] not in (15, 16)

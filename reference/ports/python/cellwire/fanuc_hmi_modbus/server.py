@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ..echo import Echo
 from ..session import Session, after
 from ..stream import Json, Refused
 from . import codec, timing
@@ -19,6 +20,7 @@ HELD = 504  # FM-62
 LONGEST_STRETCH, LEFT = 1024, 256  # FM-63
 BROADCAST = 0
 ANY = "any"
+READ_REQUEST = 8  # bytes of RTU
 
 
 @dataclass
@@ -32,6 +34,7 @@ class ServerConfig:
     silence: int | None = None
     stall: int | None = None
     frame_timeout: int | None = None
+    echo: bool = False  # the line returns what is sent
     places: int = 8
 
     def __post_init__(self) -> None:
@@ -41,6 +44,8 @@ class ServerConfig:
             self.unit = ANY if self.framing == "tcp" else 1
         if self.unit == BROADCAST and self.broadcast:
             raise ValueError("a unit of 0, which is a broadcast")  # FM-67
+        if self.echo and self.framing == "tcp":
+            raise ValueError("an echo over TCP")  # FM-67
         if 0 in (self.silence, self.stall) or not 1 <= self.places <= MAX_PLACES:
             raise ValueError("a silence or a stall of 0, or no place")
 
@@ -66,12 +71,16 @@ class Server(Session):
         self.silent_at: int | None = None  # None: the line is silent
         self.is_partial = False  # until then the rest of a request is waited for (FM-87)
         self.replies: list[bytes] = []
+        self.was_within = False  # corruption, when the read before ended (FM-81)
+        self.requests = codec.Decoder("client")
+        self.echo = Echo(self.config.echo)
+        self.empty()
+
+    def empty(self) -> None:
         self.held = bytearray()  # of RTU
         self.silences: list[int] = []  # within what is held
         self.is_dropping = False  # up to the next silence: no frame is behind corrupt bytes
         self.fault: Json | None = None  # of bytes that were dropped before the silence
-        self.was_within = False  # corruption, when the read before ended (FM-81)
-        self.requests = codec.Decoder("client")
 
     def connected(self, now: int) -> None:
         self.begin(True)
@@ -91,6 +100,8 @@ class Server(Session):
     def input(self, now: int, data: bytes) -> None:
         if not self.is_up:
             self.unexpected("Disconnected", "Received")
+            return
+        if not (data := self.without_echo(data)):
             return
         if self.gap is not None:
             self.silent_at, self.is_partial = after(now, self.gap), False
@@ -282,6 +293,8 @@ class Server(Session):
             if self.silent_at is not None and self.gap is not None:
                 self.silent_at = after(now, self.gap)  # FM-66
             self.read_stream(False)
+        if not self.is_tcp:
+            self.echo.sent(reply, reply[1] in codec.READING and len(reply) > READ_REQUEST)  # FM-92
         return reply
 
     def deadline(self) -> int | None:

@@ -4,7 +4,8 @@ import { Refused } from "../check.js";
 import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
 import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt } from "../stream.js";
-import { mayBeginReply } from "./modbus-reply.js";
+import { Echo, type EchoError } from "./echo.js";
+import { askedBytes, isMirrored, mayBeginReply } from "./modbus-reply.js";
 import { longestFrame, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
@@ -23,6 +24,10 @@ export interface ModbusClientConfig {
   broadcast: boolean;
   turnaround: number;
   settle: number;
+  /** From the end of a request to the next one. */
+  pause: number;
+  /** The line returns what is sent; not over TCP. */
+  echo: boolean;
   /** How many requests there can be at once. */
   places: number;
 }
@@ -33,7 +38,9 @@ export type Mismatch =
   | { kind: "quantity"; expected: number; found: number }
   | { kind: "echo" };
 
-export type FailReason = "disconnected" | "not_sent" | "timed_out" | { mismatch: Mismatch } | { malformed: PduError };
+type Misfit = { mismatch: Mismatch } | { malformed: PduError };
+
+export type FailReason = "disconnected" | "not_sent" | "timed_out" | Misfit;
 
 export type ModbusClientEvent =
   | { event: "replied"; ticket: number; message: ReplyMessage }
@@ -41,13 +48,14 @@ export type ModbusClientEvent =
   | { event: "failed"; ticket: number; reason: FailReason }
   | { event: "stray"; unit: number; function: number; transaction?: number; late?: number; mismatch?: Mismatch }
   | { event: "corrupt" | "out_of_step"; error: FrameError | PduError }
+  | { event: "echo"; error: EchoError }
   | Unexpected;
 
-/** A request in its place (FM-75); `expired`: the outcome was taken, and the reply may still come. */
+/** A request in its place (FM-75); `probing`: the probe before it was sent; `expired`: the outcome was taken, and the reply may still come. */
 interface Place {
   ticket: number;
   request: RequestMessage;
-  stage: "queued" | "in_flight" | "ended" | "timed_out" | "expired";
+  stage: "queued" | "probing" | "in_flight" | "ended" | "timed_out" | "expired";
   transaction: number | null;
   deadline: number;
   /** When it timed out, or expired, among the others. */
@@ -56,6 +64,8 @@ interface Place {
 
 const MS = 1e6;
 const READING = [1, 2, 3, 4, 23];
+/** What shows whether the line returns what is sent (FM-93). */
+const PROBE = { function: 3, address: 0, quantity: 1 } as const;
 
 export class ModbusClient implements Session<ModbusClientEvent> {
   private up = false;
@@ -67,6 +77,9 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private cut = false;
   /** Until when nothing is sent; null: quiet is over. */
   private quietUntil: number | null = null;
+  /** It is known what the line does with what is sent (FM-93). */
+  private proven = false;
+  private echo = new Echo(false);
   private readonly places: (Place | null)[];
   private tickets = 0;
   private lastTransaction = 0;
@@ -95,6 +108,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       broadcast: framing !== "tcp",
       turnaround: 100 * MS + longest,
       settle: (framing === "rtu_over_tcp" ? 10_000 : 1000) * MS,
+      pause: 0,
+      echo: false,
       places: 8,
       ...given,
     };
@@ -102,6 +117,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     require(timeout > 0, "a timeout of 0 (FM-56)");
     require(this.config.silence > 0, "a silence of 0 (FM-77)");
     require(in_flight >= 1 && in_flight <= (framing === "tcp" ? places : 1), "in_flight is outside its range (FM-56)");
+    require(!(this.config.echo && framing === "tcp"), "an echo over TCP (FM-56)");
     this.places = new Array<Place | null>(places).fill(null);
     this.none = framing === "tcp" ? 0 : null;
     this.decoder = frameDecoder("server", framing === "tcp" ? "tcp" : "rtu");
@@ -114,7 +130,9 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     this.up = true;
     this.silentAt = null;
     this.partial = false;
-    const { framing, timeout, settle } = this.config;
+    const { framing, timeout, settle, echo } = this.config;
+    this.proven = framing === "tcp" || echo;
+    this.echo = new Echo(echo);
     this.quietUntil = framing === "rtu" ? now + timeout + settle : null;
   }
 
@@ -139,14 +157,18 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       this.events.push({ event: "unexpected" });
       return;
     }
-    if (this.silentAt !== null && !this.partial && isDue(this.silentAt, now)) this.endInput();
-    this.decoder.push(bytes);
-    this.read();
+    const { rest, error } = this.echo.receive(bytes);
+    if (error?.kind === "not_set") this.decoder.discard();
+    if (error !== null) this.events.push({ event: "echo", error });
+    if (rest.length === 0) return;
+    if (this.silentAt !== null && !this.partial && isDue(this.silentAt, now)) this.endInput(now);
+    this.decoder.push(rest);
+    this.read(now);
     if (this.config.framing === "tcp") return;
     this.silentAt = now + this.config.silence;
-    const [asked] = this.inFlight();
-    this.partial = asked !== undefined && mayBeginReply(this.decoder.waiting, asked.request, this.config.any_unit);
-    if (asked !== undefined && this.partial) this.silentAt = Math.max(this.silentAt, asked.deadline);
+    const [place] = this.inFlight();
+    this.partial = place !== undefined && mayBeginReply(this.decoder.waiting, sentFor(place), this.config.any_unit);
+    if (place !== undefined && this.partial) this.silentAt = Math.max(this.silentAt, place.deadline);
   }
 
   /** One thing at a time, until nothing is left (FM-50). */
@@ -154,38 +176,52 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     for (;;) {
       if (this.silentAt !== null && isDue(this.silentAt, now)) {
         this.silentAt = null;
-        this.endInput();
+        this.endInput(now);
       }
       if (this.quietUntil !== null && isDue(this.quietUntil, now)) this.quietUntil = null;
       const late = this.inFlight().filter((place) => isDue(place.deadline, now));
       if (late.length === 0) return;
       for (const place of late) {
-        place.stage = "timed_out";
-        this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+        if (place.stage === "probing") {
+          place.stage = "queued";
+        } else {
+          place.stage = "timed_out";
+          this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+        }
       }
-      if (this.config.framing !== "tcp") this.quietUntil = now + this.config.settle;
+      const { framing, pause, settle } = this.config;
+      this.proven = true;
+      this.rest(now, framing === "tcp" ? pause : Math.max(pause, settle));
     }
   }
 
   transmitted(): void {}
 
   transmit(now: number): Uint8Array | null {
-    const { framing, in_flight, timeout, turnaround } = this.config;
-    if (!this.up || this.quietUntil !== null || (framing === "rtu" && this.silentAt !== null)) return null;
+    const { framing, in_flight, timeout, turnaround, echo } = this.config;
+    if (!this.up || this.quietUntil !== null || ((framing === "rtu" || echo) && this.silentAt !== null)) return null;
     if (this.inFlight().length >= in_flight) return null;
     const place = this.queued()[0];
     if (place === undefined) return null;
     this.damaged = false;
-    if (this.isBroadcast(place.request)) {
+    const { request } = place;
+    if (this.isBroadcast(request)) {
       place.stage = "ended";
       this.quietUntil = now + turnaround;
       this.events.push({ event: "announced", ticket: place.ticket });
-      return this.encode(place.request, this.none);
+      return this.sent(this.encode(request, this.none), true);
     }
-    place.stage = "in_flight";
+    const mirrored = isMirrored(request);
+    place.stage = mirrored && !this.proven ? "probing" : "in_flight";
     place.deadline = now + timeout;
     place.transaction = framing === "tcp" ? this.nextTransaction() : null;
-    return this.encode(place.request, place.transaction);
+    return this.sent(this.encode(sentFor(place), place.transaction), place.stage === "probing" || !mirrored);
+  }
+
+  /** A frame that the line may return; over TCP it does not (FM-92). */
+  private sent(frame: Uint8Array, isProof: boolean): Uint8Array {
+    if (this.config.framing !== "tcp") this.echo.sent(frame, isProof);
+    return frame;
   }
 
   event(): ModbusClientEvent | null {
@@ -205,8 +241,9 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     return this.places.filter((place) => place !== null);
   }
 
+  /** The requests in flight, or whose probe is. */
   private inFlight(): Place[] {
-    return this.occupied().filter((place) => place.stage === "in_flight");
+    return this.occupied().filter((place) => place.stage === "in_flight" || place.stage === "probing");
   }
 
   /** The oldest first. */
@@ -265,9 +302,9 @@ export class ModbusClient implements Session<ModbusClientEvent> {
 
   /** A connection is lost or replaced (FM-54). */
   private close(): void {
-    for (const place of this.inFlight()) this.fail(place, "disconnected");
+    for (const place of this.inFlight()) if (place.stage === "in_flight") this.fail(place, "disconnected");
     for (const place of this.occupied()) {
-      if (place.stage === "queued") this.fail(place, "not_sent");
+      if (place.stage === "queued" || place.stage === "probing") this.fail(place, "not_sent");
       else if (place.stage === "timed_out") place.stage = "ended";
       else if (place.stage === "expired") this.free(place);
     }
@@ -280,17 +317,22 @@ export class ModbusClient implements Session<ModbusClientEvent> {
 
   // Replies
 
-  private endInput(): void {
+  /** Nothing is sent for so long, if it is above 0. */
+  private rest(now: number, time: number): void {
+    if (time > 0) this.quietUntil = now + time;
+  }
+
+  private endInput(now: number): void {
     this.cut = this.partial;
     this.partial = false;
     this.decoder.end();
-    this.read();
+    this.read(now);
   }
 
-  private read(): void {
+  private read(now: number): void {
     for (let item = this.decoder.next(); item !== null; item = this.decoder.next()) {
       if ("message" in item) {
-        this.frame(item.message);
+        this.frame(item.message, now);
       } else {
         this.damaged = true;
         if (item.error.kind !== "noise") this.events.push({ event: "corrupt", error: item.error });
@@ -303,7 +345,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   }
 
   /** A frame belongs to the request in flight with its transaction (FM-44). */
-  private frame(frame: Frame): void {
+  private frame(frame: Frame, now: number): void {
     const { transaction = null, unit, pdu } = frame;
     const decoded = decodePdu(pdu, "server");
     const code = numberAt(pdu, 0) & 0x7f;
@@ -314,29 +356,34 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       this.events.push({ ...stray, ...(late === null ? {} : { late }) });
       return;
     }
-    const withoutTransaction = transaction === null;
-    if (unit !== place.request.unit && !this.config.any_unit) {
-      this.misfit(place, stray, withoutTransaction, { kind: "unit", expected: place.request.unit, found: unit });
-    } else if ("error" in decoded) {
-      if (withoutTransaction) this.events.push(stray);
-      else this.fail(place, { malformed: decoded.error });
-    } else {
-      const reply = decoded.message as Reply;
-      const mismatch = mismatchOf(place.request, reply);
-      if (mismatch !== null) {
-        this.misfit(place, stray, withoutTransaction, mismatch);
-      } else if (withoutTransaction && "exception" in reply && this.damaged && (this.cut || !this.decoder.isAtEnd)) {
-        this.events.push(stray);
-      } else {
-        place.stage = "ended";
-        this.events.push({ event: "replied", ticket: place.ticket, message: { unit, ...asked(place.request, reply) } });
-      }
+    const misfit = this.misfitOf(place, unit, decoded);
+    if (transaction === null && (misfit !== null || this.isDoubtful(place, pdu))) {
+      this.events.push(misfit !== null && "mismatch" in misfit ? { ...stray, ...misfit } : stray);
+      return;
+    }
+    this.proven = true;
+    this.rest(now, this.config.pause);
+    if (place.stage === "probing") {
+      place.stage = "queued";
+    } else if (misfit !== null) {
+      this.fail(place, misfit);
+    } else if ("message" in decoded) {
+      place.stage = "ended";
+      this.events.push({ event: "replied", ticket: place.ticket, message: { unit, ...asked(place.request, decoded.message as Reply) } });
     }
   }
 
-  private misfit(place: Place, stray: Extract<ModbusClientEvent, { event: "stray" }>, withoutTransaction: boolean, mismatch: Mismatch): void {
-    if (withoutTransaction) this.events.push({ ...stray, mismatch });
-    else this.fail(place, { mismatch });
+  /** Why a frame does not fit what was sent; null, if it does (FM-44). */
+  private misfitOf(place: Place, unit: number, decoded: ReturnType<typeof decodePdu>): Misfit | null {
+    if (unit !== place.request.unit && !this.config.any_unit) return { mismatch: { kind: "unit", expected: place.request.unit, found: unit } };
+    if ("error" in decoded) return { malformed: decoded.error };
+    const mismatch = mismatchOf(sentFor(place), decoded.message as Reply);
+    return mismatch === null ? null : { mismatch };
+  }
+
+  /** Whether an exception may be data of a reply that was damaged (FM-84). */
+  private isDoubtful(place: Place, pdu: Uint8Array): boolean {
+    return place.stage === "in_flight" && numberAt(pdu, 0) > 0x7f && this.damaged && (this.cut || !this.decoder.isAtEnd);
   }
 
   /** The newest request that has timed out with a transaction expects no more reply (FM-48). */
@@ -351,12 +398,17 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   }
 }
 
+/** The request, or the probe before it (FM-93). */
+function sentFor({ stage, request }: Place): RequestMessage {
+  return stage === "probing" ? { ...PROBE, unit: request.unit } : request;
+}
+
 /** Why a reply does not fit a request, in function and data; null, if it does (FM-44). */
 function mismatchOf(request: Request, reply: Reply): Mismatch | null {
   if (reply.function !== request.function) return { kind: "function", expected: request.function, found: reply.function };
   if ("exception" in reply || "data" in reply) return null;
-  if ("bits" in reply) return quantity(Math.ceil((request as { quantity: number }).quantity / 8), reply.bits.length / 8);
-  if ("registers" in reply) return quantity(2 * (request as { quantity: number }).quantity, 2 * reply.registers.length);
+  if ("bits" in reply) return quantity(askedBytes(request.function, (request as { quantity: number }).quantity), reply.bits.length / 8);
+  if ("registers" in reply) return quantity(askedBytes(request.function, (request as { quantity: number }).quantity), 2 * reply.registers.length);
   const repeated = "values" in request ? { address: request.address, quantity: request.values.length } : (request as object);
   const same = Object.entries(reply).every(([name, value]) => name === "function" || Number((repeated as Record<string, unknown>)[name]) === Number(value));
   return same ? null : { kind: "echo" };

@@ -28,5 +28,16 @@ function begins(bytes: Uint8Array, request: RequestMessage, anyUnit: boolean): B
 function hasAskedCount(bytes: Uint8Array, request: RequestMessage): boolean {
   const [, code, count] = bytes;
   if (code === undefined || count === undefined || code >= 0x80 || !("quantity" in request)) return true;
-  return count === (code <= 2 ? Math.ceil(request.quantity / 8) : 2 * request.quantity);
+  return count === askedBytes(request.function, request.quantity);
+}
+
+/** How many bytes of data the reply to a read has. */
+export function askedBytes(code: number, quantity: number): number {
+  return code <= 2 ? Math.ceil(quantity / 8) : 2 * quantity;
+}
+
+/** Whether a reply can begin with the bytes of the request (FM-93). */
+export function isMirrored(request: RequestMessage): boolean {
+  if ("quantity" in request) return request.address >> 8 === askedBytes(request.function, request.quantity);
+  return !("values" in request);
 }

@@ -4,6 +4,7 @@ import { Refused } from "../check.js";
 import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
 import { decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt, concat } from "../stream.js";
+import { Echo, type EchoError } from "./echo.js";
 import { behindFrames, endedFrame, lineError, mayGoOn, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
 import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
 import { pieceTime, silence, type Transport } from "./modbus-transport.js";
@@ -20,6 +21,8 @@ export interface ModbusServerConfig {
   broadcast: boolean;
   /** ns for which the rest of an incomplete request is waited for on a serial line. */
   frame_timeout: number;
+  /** The line returns what is sent; not over TCP. */
+  echo: boolean;
   /** How many replies may wait. */
   places: number;
 }
@@ -28,6 +31,7 @@ export type ModbusServerEvent =
   | { event: "served"; unit: number; function: number; transaction?: number; exception?: number }
   | { event: "refused"; unit: number; function: number }
   | { event: "corrupt" | "out_of_step"; error: FrameError }
+  | { event: "echo"; error: EchoError }
   | Unexpected;
 
 /** The most bytes that are kept while replies wait (FM-62). */
@@ -35,6 +39,8 @@ const MOST_KEPT = 504;
 /** The most bytes that come on a serial line without a silence, and how many are left of them (FM-63). */
 const MOST_WITHOUT_SILENCE = 1024;
 const LEFT_WITHOUT_SILENCE = 256;
+/** The bytes of an RTU request to read. */
+const READ_REQUEST = 8;
 
 export class ModbusServer implements Session<ModbusServerEvent> {
   private up = false;
@@ -43,6 +49,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
   /** Until then the rest of a request is waited for (FM-87). */
   private partial = false;
   private readonly replies: Uint8Array[] = [];
+  private echo = new Echo(false);
   private readonly decoder = new TcpFrameDecoder("client");
   /** The last read ended within corruption (FM-81). */
   private wasLost = false;
@@ -69,10 +76,12 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       unit: framing === "tcp" ? null : 1,
       broadcast: framing !== "tcp",
       frame_timeout: pieceTime(framing, baud),
+      echo: false,
       places: 8,
       ...given,
     };
     require(!(this.config.unit === 0 && this.config.broadcast), "unit 0 is a broadcast (FM-67)");
+    require(!(this.config.echo && framing === "tcp"), "an echo over TCP (FM-67)");
     require(this.config.silence > 0, "a silence of 0 (FM-79)");
   }
 
@@ -96,12 +105,16 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       this.readTcp();
       return;
     }
+    const { rest, error } = this.echo.receive(bytes);
+    if (error?.kind === "not_set") this.discard();
+    if (error !== null) this.events.push({ event: "echo", error });
+    if (rest.length === 0) return;
     this.silentAt = now + this.config.silence;
     this.partial = false;
     if (this.config.framing === "rtu") {
-      this.takeLine(bytes);
+      this.takeLine(rest);
     } else {
-      this.held = concat(this.held, bytes);
+      this.held = concat(this.held, rest);
       this.readStream();
     }
   }
@@ -125,7 +138,11 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     if (reply === undefined) return null;
     if (this.config.framing === "tcp") {
       this.readTcp();
-    } else if (full && this.config.framing === "rtu_over_tcp") {
+      return reply;
+    }
+    const isRead = [1, 2, 3, 4, 23].includes(numberAt(reply, 1));
+    this.echo.sent(reply, isRead && reply.length > READ_REQUEST); // FM-92
+    if (full && this.config.framing === "rtu_over_tcp") {
       if (this.silentAt !== null) this.silentAt = now + this.config.silence;
       this.readStream();
     }
@@ -144,11 +161,17 @@ export class ModbusServer implements Session<ModbusServerEvent> {
     this.replies.length = 0;
     this.decoder.discard();
     this.wasLost = false;
+    this.discard();
+    this.echo = new Echo(this.config.echo);
+    this.silentAt = null;
+    this.partial = false;
+  }
+
+  /** Forgets what has come of RTU frames. */
+  private discard(): void {
     this.forget(this.held.length);
     this.dropping = false;
     this.burst = null;
-    this.silentAt = null;
-    this.partial = false;
   }
 
   private isFull(): boolean {

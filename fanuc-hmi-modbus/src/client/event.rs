@@ -1,6 +1,7 @@
 use robot_session::Unexpected;
 
 use crate::error::{DecodeError, Mismatch};
+use crate::message::Exception;
 
 /// Identifies a request of a client; never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -111,7 +112,8 @@ pub enum Failure {
     #[error("the reply does not answer the request: {0}")]
     #[cfg_attr(feature = "serde", serde(rename = "mismatch"))]
     Refused(Mismatch),
-    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown.
+    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown, unless the reply is an
+    /// [exception](Self::exception).
     #[error("the reply is malformed: {0}")]
     Malformed(DecodeError),
 }
@@ -119,7 +121,15 @@ pub enum Failure {
 impl Failure {
     /// Whether the server may have executed the request, or may still execute it.
     pub const fn is_unknown(self) -> bool {
-        !matches!(self, Self::NotSent)
+        !matches!(self, Self::NotSent) && self.exception().is_none()
+    }
+
+    /// The exception with which the server refuses the request, if the reply is malformed because its header has another length.
+    pub const fn exception(self) -> Option<Exception> {
+        match self {
+            Self::Malformed(DecodeError::ExceptionLength { exception, .. }) => Some(exception),
+            _ => None,
+        }
     }
 }
 

@@ -350,6 +350,9 @@ end
 --- The place and the length of the frame at `at`, whose error it has, or nothing if bytes are missing. `excess` bytes may belong to the
 --- exception before it.
 local function find_tcp(tvb, at, is_request, excess)
+    local left = tvb:len() - at
+    -- A header is hardly divided so soon.
+    if left <= excess and left < 8 then return left, "noise" end
     for place = at, at + excess do
         if place > at and place == at + excess then return excess, "noise" end
         if tvb:len() - place < 8 then break end

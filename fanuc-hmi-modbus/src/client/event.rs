@@ -1,3 +1,5 @@
+use core::fmt;
+
 use robot_session::Unexpected;
 
 use crate::error::{DecodeError, Mismatch};
@@ -60,6 +62,9 @@ pub enum ClientEvent {
         /// Its transaction on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
+        /// The transaction of the oldest request in flight, on TCP. Not part of the serialized event.
+        #[cfg_attr(feature = "serde", serde(skip))]
+        expected: Option<u16>,
         /// Who sent it.
         unit: u8,
         /// Its function code, without the bit that marks an exception.
@@ -89,6 +94,34 @@ impl ClientEvent {
                 Some(*ticket)
             }
             Self::Stray { .. } | Self::Corrupt(_) | Self::OutOfStep(_) | Self::Unexpected(_) => None,
+        }
+    }
+}
+
+/// One sentence, without the numbers of tickets where something else tells more.
+impl fmt::Display for ClientEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Replied { ticket, unit } => {
+                write!(f, "request {} has a reply of unit {unit}", ticket.number)
+            }
+            Self::Announced { ticket } => write!(f, "request {} was sent as a broadcast", ticket.number),
+            Self::Failed { ticket, failure } => write!(f, "request {}: {failure}", ticket.number),
+            Self::Stray { transaction, expected, unit, function, late, mismatch } => {
+                f.write_str(if late.is_some() { "a late reply" } else { "a reply" })?;
+                match (transaction, expected) {
+                    (Some(found), Some(expected)) => {
+                        write!(f, " with transaction {found}, expected {expected}")?
+                    }
+                    (Some(found), None) => write!(f, " with transaction {found}, expected none")?,
+                    (None, _) => {}
+                }
+                write!(f, " (unit {unit}, function {function})")?;
+                mismatch.map_or(Ok(()), |mismatch| write!(f, ": {mismatch}"))
+            }
+            Self::Corrupt(error) => write!(f, "corrupt bytes: {error}"),
+            Self::OutOfStep(error) => write!(f, "bytes that do not begin a frame: {error}"),
+            Self::Unexpected(unexpected) => unexpected.fmt(f),
         }
     }
 }

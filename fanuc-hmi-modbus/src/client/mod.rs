@@ -211,6 +211,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         self.core.statistics.strays += 1;
         self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
+            expected: frame.transaction.and_then(|_| self.core.machine.awaited()),
             unit: frame.unit,
             function: frame.pdu.first().copied().unwrap_or_default() & 0x7F,
             late: late.and_then(|place| self.ticket(place)),

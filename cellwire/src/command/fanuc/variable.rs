@@ -179,8 +179,10 @@ impl Variable<'_> {
             Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
             Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
             Answer::Failed(failure @ Failure::TimedOut) => remark(&format!(
-                "error: {failure}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
-                self.place.server, self.place.unit
+                "error: {}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
+                client.explain(failure),
+                self.place.server,
+                self.place.unit
             )),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
             Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),

@@ -89,6 +89,8 @@ pub struct Client {
     session: modbus::Client<1>,
     /// The next request needs another connection.
     is_used_up: bool,
+    /// The first bytes that came in place of the reply to the last request, in words.
+    instead: Option<String>,
     /// The pauses before another connection.
     backoff: Backoff,
 }
@@ -114,7 +116,7 @@ impl Client {
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
         let backoff = Backoff::default();
-        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff })
+        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff, instead: None })
     }
 
     /// Makes one request, and gives what `read` makes of the reply.
@@ -154,6 +156,7 @@ impl Client {
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
+        self.instead = None;
         // What has come before the request is no reply to it.
         self.turn(Some(Duration::ZERO), |_| ())?;
         self.session.request(unit, request)?;
@@ -163,10 +166,23 @@ impl Client {
             }
         };
         if let Answer::Replied(_) = answer {
+        let pending = self.session.pending();
+        if matches!(answer, Answer::Failed(Failure::TimedOut)) && pending > 0 {
+            let instead = || format!("an incomplete reply, of which {pending} bytes have arrived");
+            self.instead.get_or_insert_with(instead);
+        }
             self.backoff.answered();
         }
         self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
         Ok(answer)
+    /// The failure of the last request, with what came in place of its reply.
+    pub fn explain(&self, failure: Failure) -> String {
+        match (&self.instead, failure) {
+            (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
+            _ => failure.to_string(),
+        }
+    }
+
     }
 
     /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
@@ -212,10 +228,11 @@ impl Client {
     fn turn<T>(
         &mut self,
         wait: Option<Duration>,
+        let instead = &mut self.instead;
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Option<Answer<T>>> {
         let turn = self.driver.turn(&mut self.session, wait, |session, event| {
-            match answer(session, event, &mut read) {
+            match answer(session, event, instead, &mut read) {
                 Some(answer) => ControlFlow::Break(answer),
                 None => ControlFlow::Continue(()),
             }
@@ -265,8 +282,9 @@ pub fn changes_nothing(request: &Request<'_>) -> bool {
     )
 }
 
-/// The answer in an event; what is none goes to standard error.
+/// The answer in an event; what is none goes to standard error, and the first of it into `instead`.
 fn answer<T>(
+    instead: &mut Option<String>,
     session: &modbus::Client<1>,
     event: ClientEvent,
     read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
@@ -277,11 +295,13 @@ fn answer<T>(
         }
         ClientEvent::Announced { .. } => Some(Answer::Announced),
         ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
-        ClientEvent::Stray { unit, function, late, .. } => {
+        ClientEvent::Stray { late, .. } => {
             let what = if late.is_some() { "late" } else { "unasked" };
-            remark(&format!("unexpected reply ({what}): unit {unit}, function {function}"));
+            remark(&format!("unexpected reply ({what}): {event}"));
+            instead.get_or_insert_with(|| event.to_string());
             None
         }
+            instead.get_or_insert_with(|| event.to_string());
         ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
             remark(&format!("corrupt: {error}"));
             None

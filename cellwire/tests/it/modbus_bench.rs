@@ -586,3 +586,49 @@ fn a_timeout_names_what_came_in_place_of_the_reply() {
     let instead = "a reply (unit 9, function 3): unit 9 answers a request to unit 1";
     assert_eq!(lines(&output), [json!({"failed": format!("{NONE}; received instead: {instead}")})]);
 }
+
+/// A server that loses everything in the first 200 ms of each connection.
+fn deaf_at_first() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    thread::spawn(move || {
+        for mut stream in listener.incoming().map_while(Result::ok) {
+            thread::sleep(Duration::from_millis(200));
+            stream.set_nonblocking(true).unwrap();
+            let mut request = [0; 12];
+            while let Ok(1..) = stream.read(&mut request) {}
+            stream.set_nonblocking(false).unwrap();
+            while stream.read_exact(&mut request).is_ok() {
+                let _ = stream.write_all(&reply_to(&request, request[1], 7));
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn the_first_byte_is_sent_after_the_pause_of_a_connection() {
+    let address = deaf_at_first();
+    let folder = Folder::new("pause");
+    folder.write("modbus.toml", "connect_pause = \"400ms\"\n");
+    let settings = folder.0.join("modbus.toml");
+    let settings = settings.to_str().unwrap();
+    let pauses: [&[&str]; 4] = [
+        &["--connect-pause", "0.4"],
+        &["--set", "connect_pause=400ms"],
+        &["--settings", settings],
+        &["--set", "connect_pause=0s", "--connect-pause", "0.4"],
+    ];
+    for pause in pauses {
+        let output = ask(&[&[&address, "--timeout", "5000"], pause].concat(), READ);
+        assert_eq!(lines(&output)[0]["registers"], json!([7, 7]), "{pause:?}: {}", err(&output));
+    }
+    let none: [&[&str]; 2] = [&[], &["--settings", settings, "--connect-pause", "0"]];
+    for pause in none {
+        let output = ask(&[&[&address, "--timeout", "1000"], pause].concat(), READ);
+        assert!(lines(&output)[0]["failed"].is_string(), "{pause:?}");
+    }
+    let output = ask(&[&address, "--set", "connect_pause=2min"], READ);
+    assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+    assert!(err(&output).contains("connect_pause"), "{}", err(&output));
+}

@@ -133,8 +133,8 @@ impl PlaceArgs {
         let (view, given) = self.set.read_client()?;
         let order = self.word_order.map_or(view.word_order, WordOrder::from);
         let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
-        let connect_timeout = self.connect.timeout();
-        let mut port = Port::new(PortKind::Tcp { server, rtu, connect_timeout });
+        let dialing = self.set.dialing(None, self.connect)?;
+        let mut port = Port::new(PortKind::Tcp { server, rtu }, dialing);
         settings::read("fanuc", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
         Ok((Variable { place: self, order }, port))

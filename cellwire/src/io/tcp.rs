@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn a_peer_that_vanishes_is_noticed() {
         let peer = listen("127.0.0.1:0").unwrap();
-        let stream = connect(&peer.local_addr().unwrap().to_string(), Duration::from_secs(5)).unwrap();
+        let stream = connect(&peer.local_addr().unwrap().to_string(), Dialing::default()).unwrap();
         assert!(SockRef::from(&stream).keepalive().unwrap());
     }
 
@@ -263,7 +263,7 @@ mod tests {
         );
         assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
         assert_eq!(
-            connect("nonsense", Duration::from_secs(1)).unwrap_err().to_string(),
+            connect("nonsense", Dialing::default()).unwrap_err().to_string(),
             "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
         );
     }
@@ -273,7 +273,7 @@ mod tests {
         let server = listen("127.0.0.1:0").unwrap();
         let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
         let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
-        let mut client = connect(&proxy.address().to_string(), Duration::from_secs(5)).unwrap();
+        let mut client = connect(&proxy.address().to_string(), Dialing::default()).unwrap();
         let copy = sent.clone();
         let writer = thread::spawn(move || {
             copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());

@@ -145,6 +145,9 @@ pub struct Cell {
     pub address: Option<String>,
     /// Where its device connects to.
     pub listen: Option<String>,
+    /// The pause between each new connection to `address`, or the opened serial port, and the first byte sent.
+    #[serde(default, deserialize_with = "time")]
+    pub connect_pause: Duration,
     /// Whether commands are taken.
     #[serde(default)]
     pub commands: bool,

@@ -22,7 +22,6 @@ use self::io::drive::Lost;
 use self::io::files;
 use self::io::journal::Unwritten;
 use self::io::output::{self, remark};
-use cellwire_links::fanuc_hmi_modbus::client_settings;
 use cellwire_links::settings::Setting;
 
 /// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
@@ -154,8 +153,8 @@ fn command_line() -> clap::Command {
         ("kawasaki", "run", kawasaki::settings),
         ("laser", "run", laser::settings),
         ("mma", "run", mma::settings),
-        ("modbus", "scan", client_settings),
-        ("modbus", "poll", client_settings),
+        ("modbus", "scan", modbus::settings),
+        ("modbus", "poll", modbus::settings),
         ("fanuc", "log", fanuc::settings),
         ("fanuc", "read", fanuc::settings),
         ("fanuc", "write", fanuc::settings),
@@ -166,7 +165,7 @@ fn command_line() -> clap::Command {
             command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings())));
     }
     if named("modbus") {
-        command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
+        command = command.mut_subcommand("modbus", |it| with_settings(it, &modbus::settings()));
     }
     command
 }

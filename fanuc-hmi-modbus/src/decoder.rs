@@ -6,6 +6,7 @@ use core::ops::Range;
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, RtuShape, Side};
 use crate::framing::{Framing, Framings};
+use crate::message::{Exception, function};
 use crate::stream::{CAPACITY, Stream};
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
@@ -23,6 +24,9 @@ use crate::stream::{CAPACITY, Stream};
 ///   the next frame is the first one whose header has the length of the request or reply after it. There is one exception, which
 ///   MBAP leaves open: a wrong length that a frame can have, 2 to 254. It takes what follows for its own, up to 260 bytes, and
 ///   the decoder is in step again at the first frame that begins where it reads the next header.
+/// - Some servers send an exception over TCP with a wrong length, often 4. It has two bytes of PDU all the same: it is
+///   [`DecodeError::ExceptionLength`] as soon as these have arrived, and costs no other frame, whether the server sends as many bytes as
+///   the header says or not.
 /// - On RTU, after a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
 ///   together it is the longer. Noise that looks like the beginning of a long frame is discarded at the latest when the line is
 ///   silent. Within corruption one run of bytes in 65536 passes for a frame by chance.
@@ -39,6 +43,8 @@ pub struct Decoder<F: Framings = Framing> {
     wanted: usize,
     corruption: Option<Corruption>,
     ends: F::Ends,
+    /// The bytes that may follow the last frame, an exception with a wrong length, before the next one begins.
+    excess: usize,
 }
 
 /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
@@ -52,6 +58,12 @@ const HEADER: usize = MBAP + 10;
 
 /// The bytes of the shortest TCP frame.
 const SHORTEST: usize = MBAP + 2;
+
+/// The bytes of an exception over TCP.
+const EXCEPTION: usize = MBAP + EXCEPTION_LENGTH;
+
+/// The length in its header.
+const EXCEPTION_LENGTH: usize = 3;
 
 /// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
@@ -123,7 +135,15 @@ impl Decoder {
 impl<F: Framings> Decoder<F> {
     /// A decoder of what `side` sends.
     pub const fn new(framing: F, side: Side) -> Self {
-        Self { framing, side, stream: Stream::new(), wanted: 0, corruption: None, ends: F::Ends::NONE }
+        Self {
+            framing,
+            side,
+            stream: Stream::new(),
+            wanted: 0,
+            corruption: None,
+            ends: F::Ends::NONE,
+            excess: 0,
+        }
     }
 
     /// The corruption that the stream is in, whose error waits until the next frame is found.
@@ -134,6 +154,11 @@ impl<F: Framings> Decoder<F> {
     /// The bytes that wait for the rest of their frame.
     pub const fn pending(&self) -> usize {
         self.stream.pending()
+    }
+
+    /// The same, without the bytes that an exception with a wrong length may have in addition.
+    pub(crate) const fn pending_reply(&self) -> usize {
+        self.stream.pending().saturating_sub(self.excess)
     }
 
     /// The bytes that wait.
@@ -168,6 +193,12 @@ impl<F: Framings> Decoder<F> {
                     (error, _) => return Some(Err(error)),
                 }
             }
+            if self.excess > 0 {
+                match self.end_exception(limit)? {
+                    0 => {}
+                    length => return Some(Err(DecodeError::Noise { length })),
+                }
+            }
             let has_ended = self.stream.has_ended();
             let data = self.stream.get(self.stream.start()..limit)?;
             if data.is_empty() {
@@ -177,10 +208,16 @@ impl<F: Framings> Decoder<F> {
                 self.stream.pass_end();
                 continue;
             }
-            let begun =
-                if self.framing.has_transactions() { tcp(data) } else { rtu(data, self.side, has_ended) };
+            let begun = if self.framing.has_transactions() {
+                tcp(data, self.side)
+            } else {
+                rtu(data, self.side, has_ended)
+            };
             let error = match begun {
                 Ok(len) if len <= data.len() => {
+                    if len <= EXCEPTION && self.framing.has_transactions() {
+                        self.excess = excess(data, self.side);
+                    }
                     let frame = self.stream.take(len);
                     if !has_ended {
                         self.want(1, frame.end);
@@ -193,7 +230,9 @@ impl<F: Framings> Decoder<F> {
                     DecodeError::Cut { expected, found: data.len() }
                 }
                 Ok(len) => {
-                    self.want(len, self.stream.start());
+                    // The function shows whether the header is right.
+                    let is_short = data.len() < SHORTEST && self.framing.has_transactions();
+                    self.want(if is_short { len.min(SHORTEST) } else { len }, self.stream.start());
                     return None;
                 }
                 Err(error) => error,
@@ -221,6 +260,42 @@ impl<F: Framings> Decoder<F> {
         } else {
             Frame::from_rtu_parts(bytes)
         }
+    }
+
+    /// The error of such a frame, if it is an exception whose header has another length.
+    #[inline]
+    pub(crate) fn exception_error(&self, frame: &Range<usize>) -> Option<DecodeError> {
+        if frame.len() != EXCEPTION || !self.framing.has_transactions() {
+            return None;
+        }
+        exception_length(self.stream.get(frame.clone())?, self.side)
+    }
+
+    /// Looks for the next frame after an exception with a wrong length. Returns the bytes before it.
+    #[cold]
+    fn end_exception(&mut self, limit: usize) -> Option<usize> {
+        let start = self.stream.start();
+        let mut length = self.excess;
+        for at in 0..self.excess {
+            let rest = self.stream.get(start + at..limit).unwrap_or_default();
+            let Some(shortest) = rest.first_chunk::<SHORTEST>() else {
+                if self.stream.has_ended() {
+                    length = at;
+                    break;
+                }
+                self.want(SHORTEST, start + at);
+                return None;
+            };
+            let [t0, t1, p0, p1, l0, l1, _, code] = *shortest;
+            let is_header = Frame::tcp_len(&[t0, t1, p0, p1, l0, l1]).is_ok();
+            if is_header && code & !function::EXCEPTION != 0 {
+                length = at;
+                break;
+            }
+        }
+        self.excess = 0;
+        self.stream.take(length);
+        Some(length)
     }
 
     /// A byte of such a frame.
@@ -386,7 +461,10 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
         match self.advance()? {
-            Ok(range) => self.frame(range).map(Ok),
+            Ok(range) => match self.exception_error(&range) {
+                Some(error) => Some(Err(error)),
+                None => self.frame(range).map(Ok),
+            },
             Err(error) => Some(Err(error)),
         }
     }
@@ -404,14 +482,51 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
 
     fn clear(&mut self) {
         self.stream.clear();
-        (self.wanted, self.corruption, self.ends) = (0, None, F::Ends::NONE);
+        (self.wanted, self.corruption, self.ends, self.excess) = (0, None, F::Ends::NONE, 0);
     }
 }
 
 /// The length of the TCP frame that begins here, or how many bytes show it.
 #[inline]
-fn tcp(data: &[u8]) -> Result<usize, DecodeError> {
-    data.first_chunk().map_or(Ok(MBAP), Frame::tcp_len)
+fn tcp(data: &[u8], side: Side) -> Result<usize, DecodeError> {
+    let len = data.first_chunk().map_or(Ok(MBAP), Frame::tcp_len)?;
+    Ok(if is_exception(data, side) { len.min(EXCEPTION) } else { len })
+}
+
+/// Whether the TCP frame that begins here is an exception to a function of the specification, which has two bytes of PDU.
+#[inline]
+fn is_exception(data: &[u8], side: Side) -> bool {
+    let code = data.get(MBAP + 1).copied().unwrap_or_default();
+    code > function::EXCEPTION && side == Side::Server && function::is_typed(code & !function::EXCEPTION)
+}
+
+/// The bytes that may follow the TCP frame at the beginning, if that is an exception with a wrong length: those that its header counts
+/// beyond the PDU, or those of the PDU that it does not count.
+#[cold]
+fn excess(data: &[u8], side: Side) -> usize {
+    match data.get(4..6) {
+        Some(&[l0, l1]) if is_exception(data, side) => {
+            usize::from(u16::from_be_bytes([l0, l1])).abs_diff(EXCEPTION_LENGTH)
+        }
+        _ => 0,
+    }
+}
+
+/// The error of a whole exception with a wrong length.
+#[cold]
+fn exception_length(frame: &[u8], side: Side) -> Option<DecodeError> {
+    let &[t0, t1, _, _, l0, l1, unit, function, code] = frame.first_chunk()?;
+    let found = u16::from_be_bytes([l0, l1]);
+    (is_exception(frame, side) && usize::from(found) != EXCEPTION_LENGTH).then(|| {
+        DecodeError::ExceptionLength {
+            transaction: u16::from_be_bytes([t0, t1]),
+            unit,
+            function: function & 0x7F,
+            exception: Exception::from(code),
+            expected: 3,
+            found,
+        }
+    })
 }
 
 /// Whether the next frame begins at `at`, whatever its message: right after one of another protocol. Elsewhere a header has to have the

@@ -1,5 +1,7 @@
 //! What can be wrong: with the bytes of the peer, with a message of the caller, with a reply to a request.
 
+use crate::message::Exception;
+
 /// The peer's fault: bytes that are not a Modbus frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -16,6 +18,22 @@ pub enum DecodeError {
     #[error("length field is {found}, it must be 2 to 254 (at byte 4)")]
     MbapLength {
         /// The length.
+        found: u16,
+    },
+    /// The length field of an exception over TCP is not 3, though its unit identifier and PDU have 3 bytes.
+    #[error("{exception} for function {function} with the length field {found}, not {expected} (at byte 4)")]
+    ExceptionLength {
+        /// The transaction identifier, which is that of the request.
+        transaction: u16,
+        /// The unit that refuses the request.
+        unit: u8,
+        /// The function code of the request.
+        function: u8,
+        /// The reason of the refusal.
+        exception: Exception,
+        /// The length of an exception, 3.
+        expected: u16,
+        /// The length field.
         found: u16,
     },
     /// The checksum of an RTU frame does not fit its bytes.

@@ -55,7 +55,8 @@ impl Frame<&[u8]> {
 }
 
 impl<'a> Frame<&'a [u8]> {
-    /// The TCP frame at the beginning of these bytes, and how many bytes it takes; `None` when more are needed.
+    /// The TCP frame at the beginning of these bytes, and how many bytes it takes; `None` when more are needed. Its length is that of
+    /// its header; a [`Decoder`](crate::Decoder) of what a server sends also accepts an exception with a wrong one.
     ///
     /// # Errors
     /// When the header is not one of Modbus TCP.

@@ -366,11 +366,18 @@ impl Service for Requests {
             reports.event(Event::Notice(event));
             return;
         };
-        if let ClientEvent::Failed { failure: Failure::TimedOut, .. } = event
+        if let ClientEvent::Failed { failure, .. } = event
             && session.config().framing.has_transactions()
             && session.pending() > 0
         {
-            reports.reconnect(io::Error::other("the server has cut a reply off"));
+            match failure {
+                Failure::TimedOut => reports.reconnect(io::Error::other("the server has cut a reply off")),
+                // Otherwise the next reply would be read from the middle of this one.
+                Failure::Malformed(_) | Failure::Refused(_) if session.in_flight() == 0 => {
+                    reports.reconnect(io::Error::other("a reply is longer than its header says"));
+                }
+                Failure::Malformed(_) | Failure::Refused(_) | Failure::Disconnected | Failure::NotSent => {}
+            }
         }
         let Some(Made { unit, mut pdu, reply }) = self.take(ticket) else { return };
         let request = *pdu;

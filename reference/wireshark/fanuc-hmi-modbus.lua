@@ -340,13 +340,36 @@ local function next_header(tvb, at, is_request)
     return tvb:len()
 end
 
---- The place and the length of the frame at `at`, whose error it has, or nothing if bytes are missing.
-local function find_tcp(tvb, at, is_request)
+--- What the header at `at` of an exception counts, which is 3 if it is right (FM-89); nothing if there is none.
+local function exception_length(tvb, at, is_request)
+    if is_request or at < 0 or tvb:len() - at < 8 or header_error(tvb, at) then return end
+    local code = tvb(at + 7, 1):uint()
+    if code > EXCEPTION and TABLE_OF[code - EXCEPTION] then return tvb(at + 4, 2):uint() end
+end
+
+--- The place and the length of the frame at `at`, whose error it has, or nothing if bytes are missing. `excess` bytes may belong to the
+--- exception before it.
+local function find_tcp(tvb, at, is_request, excess)
+    local left = tvb:len() - at
+    -- A header is hardly divided so soon.
+    if left <= excess and left < 8 then return left, "noise" end
+    for place = at, at + excess do
+        if place > at and place == at + excess then return excess, "noise" end
+        if tvb:len() - place < 8 then break end
+        if not header_error(tvb, place) and tvb(place + 7, 1):uint() % EXCEPTION ~= 0 then
+            if place > at then return place - at, "noise" end
+            break
+        end
+    end
     if tvb:len() - at < 6 then return end
     local kind = header_error(tvb, at)
     if kind then return next_header(tvb, at, is_request) - at, kind end
-    local length = 6 + tvb(at + 4, 2):uint()
-    if tvb:len() - at >= length then return length end
+    local length = tvb(at + 4, 2):uint()
+    local counted = exception_length(tvb, at, is_request)
+    local size = 6 + (counted and math.min(counted, 3) or length)
+    if tvb:len() - at < size then return end
+    if counted and counted > 3 then return size, "exception_length" end
+    return size
 end
 
 local function has_crc(tvb, at, length)
@@ -382,9 +405,9 @@ end
 function modbus.dissector(tvb, pinfo, tree)
     pinfo.cols.protocol = "FANUC Modbus"
     local is_request = pinfo.src_port ~= pinfo.match_uint
-    local is_tcp, info, at = modbus.prefs.framing == 1, {}, 0
+    local is_tcp, info, at, excess = modbus.prefs.framing == 1, {}, 0, 0
     while at < tvb:len() do
-        local length, kind = (is_tcp and find_tcp or find_rtu)(tvb, at, is_request)
+        local length, kind = (is_tcp and find_tcp or find_rtu)(tvb, at, is_request, excess)
         if not length then
             pinfo.desegment_offset = at
             pinfo.desegment_len = DESEGMENT_ONE_MORE_SEGMENT
@@ -399,6 +422,8 @@ function modbus.dissector(tvb, pinfo, tree)
             local pdu = is_tcp and range(7) or range(1, length - 3)
             table.insert(info, show_frame(range, pdu:tvb(), transaction, unit, pinfo, tree, at, is_request))
         end
+        local counted = is_tcp and kind ~= "noise" and exception_length(tvb, at, is_request)
+        excess = counted and math.abs(counted - 3) or 0
         at = at + length
     end
     if #info > 0 then pinfo.cols.info = table.concat(info, ", ") end

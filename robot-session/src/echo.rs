@@ -56,8 +56,8 @@ impl<const N: usize> Echo<N> {
         Self { is_set, returns: is_set, sent: [0; N], len: 0, come: 0, begun: 0, has_collided: false }
     }
 
-    /// A connection begins: another line may be behind it.
-    pub const fn connect(&mut self) {
+    /// A connection begins or has ended: another line may be behind the next one.
+    pub const fn reset(&mut self) {
         (self.returns, self.len, self.begun) = (self.is_set, 0, 0);
     }
 

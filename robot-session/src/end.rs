@@ -95,9 +95,9 @@ pub trait End: Sized {
         &self.core().machine
     }
 
-    /// A connection begins. An end of a line that may return what it sends has both of [`echo!`](crate::echo).
+    /// A connection begins or has ended. An end of a line that may return what it sends has both of [`echo!`](crate::echo).
     #[inline(always)]
-    fn begin_line(&mut self) {}
+    fn reset_echo(&mut self) {}
 
     /// What has arrived, without what the line returns of the output.
     #[inline(always)]
@@ -271,7 +271,7 @@ impl<E: End> Session for E {
 
     fn handle_connected(&mut self, now: Duration) {
         expire_first(self, now);
-        self.begin_line();
+        self.reset_echo();
         let core = self.core_mut();
         core.decoder.clear();
         let has_room = core.events.has_room(E::ROOM.connect);
@@ -280,6 +280,7 @@ impl<E: End> Session for E {
 
     fn handle_disconnected(&mut self, now: Duration) {
         expire_first(self, now);
+        self.reset_echo();
         self.core_mut().decoder.clear();
         self.advance(now, Input::DISCONNECTED, None);
     }
@@ -424,16 +425,18 @@ macro_rules! core {
 macro_rules! echo {
     ($event:path) => {
         #[inline]
-        fn begin_line(&mut self) {
-            self.echo.connect();
+        fn reset_echo(&mut self) {
+            self.echo.reset();
         }
 
         #[inline]
         fn take_echo<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
             let (rest, error) = self.echo.receive(bytes);
             if let Some(error) = error {
-                // The beginning of what came back may be in it.
-                $crate::Decoder::clear(&mut self.core.decoder);
+                if let $crate::EchoError::NotSet { .. } = error {
+                    // The beginning of what has come back is in it.
+                    $crate::Decoder::clear(&mut self.core.decoder);
+                }
                 $crate::Events::push_notice(&mut self.core.events, $event(error));
             }
             rest

@@ -12,10 +12,9 @@ use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
 use cellwire::io::port::AnyPort;
+use cellwire::io::tcp::Dialing;
 use cellwire_links::settings::Fields;
 
-/// How long a connection may take to open.
-const CONNECT: Duration = Duration::from_secs(5);
 /// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
@@ -110,7 +109,7 @@ where
         baud.is_some() || !AnyPort::is_serial(&place),
         "{place} looks like a serial port, but this link uses TCP: give HOST:PORT"
     );
-    let device = Device { place, baud: baud.unwrap_or_default(), silence };
+    let device = Device { place, baud: baud.unwrap_or_default(), dialing: super::dialing(cell), silence };
     Ok(Client::new(metrics, move |end| run(adapter, session, &device, end)))
 }
 
@@ -118,6 +117,7 @@ where
 struct Device {
     place: String,
     baud: u32,
+    dialing: Dialing,
     silence: Silence,
 }
 
@@ -125,7 +125,7 @@ struct Device {
 fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut end: End) {
     let mut wait = FIRST_WAIT;
     while !end.is_stopped() {
-        let why = match AnyPort::open(&device.place, device.baud, CONNECT) {
+        let why = match AnyPort::open(&device.place, device.baud, device.dialing) {
             Ok(port) => {
                 session.handle_connected(now());
                 wait = FIRST_WAIT;

@@ -13,6 +13,7 @@ use crate::metric::{Definition, EVENT, Named, define, text, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
+use cellwire::io::tcp::Dialing;
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::device::Endpoint;
 use cellwire::links::kawasaki_msg::meeting::Meeting;
@@ -22,8 +23,6 @@ use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{Configure, Fields};
 
-/// How long a connection may take to open.
-const CONNECT: Duration = Duration::from_secs(5);
 /// How often a failed open is retried.
 const RETRY: Duration = Duration::from_secs(5);
 /// The most jobs of a command.
@@ -98,7 +97,7 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
         !config.datagrams || cell.listen.is_some(),
         "over UDP the robot sends first: give listen instead of address"
     );
-    let (layout, charset) = (plant.layout()?, plant.charset);
+    let (layout, charset, dialing) = (plant.layout()?, plant.charset, super::dialing(cell));
     let endpoint = match (&cell.address, &cell.listen) {
         (Some(address), _) => Endpoint::Connect(address.clone()),
         (None, listen) => Endpoint::Listen(listen.clone().unwrap_or_default()),
@@ -106,7 +105,7 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
     Ok(super::Client::new(&METRICS, move |mut end| {
         let mut next = fastrand::u16(1..);
         while !end.is_stopped() {
-            let ended = run(&mut end, &endpoint, config, &layout, charset, &mut next);
+            let ended = run(&mut end, (&endpoint, dialing), config, &layout, charset, &mut next);
             let why = ended.err().map_or_else(|| "the bridge ends".to_owned(), |error| format!("{error:#}"));
             end.finish(Outcome::Unknown, why.clone());
             end.disconnected(&why);
@@ -117,13 +116,13 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
 
 fn run(
     end: &mut End,
-    endpoint: &Endpoint,
+    (endpoint, dialing): (&Endpoint, Dialing),
     config: PcConfig<'static>,
     layout: &Layout,
     charset: Charset,
     next: &mut u16,
 ) -> Result<()> {
-    let (mut meeting, ..) = Meeting::of_pc(endpoint, config.datagrams, config.dialect, CONNECT)?;
+    let (mut meeting, ..) = Meeting::of_pc(endpoint, config.datagrams, config.dialect, dialing)?;
     let session = LargePc::<Jobs>::with_ranges(config, layout.clone())?;
     let mut program = Kawasaki {
         end,

@@ -12,6 +12,7 @@ mod telemetry;
 mod viewer;
 
 use std::fmt;
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use serde::de::DeserializeOwned;
@@ -21,6 +22,7 @@ use super::bands::Bands;
 use super::end::End;
 use super::metric::{COMMON, Definition};
 use super::site::{Cell, Site};
+use cellwire::io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
@@ -81,6 +83,11 @@ pub fn client(cell: &Cell) -> Result<Client> {
         cell.address.is_some() != cell.listen.is_some(),
         "give address (HOST:PORT or a serial port), or listen if the device connects to the PC"
     );
+    ensure!(cell.connect_pause <= LONGEST_PAUSE, "connect_pause is longer than a minute");
+    ensure!(
+        cell.connect_pause.is_zero() || cell.address.is_some(),
+        "connect_pause has no effect on a device that connects to the PC"
+    );
     let name = cellwire_links::Link::by_name(&cell.link)?.name;
     let link = links().into_iter().find(|link| link.name == name);
     let mut client = (link.with_context(|| format!("the bridge does not support {name}"))?.client)(cell)?;
@@ -89,6 +96,14 @@ pub fn client(cell: &Cell) -> Result<Client> {
         client.bands = Some(Bands::of(given, &definitions).context(WrongBand)?);
     }
     Ok(client)
+}
+
+/// The longest pause after a connection.
+const LONGEST_PAUSE: Duration = Duration::from_secs(60);
+
+/// How the connections of a cell are opened.
+fn dialing(cell: &Cell) -> Dialing {
+    Dialing { pause: cell.connect_pause, ..Dialing::default() }
 }
 
 /// A dead band is wrong.

@@ -198,7 +198,8 @@ impl Adapter for Modbus {
                 }
             }
             ClientEvent::Stray { unit, function, .. } => {
-                end.event(&json!({"event": "stray", "unit": unit, "function": function}));
+                let why = event.to_string();
+                end.event(&json!({"event": "stray", "unit": unit, "function": function, "why": why}));
             }
             ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
                 end.event(&json!({"event": "corrupt", "error": error}));

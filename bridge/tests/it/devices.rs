@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::Duration;
 
 use cellwire_bridge::payload::{Metric, Payload};
 use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
@@ -177,5 +178,62 @@ fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
         assert!(line.contains(&event), "{line}");
         reports.store(GOOD, Ordering::Relaxed);
         good(&mut peer);
+    }
+}
+
+/// A server that loses everything in the first 200 ms of each connection: without the pause the cell is never alive.
+#[test]
+fn a_cell_sends_its_first_byte_after_the_pause_of_a_connection() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            std::thread::sleep(Duration::from_millis(200));
+            stream.set_nonblocking(true).unwrap();
+            let mut request = [0; 12];
+            let mut is_lost = false;
+            while let Ok(1..) = stream.read(&mut request) {
+                is_lost = true;
+            }
+            stream.set_nonblocking(false).unwrap();
+            // Bytes that are lost, as after a device's start, end its connection for good.
+            while !is_lost && stream.read_exact(&mut request).is_ok() {
+                let mut reply = request[..4].to_vec();
+                reply.extend([0, 77, request[6], 3, 74]);
+                reply.extend([0; 74]);
+                if stream.write_all(&reply).is_err() {
+                    break;
+                }
+            }
+        }
+    });
+    for (pause, is_alive) in [("400ms", true), ("0s", false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let broker = Broker::new();
+        let site = format!(
+            "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
+             [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nconnect_pause = \"{pause}\"\n\
+             settings = {{ poll = \"50ms\" }}\n",
+            broker.address()
+        );
+        let file = folder.path().join("site.toml");
+        std::fs::write(&file, site).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+        command
+            .args(["--config"])
+            .arg(file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut bridge = Running::start(command);
+        let _peer = broker.accept(&[]);
+        if is_alive {
+            // A reply of zeros was read.
+            assert!(bridge.line("implausible").contains("quaternion"));
+        } else {
+            assert!(bridge.line("\"disconnected\"").contains("the device closed the connection"));
+        }
+        bridge.signal("-TERM");
     }
 }

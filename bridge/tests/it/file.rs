@@ -150,6 +150,16 @@ fn what_is_wrong_has_its_line() {
             "line 12: cell robot: poll=100: not a time with its unit, such as 250ms or 1.5s, give 10ms to 1h",
         ),
         (
+            "settings = { poll = \"100ms\" }",
+            "connect_pause = \"2min\"",
+            "line 9: cell robot: connect_pause is longer than a minute",
+        ),
+        (
+            "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
+            "\"kawasaki-msg\"\nlisten = \"127.0.0.1:0\"\nconnect_pause = \"1s\"",
+            "line 9: cell robot: connect_pause has no effect on a device that connects to the PC",
+        ),
+        (
             "address = \"10.0.0.1:502\"\n",
             "",
             "line 9: cell robot: give address (HOST:PORT or a serial port), or listen if the device connects to the PC",

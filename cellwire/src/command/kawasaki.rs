@@ -9,7 +9,7 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::settings::SetArgs;
+use super::settings::{SetArgs, connect_settings};
 use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
@@ -191,8 +191,8 @@ fn serve(
         (Some(address), _) => Endpoint::Listen(address.clone()),
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
     };
-    let timeout = args.work.connect.timeout();
-    let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, timeout)?;
+    let dialing = args.work.set.dialing(None, args.work.connect)?;
+    let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, dialing)?;
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
@@ -223,5 +223,5 @@ fn outcomes(jobs: &Jobs, journal: &Journal) -> String {
 
 /// What can be set.
 pub fn settings() -> Vec<settings::Setting> {
-    settings::list(Settings::default())
+    [settings::list(Settings::default()), connect_settings()].concat()
 }

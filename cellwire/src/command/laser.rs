@@ -7,6 +7,7 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
+use super::settings::connect_settings;
 use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
@@ -139,7 +140,7 @@ fn execute(
     let operator = Operator::new(typed, notify, progress);
     // A question is asked when its answer can be used.
     let port = args.port.as_deref().unwrap_or_default();
-    let port = AnyPort::open(port, host.baud, args.work.connect.timeout())?;
+    let port = AnyPort::open(port, host.baud, args.work.set.dialing(None, args.work.connect)?)?;
     let mut runner = Runner::new(program, journal, host, operator);
     if !runner.settle_unknown("an earlier run ended before the answer")? {
         return Ok((Ended::Stopped, before));
@@ -167,5 +168,5 @@ fn outcomes(program: &Program, journal: &Journal) -> String {
 
 /// What can be set.
 pub fn settings() -> Vec<settings::Setting> {
-    settings::list(Settings::at_baud(laser_eb90::timing::BAUD))
+    [settings::list(Settings::at_baud(laser_eb90::timing::BAUD)), connect_settings()].concat()
 }

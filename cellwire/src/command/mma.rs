@@ -7,6 +7,7 @@ use clap::Subcommand;
 use indicatif::ProgressBar;
 use serde_json::json;
 
+use super::settings::connect_settings;
 use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
@@ -128,11 +129,11 @@ fn execute(
     if !runner.settle_begun()? {
         return Ok(Ended::Stopped { at_rest: true });
     }
-    let timeout = args.work.connect.timeout();
+    let dialing = args.work.set.dialing(Some(&args.task), args.work.connect)?;
     let address = |given: &Option<String>| given.clone().unwrap_or_default();
-    let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), timeout };
+    let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), dialing };
     let mut periphery: Box<dyn Periphery> = match &args.periphery {
-        Some(address) => Box::new(Line::open(address, timeout, bell)?),
+        Some(address) => Box::new(Line::open(address, dialing, bell)?),
         None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
     };
     runner.run(settings, &addresses, &mut *periphery)
@@ -154,5 +155,5 @@ fn states(journal: &Journal) -> String {
 
 /// What can be set.
 pub fn settings() -> Vec<settings::Setting> {
-    settings::list(Settings::default())
+    [settings::list(Settings::default()), connect_settings()].concat()
 }

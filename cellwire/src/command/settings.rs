@@ -1,6 +1,7 @@
 //! `--set` and `--settings`, and how the help of a command lists what they take.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
 use serde_json::{Map, Value};
@@ -8,10 +9,11 @@ use serde_json::{Map, Value};
 use crate::cell::{demo, operator};
 use crate::io::input;
 use crate::io::output::remark;
+use crate::io::tcp::{ConnectArgs, Dialing};
 use crate::links::DEVICES;
 use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ViewSettings, client_settings};
-use cellwire_links::settings::{self, Refused, Setting};
+use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]
@@ -43,20 +45,30 @@ impl SetArgs {
     /// # Errors
     /// As [`read`](Self::read).
     pub(super) fn read_over(&self, base: Option<&Path>, known: &[Setting]) -> Result<Map<String, Value>> {
-        let mut given = Map::new();
-        for file in base.into_iter().chain(self.settings.as_deref()) {
-            let text = input::text(file)?;
-            let found: Map<String, Value> =
-                toml::from_str(&text).with_context(|| format!("{} is not valid TOML", file.display()))?;
-            for (name, value) in found {
-                settings::insert(&mut given, &name, value)?;
-            }
-        }
+        let mut given = files(base.into_iter().chain(self.settings.as_deref()))?;
         adopt(&mut given, known)?;
         for (name, value) in &self.set {
             settings::insert(&mut given, name, value.clone())?;
         }
+        // It belongs to the connection: `dialing` reads it.
+        if known.iter().any(|it| it.name == CONNECT_PAUSE) {
+            given.remove(CONNECT_PAUSE);
+        }
         Ok(given)
+    }
+
+    /// How a client opens its connections: the options, and the setting `connect_pause` of the file or of `--set`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); when the pause is not one.
+    pub(super) fn dialing(&self, base: Option<&Path>, connect: ConnectArgs) -> Result<Dialing> {
+        let mut given = files(base.into_iter().chain(self.settings.as_deref()))?;
+        for (name, value) in &self.set {
+            settings::insert(&mut given, name, value.clone())?;
+        }
+        given.retain(|name, _| name == CONNECT_PAUSE);
+        let read = settings::read("the connection", ConnectSettings::default(), &given);
+        Ok(connect.dialing(read.map_err(|error| self.located(error.into()))?.pause))
     }
 
     /// The values that were set of a client of Modbus: the frames and the order of words as `decode` has them, and the session.
@@ -65,7 +77,7 @@ impl SetArgs {
     /// As [`read`](Self::read); when a value of the first is none of theirs.
     pub(super) fn read_client(&self) -> Result<(ViewSettings, Map<String, Value>)> {
         let view = settings::list(ViewSettings::default());
-        let mut given = self.read(&[client_settings(), view.clone()].concat())?;
+        let mut given = self.read(&[client_settings(), view.clone(), connect_settings()].concat())?;
         let shown = view.iter().filter_map(|it| given.remove_entry(&it.name)).collect();
         let view = settings::read("modbus", ViewSettings::default(), &shown);
         Ok((view.map_err(|error| self.located(error.into()))?, given))
@@ -88,6 +100,43 @@ impl SetArgs {
 
 /// What `identify` finds of a line, and ends of several links have.
 const ECHO: &str = "echo";
+
+/// The name of the setting.
+const CONNECT_PAUSE: &str = "connect_pause";
+
+/// The settings of a client's connections.
+#[derive(Debug, Default)]
+struct ConnectSettings {
+    pause: Duration,
+}
+
+impl Configure for ConnectSettings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { pause } = self;
+        let about =
+            "the pause between each new connection, or the opened serial port, and the first byte sent";
+        fields.time(CONNECT_PAUSE, Duration::ZERO..=Duration::from_secs(60), about, pause);
+    }
+}
+
+/// The settings of a client's connections, for its help.
+pub fn connect_settings() -> Vec<Setting> {
+    settings::list(ConnectSettings::default())
+}
+
+/// The settings in these files; a later one overrides an earlier one.
+fn files<'a>(files: impl Iterator<Item = &'a Path>) -> Result<Map<String, Value>> {
+    let mut given = Map::new();
+    for file in files {
+        let text = input::text(file)?;
+        let found: Map<String, Value> =
+            toml::from_str(&text).with_context(|| format!("{} is not valid TOML", file.display()))?;
+        for (name, value) in found {
+            settings::insert(&mut given, &name, value)?;
+        }
+    }
+    Ok(given)
+}
 
 /// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
 /// ends. Those that the command does not have are left out, with a remark unless they only show bytes in another way.

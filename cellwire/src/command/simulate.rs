@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> Result<bool> {
     interrupt::handle()?;
     let options = SimulateOptions {
         endpoint,
-        connect_timeout: args.connect.timeout(),
+        dialing: args.connect.dialing(Duration::ZERO),
         idle_timeout: (!args.idle_timeout.is_zero()).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,

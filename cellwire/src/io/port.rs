@@ -6,8 +6,9 @@ use std::time::Duration;
 use anyhow::Result;
 use robot_session::{Received, Sent, Serial, Transport, Wait};
 
+use crate::io::serial::{self, Mode};
 use crate::io::stream::Stream;
-use crate::io::{serial, tcp};
+use crate::io::tcp::{self, Dialing};
 
 /// Where a device on a serial line is reached.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
@@ -22,12 +23,22 @@ impl AnyPort {
     /// Opens `HOST:PORT`, or the path of a serial port.
     ///
     /// # Errors
-    /// When it cannot be opened, or the connection takes longer than `timeout`.
-    pub fn open(name: &str, baud: u32, timeout: Duration) -> Result<Self> {
-        Ok(match Self::is_serial(name) {
-            true => Self::Serial(Serial(serial::open(name, baud)?)),
-            false => Self::Tcp(Stream::new(tcp::connect(name, timeout)?)),
-        })
+    /// When it cannot be opened, or the connection takes longer than the timeout.
+    pub fn open(name: &str, baud: u32, dialing: Dialing) -> Result<Self> {
+        Self::open_with(name, baud, Mode::EIGHT_N_ONE, dialing)
+    }
+
+    /// Opens `HOST:PORT`, or the path of a serial port in this mode. Returns after the pause.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with(name: &str, baud: u32, mode: Mode, dialing: Dialing) -> Result<Self> {
+        if !Self::is_serial(name) {
+            return Ok(Self::Tcp(Stream::new(tcp::connect(name, dialing)?)));
+        }
+        let port = Serial(serial::open_with(name, baud, mode)?);
+        dialing.pause();
+        Ok(Self::Serial(port))
     }
 
     /// Whether a name is the path of a serial port.

@@ -94,7 +94,7 @@ mod tests {
     fn a_peer_that_does_not_read_is_an_error_and_no_wait() {
         let listener = tcp::listen("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
-        let mut stream = Stream::new(tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap());
+        let mut stream = Stream::new(tcp::connect(&address, tcp::Dialing::default()).unwrap());
         let mut peer = listener.accept().unwrap().0;
         let packet: Vec<u8> = (0..=250).cycle().take(4096).collect();
         let mut sent = 0;

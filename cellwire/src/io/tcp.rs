@@ -55,26 +55,54 @@ pub(super) fn warn_unless_loopback(place: SocketAddr) {
     }
 }
 
-/// How long a connection may take to open.
+/// How a client opens its connections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dialing {
+    /// The time that a TCP connection may take to open.
+    pub timeout: Duration,
+    /// The pause between a connection, or an open serial port, and the first byte that is sent. Some devices lose bytes that arrive
+    /// sooner.
+    pub pause: Duration,
+}
+
+impl Default for Dialing {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(5), pause: Duration::ZERO }
+    }
+}
+
+impl Dialing {
+    /// Pauses after a serial port was opened.
+    pub fn pause(self) {
+        thread::sleep(self.pause);
+    }
+}
+
+/// The options for opening connections.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct ConnectArgs {
     /// Connection timeout in seconds
     #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
     connect_timeout: Duration,
+    /// Pause between each new connection, or the opened serial port, and the first byte sent, in seconds, for devices that lose
+    /// earlier bytes [default: 0]
+    #[arg(long, value_name = "N", value_parser = seconds(0.0..=60.0))]
+    connect_pause: Option<Duration>,
 }
 
 impl ConnectArgs {
-    /// The time.
-    pub fn timeout(self) -> Duration {
-        self.connect_timeout
+    /// How connections are opened, with the pause that the settings give; the option overrides it.
+    pub fn dialing(self, pause: Duration) -> Dialing {
+        Dialing { timeout: self.connect_timeout, pause: self.connect_pause.unwrap_or(pause) }
     }
 }
 
-/// Connects, without Nagle's delay, because each exchange is one packet in each direction.
+/// Connects, without Nagle's delay, because each exchange is one packet in each direction. Returns after the pause.
 ///
 /// # Errors
-/// When the connection is refused, or not there within `timeout`.
-pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
+/// When the connection is refused, or not there within the timeout.
+pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
+    let timeout = dialing.timeout;
     let context = || format!("cannot connect to {address}");
     let found = address.to_socket_addrs().map_err(|error| match error.kind() {
         ErrorKind::InvalidInput => anyhow!("{}: give HOST:PORT, such as 192.168.0.10:502", context()),
@@ -98,14 +126,12 @@ pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
     stream.set_nodelay(true)?;
     // Who is never written to does not learn otherwise that a serial device server was switched off and on.
     SockRef::from(&stream).set_tcp_keepalive(&listener::probes())?;
+    dialing.pause();
     Ok(stream)
 }
 
 /// When bytes are discarded that a peer has not acknowledged, where the link's own time is not known.
 pub const DISCARD_AFTER: Duration = Duration::from_secs(2);
-
-/// The default timeout of [`connect`].
-pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// What a [`FaultyProxy`] has done so far.
 #[derive(Debug, Default)]
@@ -220,7 +246,7 @@ mod tests {
     #[test]
     fn a_peer_that_vanishes_is_noticed() {
         let peer = listen("127.0.0.1:0").unwrap();
-        let stream = connect(&peer.local_addr().unwrap().to_string(), Duration::from_secs(5)).unwrap();
+        let stream = connect(&peer.local_addr().unwrap().to_string(), Dialing::default()).unwrap();
         assert!(SockRef::from(&stream).keepalive().unwrap());
     }
 
@@ -237,7 +263,7 @@ mod tests {
         );
         assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
         assert_eq!(
-            connect("nonsense", Duration::from_secs(1)).unwrap_err().to_string(),
+            connect("nonsense", Dialing::default()).unwrap_err().to_string(),
             "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
         );
     }
@@ -247,7 +273,7 @@ mod tests {
         let server = listen("127.0.0.1:0").unwrap();
         let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
         let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
-        let mut client = connect(&proxy.address().to_string(), Duration::from_secs(5)).unwrap();
+        let mut client = connect(&proxy.address().to_string(), Dialing::default()).unwrap();
         let copy = sent.clone();
         let writer = thread::spawn(move || {
             copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());

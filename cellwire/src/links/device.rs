@@ -14,7 +14,7 @@ use crate::io::listener::Listener;
 use crate::io::output::ready;
 use crate::io::priority::{self, Rank};
 use crate::io::serial::PtyLink;
-use crate::io::tcp;
+use crate::io::tcp::{self, Dialing};
 use crate::io::trace::TraceArgs;
 use cellwire_links::settings::Setting;
 
@@ -45,8 +45,8 @@ impl Device {
 pub struct SimulateOptions {
     /// Where clients reach it.
     pub endpoint: Endpoint,
-    /// How long a connection may take to open, for a device that is a TCP client.
-    pub connect_timeout: Duration,
+    /// How a connection is opened, for a device that is a TCP client.
+    pub dialing: Dialing,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
     /// What to do with the bytes of a session that ended.

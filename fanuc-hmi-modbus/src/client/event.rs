@@ -1,6 +1,9 @@
+use core::fmt;
+
 use robot_session::{EchoError, Unexpected};
 
 use crate::error::{DecodeError, Mismatch};
+use crate::message::Exception;
 
 /// Identifies a request of a client; never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -59,6 +62,9 @@ pub enum ClientEvent {
         /// Its transaction on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
+        /// The transaction of the oldest request in flight, on TCP. Not part of the serialized event.
+        #[cfg_attr(feature = "serde", serde(skip))]
+        expected: Option<u16>,
         /// Who sent it.
         unit: u8,
         /// Its function code, without the bit that marks an exception.
@@ -100,6 +106,35 @@ impl ClientEvent {
     }
 }
 
+/// One sentence, without the numbers of tickets where something else tells more.
+impl fmt::Display for ClientEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Replied { ticket, unit } => {
+                write!(f, "request {} has a reply of unit {unit}", ticket.number)
+            }
+            Self::Announced { ticket } => write!(f, "request {} was sent as a broadcast", ticket.number),
+            Self::Failed { ticket, failure } => write!(f, "request {}: {failure}", ticket.number),
+            Self::Stray { transaction, expected, unit, function, late, mismatch } => {
+                f.write_str(if late.is_some() { "a late reply" } else { "a reply" })?;
+                match (transaction, expected) {
+                    (Some(found), Some(expected)) => {
+                        write!(f, " with transaction {found}, expected {expected}")?
+                    }
+                    (Some(found), None) => write!(f, " with transaction {found}, expected none")?,
+                    (None, _) => {}
+                }
+                write!(f, " (unit {unit}, function {function})")?;
+                mismatch.map_or(Ok(()), |mismatch| write!(f, ": {mismatch}"))
+            }
+            Self::Corrupt(error) => write!(f, "corrupt bytes: {error}"),
+            Self::OutOfStep(error) => write!(f, "bytes that do not begin a frame: {error}"),
+            Self::Echo(error) => error.fmt(f),
+            Self::Unexpected(unexpected) => unexpected.fmt(f),
+        }
+    }
+}
+
 /// Why a request has no usable reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -119,7 +154,8 @@ pub enum Failure {
     #[error("the reply does not answer the request: {0}")]
     #[cfg_attr(feature = "serde", serde(rename = "mismatch"))]
     Refused(Mismatch),
-    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown.
+    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown, unless the reply is an
+    /// [exception](Self::exception).
     #[error("the reply is malformed: {0}")]
     Malformed(DecodeError),
 }
@@ -127,7 +163,15 @@ pub enum Failure {
 impl Failure {
     /// Whether the server may have executed the request, or may still execute it.
     pub const fn is_unknown(self) -> bool {
-        !matches!(self, Self::NotSent)
+        !matches!(self, Self::NotSent) && self.exception().is_none()
+    }
+
+    /// The exception with which the server refuses the request, if the reply is malformed because its header has another length.
+    pub const fn exception(self) -> Option<Exception> {
+        match self {
+            Self::Malformed(DecodeError::ExceptionLength { exception, .. }) => Some(exception),
+            _ => None,
+        }
     }
 }
 

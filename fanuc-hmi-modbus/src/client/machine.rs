@@ -185,6 +185,14 @@ impl<const N: usize> ClientMachine<N> {
         self.held().find(|held| held.waits(transaction, config))
     }
 
+    /// The transaction of the oldest request in flight.
+    pub fn awaited(&self) -> Option<u16> {
+        self.held().find_map(|held| match held.stage {
+            Stage::InFlight { transaction, .. } => Some(transaction),
+            _ => None,
+        })
+    }
+
     /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
     fn connected(&mut self, now: Duration, config: &ClientConfig) -> Action {
         let reset = self.disconnected(config);

@@ -158,7 +158,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
     /// The bytes of a partial reply. If there are any after the timeout of its request, on TCP, the server has truncated it,
     /// or may continue it at any time: reconnect.
     pub const fn pending(&self) -> usize {
-        self.core.decoder.pending()
+        self.core.decoder.pending_reply()
     }
 
     /// Gives the machine an input of which nothing follows but its state.
@@ -226,6 +226,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         self.core.statistics.strays += 1;
         self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
+            expected: frame.transaction.and_then(|_| self.core.machine.awaited()),
             unit: frame.unit,
             function: frame.pdu.first().copied().unwrap_or_default() & 0x7F,
             late: late.and_then(|place| self.ticket(place)),
@@ -249,8 +250,14 @@ impl<const N: usize, F: Framings> Client<N, F> {
     /// The request has ended, and its place still says what it asked for.
     #[cold]
     fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
-        let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
-        match self.fit_of(place, &frame).err() {
+        let Some(range) = frame else { return };
+        let wrong_length = self.core.decoder.exception_error(&range);
+        let Some(frame) = self.core.decoder.frame(range) else { return };
+        let misfit = match self.fit_of(place, &frame).err() {
+            misfit @ Some(Misfit::Mismatch(Mismatch::Unit { .. })) => misfit,
+            misfit => wrong_length.map(Misfit::Malformed).or(misfit),
+        };
+        match misfit {
             Some(Misfit::Malformed(error)) => self.fail(place, Failure::Malformed(error)),
             Some(Misfit::Mismatch(mismatch)) => self.fail(place, Failure::Refused(mismatch)),
             None => {}
@@ -319,8 +326,12 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             };
             let frame = self.core.decoder.frame(range.clone())?;
             let mut fit = self.fit(&frame).unwrap_or(Fit::Misfit);
-            if fit == Fit::Exception && self.core.decoder.is_last(&range) && !self.waits_for_rest {
-                fit = Fit::Whole;
+            if fit == Fit::Exception {
+                if self.core.decoder.exception_error(&range).is_some() {
+                    fit = Fit::Misfit;
+                } else if self.core.decoder.is_last(&range) && !self.waits_for_rest {
+                    fit = Fit::Whole;
+                }
             }
             let transaction = frame.transaction.unwrap_or(0);
             return Some((Input::Reply { transaction, fit }, Some(range)));

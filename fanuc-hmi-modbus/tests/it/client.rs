@@ -617,3 +617,103 @@ fn a_byte_before_a_reply_does_not_hide_it() {
         }
     }
 }
+
+#[test]
+fn an_exception_with_a_wrong_length_fails_its_request_at_once_and_harms_no_other() {
+    let mut client: Client = connected(tcp(1));
+    let refused = client.request(1, &read(30, 1)).unwrap();
+    assert_eq!(sent(&mut client, MS).len(), 1);
+    client.handle_input(2 * MS, &[0, 1, 0, 0, 0, 4, 1, 0x83, 2]);
+    let exception = Exception::IllegalDataAddress;
+    let error = DecodeError::ExceptionLength {
+        transaction: 1,
+        unit: 1,
+        function: 3,
+        exception,
+        expected: 3,
+        found: 4,
+    };
+    let failure = Failure::Malformed(error);
+    assert_eq!(all(&mut client), [Seen::Failed(refused, failure)]);
+    assert_eq!((failure.exception(), failure.is_unknown()), (Some(exception), false));
+    assert_eq!(
+        failure.to_string(),
+        "the reply is malformed: exception 2 (illegal data address) for function 3 with the length field 4, not 3 (at byte 4)"
+    );
+    // Its tenth byte is neither the beginning of a reply nor corruption.
+    client.handle_input(3 * MS, &[0]);
+    assert_eq!((client.pending(), all(&mut client)), (0, vec![]));
+    let next = client.request(1, &read(10, 1)).unwrap();
+    assert_eq!(sent(&mut client, 4 * MS).len(), 1);
+    client.handle_input(5 * MS, &bytes(Some(2), 1, Reply::HoldingRegisters(Words::from(&[7]))));
+    assert_eq!((client.pending(), all(&mut client)), (0, vec![Seen::Registers(next, vec![7])]));
+    // The unit comes first, then this, then the function.
+    for (unit, code, failure) in [
+        (2, 0x83, Failure::Refused(Mismatch::Unit { expected: 1, found: 2 })),
+        (
+            1,
+            0x84,
+            Failure::Malformed(DecodeError::ExceptionLength {
+                transaction: 3,
+                unit: 1,
+                function: 4,
+                exception,
+                expected: 3,
+                found: 4,
+            }),
+        ),
+    ] {
+        let ticket = client.request(1, &read(10, 1)).unwrap();
+        let transaction = sent(&mut client, 6 * MS)[0][1];
+        client.handle_input(7 * MS, &[0, transaction, 0, 0, 0, 4, unit, code, 2]);
+        let failure = match failure {
+            Failure::Malformed(DecodeError::ExceptionLength { unit, function, expected, found, .. }) => {
+                let transaction = transaction.into();
+                Failure::Malformed(DecodeError::ExceptionLength {
+                    transaction,
+                    unit,
+                    function,
+                    exception,
+                    expected,
+                    found,
+                })
+            }
+            failure => failure,
+        };
+        assert_eq!(all(&mut client), [Seen::Failed(ticket, failure)]);
+    }
+}
+
+/// A reply that is wrong within a sound header fails its request at once, as what it is, and the next request has its reply.
+#[test]
+fn every_reply_that_is_wrong_within_a_sound_header_is_reported_at_once() {
+    use DecodeError::{Function, PduLength, ReplyByteCount};
+    let length = |function, expected, found| Failure::Malformed(PduLength { function, expected, found });
+    let cases: [(&[u8], Failure); 12] = [
+        (&[3], length(3, 2, 1)),
+        (&[3, 4, 0, 1], length(3, 6, 4)),
+        (&[3, 2, 0, 1], Failure::Refused(Mismatch::Quantity { expected: 4, found: 2 })),
+        (&[3, 3, 0, 1, 0], Failure::Malformed(ReplyByteCount { function: 3, found: 3 })),
+        (&[3, 0], Failure::Malformed(ReplyByteCount { function: 3, found: 0 })),
+        (&[3, 4, 0, 1, 0, 2, 0, 3], length(3, 6, 8)),
+        (&[4, 4, 0, 1, 0, 2], Failure::Refused(Mismatch::Function { expected: 3, found: 4 })),
+        (&[0], Failure::Malformed(Function { found: 0 })),
+        (&[0, 4, 0, 1, 0, 2], Failure::Malformed(Function { found: 0 })),
+        (&[0x80, 2], Failure::Malformed(Function { found: 0x80 })),
+        (&[0x83], length(0x83, 2, 1)),
+        (&[0xC1, 2, 0], length(0xC1, 2, 3)),
+    ];
+    let mut client: Client = connected(tcp(1));
+    for (pdu, failure) in cases {
+        let ticket = client.request(1, &read(0, 2)).unwrap();
+        let [high, low, ..] = sent(&mut client, MS)[0][..] else { panic!() };
+        let reply = [&[high, low, 0, 0, 0, 1 + pdu.len() as u8, 1], pdu].concat();
+        client.handle_input(2 * MS, &reply);
+        assert_eq!(all(&mut client), [Seen::Failed(ticket, failure)], "{pdu:?}");
+        assert_eq!(client.pending(), 0);
+        let ticket = client.request(1, &read(0, 1)).unwrap();
+        let [high, low, ..] = sent(&mut client, 3 * MS)[0][..] else { panic!() };
+        client.handle_input(4 * MS, &[high, low, 0, 0, 0, 5, 1, 3, 2, 0, 9]);
+        assert_eq!(all(&mut client), [Seen::Registers(ticket, vec![9])], "{pdu:?}");
+    }
+}

@@ -2,7 +2,7 @@
 
 use fanuc_hmi_modbus::crc::crc16;
 use fanuc_hmi_modbus::robot_session::Decoder as _;
-use fanuc_hmi_modbus::{DecodeError, Decoder, Frame, Framing, Side};
+use fanuc_hmi_modbus::{DecodeError, Decoder, Exception, Frame, Framing, Side};
 
 const RTU: Framing = Framing::RTU_OVER_TCP;
 /// Read register 1 of unit 1.
@@ -332,4 +332,76 @@ fn a_full_decoder_takes_nothing_until_a_frame_is_drained() {
     drain(&mut decoder, &mut items);
     assert!(items.iter().all(|(item, _)| item.is_ok()));
     assert_eq!((items.len(), decoder.pending(), decoder.position()), (85, 4, 1032));
+}
+
+/// The frame of a reply to transaction 2.
+const NEXT: [u8; 11] = [0, 2, 0, 0, 0, 5, 1, 3, 2, 0, 7];
+
+fn of_server(stream: &[u8]) -> Items {
+    let items = decode(Framing::Tcp, Side::Server, stream);
+    for at in 1..stream.len() {
+        let halves = [&stream[..at], &stream[at..]];
+        assert_eq!(pieces(Framing::Tcp, Side::Server, halves.into_iter()), items, "{at}");
+    }
+    items
+}
+
+/// FM-89: an exception has two bytes of PDU, whatever its header says.
+#[test]
+fn an_exception_with_a_wrong_length_is_one_frame_and_costs_no_other() {
+    let wrong = |found| {
+        let exception = Exception::IllegalDataAddress;
+        DecodeError::ExceptionLength { transaction: 1, unit: 9, function: 3, exception, expected: 3, found }
+    };
+    for length in [4, 5, 6, 20, 254] {
+        let exception = [0, 1, 0, 0, 0, length, 9, 0x83, 2];
+        let mut decoder = Decoder::new(Framing::Tcp, Side::Server);
+        push(&mut decoder, &exception);
+        assert_eq!(decoder.next_frame(), Some(Err(wrong(length.into()))), "without a tenth byte");
+        assert_eq!((decoder.position(), decoder.corruption()), (9, None));
+
+        let next = (Ok(NEXT[7..].to_vec()), 20);
+        let stream = [&exception[..], &NEXT].concat();
+        assert_eq!(of_server(&stream), [(Err(wrong(length.into())), 9), next]);
+        for more in 1..=usize::from(length) - 3 {
+            let stream = [&exception[..], &vec![0; more], &NEXT].concat();
+            let noise = (Err(DecodeError::Noise { length: more }), 9 + more as u64);
+            let next = (Ok(NEXT[7..].to_vec()), 20 + more as u64);
+            let items = if more < 6 || length == 20 {
+                of_server(&stream)
+            } else {
+                decode(Framing::Tcp, Side::Server, &stream)
+            };
+            assert_eq!(items, [(Err(wrong(length.into())), 9), noise, next], "{length}, {more} bytes more");
+        }
+    }
+    assert_eq!(
+        wrong(4).to_string(),
+        "exception 2 (illegal data address) for function 3 with the length field 4, not 3 (at byte 4)"
+    );
+    // A function without a shape may have longer exceptions, and a client sends none.
+    let raw = [0, 1, 0, 0, 0, 4, 9, 0xC1, 2, 0];
+    assert_eq!(of_server(&raw), [(Ok(vec![0xC1, 2, 0]), 10)]);
+    let request = [0, 1, 0, 0, 0, 4, 9, 0x83, 2, 0];
+    assert_eq!(decode(Framing::Tcp, Side::Client, &request), [(Ok(vec![0x83, 2, 0]), 10)]);
+}
+
+#[test]
+fn an_exception_without_its_code_is_one_frame_whether_the_code_comes_or_not() {
+    let exception = [0, 1, 0, 0, 0, 2, 9, 0x83];
+    let alone = [&exception[..], &NEXT].concat();
+    assert_eq!(of_server(&alone), [(Ok(vec![0x83]), 8), (Ok(NEXT[7..].to_vec()), 19)]);
+    let with_code = [&exception[..], &[2], &NEXT].concat();
+    let noise = (Err(DecodeError::Noise { length: 1 }), 9);
+    assert_eq!(of_server(&with_code), [(Ok(vec![0x83]), 8), noise, (Ok(NEXT[7..].to_vec()), 20)]);
+}
+
+/// The bytes that an exception may have in addition are looked at, and no more.
+#[test]
+fn behind_an_exception_with_a_wrong_length_a_bad_header_is_one() {
+    let stream = [&[0, 1, 0, 0, 0, 5, 9, 0x83, 2][..], b"GET / HTTP", &NEXT].concat();
+    let items = of_server(&stream);
+    assert_eq!(items[1], (Err(DecodeError::Noise { length: 2 }), 11));
+    assert_eq!(items[2], (Err(DecodeError::Protocol { found: 0x2F20 }), 19));
+    assert_eq!(items[3], (Ok(NEXT[7..].to_vec()), 30));
 }

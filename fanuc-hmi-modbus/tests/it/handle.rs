@@ -17,9 +17,10 @@ use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::robot_session::tokio::{Dial, GIVE_UP_AFTER, Link, Reconnect, Tcp, serve};
 use fanuc_hmi_modbus::tokio::{Client, Error, Event, client};
 use fanuc_hmi_modbus::{
-    ClientConfig, Exception, Failure, PositionRegister, Registers, Request, Server, ServerConfig,
-    SessionError, TelemetryBlock, WordOrder, Words,
+    ClientConfig, DecodeError, Exception, Failure, PositionRegister, Registers, Request, Server,
+    ServerConfig, SessionError, TelemetryBlock, WordOrder, Words,
 };
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
@@ -226,7 +227,6 @@ async fn a_server_out_of_step_is_connected_again() {
 /// After a part of a reply nobody knows what the next bytes belong to. A server that only is late has nothing to do with that.
 #[tokio::test]
 async fn a_server_that_cuts_a_reply_off_is_connected_again_and_a_silent_one_is_not() {
-    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
     async fn reply(stream: &mut TcpStream) -> [u8; 10] {
         let mut request = [0; 12];
         stream.read_exact(&mut request).await.unwrap();
@@ -261,7 +261,6 @@ async fn a_server_that_cuts_a_reply_off_is_connected_again_and_a_silent_one_is_n
 /// On a serial line the silence ends it.
 #[tokio::test]
 async fn a_serial_line_goes_on_behind_a_reply_that_was_cut_off() {
-    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
     const REPLY: [u8; 6] = [1, 1, 1, 1, 0x90, 0x48];
     let listener = TcpListener::bind(ANY).await.unwrap();
     let config = ClientConfig { timeout: 100 * MS, ..ClientConfig::rtu_over_tcp() };
@@ -375,5 +374,101 @@ async fn every_request_ends_whatever_the_server_does() {
             timeout(HOUR, robot.handle().shutdown_after(HOUR)).await.unwrap();
             assert!(begun.elapsed() < MS);
         }
+    }
+}
+
+/// Answers the requests of one connection after the other.
+async fn answering(answer: impl Fn(&[u8]) -> Vec<u8> + Send + 'static) -> SocketAddr {
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(async move {
+        while let Ok((mut stream, _)) = listener.accept().await {
+            let mut request = [0; 12];
+            while stream.read_exact(&mut request).await.is_ok() {
+                stream.write_all(&answer(&request)).await.unwrap();
+            }
+        }
+    });
+    address
+}
+
+#[tokio::test]
+async fn an_exception_with_a_wrong_length_harms_neither_the_connection_nor_the_next_call() {
+    let address = answering(|request| match request[9] {
+        1 => vec![request[0], request[1], 0, 0, 0, 5, 1, 3, 2, 0, 7],
+        rest => {
+            [&[request[0], request[1], 0, 0, 0, 4, 1, 0x83, 2][..], &vec![0; usize::from(rest == 2)]].concat()
+        }
+    })
+    .await;
+    let robot = to(address, ClientConfig { timeout: LONG, ..ClientConfig::tcp() });
+    timeout(LONG, robot.handle().connected()).await.unwrap().unwrap();
+    let (mut link, mut events) = (robot.handle().link(), robot.handle().events());
+    link.mark_unchanged();
+    for address in [0, 1, 2, 1, 0, 0, 1] {
+        let outcome = robot.read_holding_registers(address..=address).await;
+        if address == 1 {
+            assert_eq!(outcome.unwrap(), [7]);
+            continue;
+        }
+        let Err(error @ Error::Failed(failure)) = outcome else { panic!("{outcome:?}") };
+        assert_eq!((failure.exception(), error.is_unknown()), (Some(Exception::IllegalDataAddress), false));
+        assert!(error.to_string().contains("length field"), "{error}");
+    }
+    assert!(!link.has_changed().unwrap(), "one connection");
+    assert!(events.try_recv().is_err(), "no notice");
+}
+
+#[tokio::test]
+async fn a_notice_names_the_transaction_that_was_expected() {
+    let address = answering(|_| vec![0, 7, 0, 0, 0, 5, 1, 3, 2, 0, 7]).await;
+    let robot = to(address, ClientConfig { timeout: 200 * MS, ..ClientConfig::tcp() });
+    let mut events = robot.handle().events();
+    let error = robot.read_holding_registers(0..1).await.unwrap_err();
+    assert!(matches!(error, Error::Failed(Failure::TimedOut)), "{error:?}");
+    let Ok(Event::Notice(notice)) = events.try_recv() else { panic!("no notice") };
+    assert_eq!(notice.to_string(), "a reply with transaction 7, expected 1 (unit 1, function 3)");
+}
+
+/// A server that loses everything in the first 200 ms of each connection.
+#[tokio::test]
+async fn the_first_request_is_sent_after_the_pause_of_a_connection() {
+    let listener = TcpListener::bind(ANY).await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(async move {
+        while let Ok((mut stream, _)) = listener.accept().await {
+            sleep(200 * MS).await;
+            let mut request = [0; 12];
+            while stream.try_read(&mut request).is_ok_and(|length| length > 0) {}
+            tokio::spawn(async move {
+                while stream.read_exact(&mut request).await.is_ok() {
+                    let reply = [request[0], request[1], 0, 0, 0, 5, 1, 3, 2, 0, 7];
+                    stream.write_all(&reply).await.unwrap();
+                }
+            });
+        }
+    });
+    let config = ClientConfig { timeout: 1000 * MS, ..ClientConfig::tcp() };
+    for (pause, is_answered) in [(Duration::ZERO, false), (400 * MS, true)] {
+        let (robot, task) = client(config, Tcp::new(address.to_string())).unwrap();
+        tokio::spawn(task.connect_pause(pause).run());
+        assert_eq!(robot.read_holding_registers(0..1).await.is_ok(), is_answered, "{pause:?}");
+    }
+}
+
+/// The header of a reply counts fewer bytes than the server sends: the next call has a connection of its own, and its reply.
+#[tokio::test]
+async fn a_reply_that_is_longer_than_its_header_says_does_not_harm_the_next_call() {
+    let address = answering(|request| match request[9] {
+        1 => vec![request[0], request[1], 0, 0, 0, 5, 1, 3, 2, 0, 7],
+        _ => vec![request[0], request[1], 0, 0, 0, 5, 1, 3, 4, 0, 7, 0, 8],
+    })
+    .await;
+    let robot = to(address, ClientConfig { timeout: LONG, ..ClientConfig::tcp() });
+    for _ in 0..3 {
+        let error = robot.read_holding_registers(0..2).await.unwrap_err();
+        let expected = DecodeError::PduLength { function: 3, expected: 6, found: 4 };
+        assert!(matches!(error, Error::Failed(Failure::Malformed(found)) if found == expected), "{error:?}");
+        assert_eq!(robot.read_holding_registers(1..2).await.unwrap(), [7]);
     }
 }

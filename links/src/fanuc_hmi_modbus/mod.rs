@@ -42,6 +42,7 @@ pub const LINK: Link = Link {
         ("function", "FM-32"),
         ("reply_byte_count", "FM-13"),
         ("mbap_length", "FM-28"),
+        ("exception_length", "FM-89"),
         ("protocol", "FM-28"),
         ("crc", "FM-9"),
         ("too_long", "FM-6"),

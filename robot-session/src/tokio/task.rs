@@ -66,6 +66,7 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
         stop: stop_of_task,
         waker: waker.clone(),
         reconnect: Reconnect::default(),
+        connect_pause: Duration::ZERO,
         stall: STALL,
         give_up_after: GIVE_UP_AFTER,
     };
@@ -85,6 +86,7 @@ pub struct Task<S: Service, C> {
     stop: watch::Receiver<Option<Duration>>,
     waker: Waker,
     reconnect: Reconnect,
+    connect_pause: Duration,
     stall: Duration,
     give_up_after: Duration,
 }
@@ -112,6 +114,15 @@ impl Default for Reconnect {
     fn default() -> Self {
         Self { first: Duration::from_millis(100), longest: Duration::from_secs(5) }
     }
+}
+
+/// A new connection, after the pause.
+async fn connect<C: Connector>(connector: &mut C, pause: Duration) -> io::Result<C::Transport> {
+    let transport = connector.connect().await?;
+    if !pause.is_zero() {
+        sleep(pause).await;
+    }
+    Ok(transport)
 }
 
 /// Why a connection is over.
@@ -144,6 +155,12 @@ impl<S: Service, C: Connector> Task<S, C> {
         Self { reconnect, ..self }
     }
 
+    /// The pause between each new connection and the first byte that is sent on it, for devices that lose bytes that arrive sooner. Zero.
+    /// Calls that are made in this time wait for its end.
+    pub fn connect_pause(self, pause: Duration) -> Self {
+        Self { connect_pause: pause, ..self }
+    }
+
     /// The time for which the peer may read nothing, and storing the state may take, if not [`STALL`]. Then the connection ends.
     pub fn stall(self, stall: Duration) -> Self {
         Self { stall, ..self }
@@ -158,7 +175,8 @@ impl<S: Service, C: Connector> Task<S, C> {
 
     /// Runs it; gives the session back.
     pub async fn run(self) -> Box<S::Session> {
-        let Self { served, unrun, mut connector, stop, waker, reconnect, stall, give_up_after } = self;
+        let Self { served, unrun, mut connector, stop, waker, .. } = self;
+        let Self { reconnect, connect_pause, stall, give_up_after, .. } = self;
         let shared = Arc::clone(&unrun.0);
         let Some(Unrun { calls, link }) = shared.take_unrun() else { return served.session };
         // When this future is dropped, all calls end before the link does.
@@ -171,7 +189,8 @@ impl<S: Service, C: Connector> Task<S, C> {
             connector.discard_after(after);
         }
         loop {
-            let Some(connected) = served.meanwhile(&mut inbox, &mut outage, connector.connect()).await else {
+            let connecting = connect(&mut connector, connect_pause);
+            let Some(connected) = served.meanwhile(&mut inbox, &mut outage, connecting).await else {
                 break;
             };
             let has_connected = connected.is_ok();

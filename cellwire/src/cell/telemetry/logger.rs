@@ -11,8 +11,9 @@ use robot_session::{Driver, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
+use crate::io::interrupt;
 use crate::io::line::Clock;
-use crate::io::{interrupt, tcp};
+use crate::io::tcp::{self, Dialing};
 
 /// Where the telemetry is, and how often it is read.
 #[derive(Debug, Clone)]
@@ -25,8 +26,8 @@ pub struct Source {
     pub address: u16,
     /// The time from one request to the next.
     pub poll: Duration,
-    /// How long a connection may take to open.
-    pub connect_timeout: Duration,
+    /// How connections are opened.
+    pub dialing: Dialing,
     /// The session's configuration, of Modbus TCP.
     pub config: ClientConfig,
 }
@@ -69,7 +70,7 @@ impl Logger {
     /// # Errors
     /// When there is none.
     pub fn connect(source: Source, clock: Clock) -> Result<Self> {
-        let driver = Driver::new(tcp::connect(&source.server, source.connect_timeout)?);
+        let driver = Driver::new(tcp::connect(&source.server, source.dialing)?);
         let mut client = Client::new(source.config)?;
         client.handle_connected(robot_session::now());
         Ok(Self { source, driver, client, clock, backoff: Backoff::default() })
@@ -174,7 +175,7 @@ impl Logger {
             if end.is_some_and(|end| self.clock.now() >= end) {
                 return Ok(false);
             }
-            match tcp::connect(&self.source.server, self.source.connect_timeout) {
+            match tcp::connect(&self.source.server, self.source.dialing) {
                 Ok(stream) => {
                     self.driver = Driver::new(stream);
                     self.client.handle_connected(robot_session::now());

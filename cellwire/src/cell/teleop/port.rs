@@ -15,7 +15,7 @@ use super::context::Context;
 use super::messages::Notification;
 use crate::io::port::AnyPort;
 use crate::io::serial;
-use crate::io::tcp::CONNECT_TIMEOUT;
+use crate::io::tcp::Dialing;
 use crate::io::trace::Way;
 
 /// A serial port by its path, or `HOST:PORT`.
@@ -57,7 +57,7 @@ pub(super) struct Port {
 impl Port {
     /// Opens it for the first time: without it there is no host.
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
-        let port = AnyPort::open(&config.path, config.baud, CONNECT_TIMEOUT)?;
+        let port = AnyPort::open(&config.path, config.baud, Dialing::default())?;
         context.notify(Notification::PortOpen(name, config.path.clone()));
         if let Some(ms) = serial::latency_timer(Path::new(&config.path)).filter(|ms| *ms > 1) {
             context.notify(Notification::Latency(name, ms));
@@ -207,7 +207,7 @@ fn reopen(config: &PortConfig, context: &Context, lost: &Receiver<Opened>, opene
             if context.is_stopped() {
                 return;
             }
-            let Ok(port) = AnyPort::open(&config.path, config.baud, CONNECT_TIMEOUT) else { continue };
+            let Ok(port) = AnyPort::open(&config.path, config.baud, Dialing::default()) else { continue };
             if opened.send(port).is_err() {
                 return;
             }

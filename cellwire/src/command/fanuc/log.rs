@@ -115,7 +115,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         unit: args.unit,
         address: args.address,
         poll,
-        connect_timeout: args.connect.timeout(),
+        dialing: args.set.dialing(None, args.connect)?,
         config,
     };
     let mut logger = Logger::connect(source, clock)?;

@@ -10,6 +10,7 @@ use anyhow::Result;
 use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
+use super::settings::connect_settings;
 use crate::cell::report::Report;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{self, Setting};
@@ -62,7 +63,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    settings::list(ClientSettings(&mut ClientConfig::tcp()))
+    [settings::list(ClientSettings(&mut ClientConfig::tcp())), connect_settings()].concat()
 }
 
 /// Word order of 32-bit values.

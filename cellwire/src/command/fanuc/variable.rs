@@ -133,8 +133,8 @@ impl PlaceArgs {
         let (view, given) = self.set.read_client()?;
         let order = self.word_order.map_or(view.word_order, WordOrder::from);
         let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
-        let connect_timeout = self.connect.timeout();
-        let mut port = Port::new(PortKind::Tcp { server, rtu, connect_timeout });
+        let dialing = self.set.dialing(None, self.connect)?;
+        let mut port = Port::new(PortKind::Tcp { server, rtu }, dialing);
         settings::read("fanuc", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
         Ok((Variable { place: self, order }, port))
@@ -179,8 +179,10 @@ impl Variable<'_> {
             Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
             Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
             Answer::Failed(failure @ Failure::TimedOut) => remark(&format!(
-                "error: {failure}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
-                self.place.server, self.place.unit
+                "error: {}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
+                client.explain(failure),
+                self.place.server,
+                self.place.unit
             )),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
             Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),

@@ -13,12 +13,12 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::ClientConfig;
 use serialport::{Parity, StopBits};
 
-use super::settings::SetArgs;
+use super::settings::{SetArgs, connect_settings};
 use crate::io::input::seconds;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames, client_settings};
 use cellwire_links::settings;
 
 /// Sends Modbus requests to a server and prints its replies; scans for units and addresses; polls values.
@@ -125,6 +125,11 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
+/// What can be set of a client, for the help.
+pub fn settings() -> Vec<settings::Setting> {
+    [client_settings(), connect_settings()].concat()
+}
+
 impl PortArgs {
     fn port(&self, server: &str, timeout: u64) -> Result<Port> {
         self.port_with(server, timeout, |_| {})
@@ -157,10 +162,9 @@ impl PortArgs {
             PortKind::Tcp {
                 server: server.to_owned(),
                 rtu: self.framing.map_or(frames.frames == Frames::Rtu, |framing| framing == FramingArg::Rtu),
-                connect_timeout: self.connect.timeout(),
             }
         };
-        let mut port = Port::new(kind);
+        let mut port = Port::new(kind, self.set.dialing(None, self.connect)?);
         let longest = self.timeout.map(Duration::from_millis);
         port.config.timeout = longest.unwrap_or(Duration::from_millis(timeout));
         defaults(&mut port.config);

@@ -102,18 +102,34 @@ struct Watched {
     shown: Option<Result<Vec<Value>, String>>,
 }
 
+/// Why a range could not be read.
+struct Unread {
+    /// The reason, which is the same as long as nothing changes.
+    why: String,
+    /// The same, with the bytes that came in place of the reply.
+    explained: String,
+}
+
+impl From<String> for Unread {
+    fn from(why: String) -> Self {
+        Self { explained: why.clone(), why }
+    }
+}
+
 impl Watched {
-    fn read(&self, unit: u8, client: &mut Client) -> Result<Result<Vec<Value>, String>> {
-        let Some(request) = self.range.request() else { return Ok(Err("too many".into())) };
+    fn read(&self, unit: u8, client: &mut Client) -> Result<Result<Vec<Value>, Unread>> {
+        let Some(request) = self.range.request() else { return Ok(Err("too many".to_owned().into())) };
         Ok(match client.ask(unit, &request, values)? {
-            Answer::Replied(values) => values,
-            Answer::Failed(failure) => Err(failure.to_string()),
-            Answer::Announced => Err("unit 0 is a broadcast, without a reply".into()),
+            Answer::Replied(values) => values.map_err(Unread::from),
+            Answer::Failed(failure) => {
+                Err(Unread { why: failure.to_string(), explained: client.explain(failure) })
+            }
+            Answer::Announced => Err("unit 0 is a broadcast, without a reply".to_owned().into()),
         })
     }
 
     /// The lines that show what is new.
-    fn changes(&mut self, answer: Result<Vec<Value>, String>) -> Vec<Value> {
+    fn changes(&mut self, answer: Result<Vec<Value>, Unread>) -> Vec<Value> {
         let name = self.range.name();
         let place = |more: Value| {
             let mut line = Map::from_iter([("table".into(), json!(name))]);
@@ -132,10 +148,10 @@ impl Watched {
                 })
                 .collect(),
             (_, Ok(values)) => vec![place(json!({"address": first, "values": values}))],
-            (Some(Err(before)), Err(why)) if before == why => Vec::new(),
-            (_, Err(why)) => vec![place(json!({"address": first, "failed": why}))],
+            (Some(Err(before)), Err(unread)) if *before == unread.why => Vec::new(),
+            (_, Err(unread)) => vec![place(json!({"address": first, "failed": unread.explained}))],
         };
-        self.shown = Some(answer);
+        self.shown = Some(answer.map_err(|unread| unread.why));
         lines
     }
 }

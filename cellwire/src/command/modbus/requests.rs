@@ -28,7 +28,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         let frame: Frame<PduBuf> =
             serde_json::from_str(&text).with_context(|| format!("line {number} is not a message object"))?;
         if lost.is_some() {
-            log(&failed(&frame, Failure::NotSent))?;
+            log(&failed(&frame, Failure::NotSent, &Failure::NotSent.to_string()))?;
             continue;
         }
         interrupt::account(format!("the server may execute the request of line {number}"));
@@ -40,7 +40,8 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         let mut answer = match ask(&mut client, &frame) {
             Err(error) if error.is::<Lost>() => {
                 lost = Some(error.context(format!("line {number}")));
-                failed(&frame, client.lost())
+                let failure = client.lost();
+                failed(&frame, failure, &failure.to_string())
             }
             answer => answer.with_context(|| format!("line {number}"))?,
         };
@@ -81,12 +82,12 @@ fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
     Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
         Answer::Replied(reply) => reply,
         Answer::Announced => json!({"broadcast": true}),
-        Answer::Failed(failure) => failed(frame, failure),
+        Answer::Failed(failure) => failed(frame, failure, &client.explain(failure)),
     })
 }
 
-fn failed(frame: &Frame<PduBuf>, failure: Failure) -> Value {
-    let mut answer = json!({"failed": failure.to_string()});
+fn failed(frame: &Frame<PduBuf>, failure: Failure, explained: &str) -> Value {
+    let mut answer = json!({"failed": explained});
     let changes = frame.pdu.request().is_ok_and(|request| !changes_nothing(&request));
     if let (Some(answer), true, true) = (answer.as_object_mut(), failure.is_unknown(), changes) {
         answer.insert("unknown".into(), json!(true));
@@ -106,7 +107,7 @@ fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Re
         Answer::Replied(None) => json!(true),
         Answer::Replied(Some(found)) => found,
         Answer::Announced => json!(false),
-        Answer::Failed(failure) => json!(failure.to_string()),
+        Answer::Failed(failure) => json!(client.explain(failure)),
     };
     Ok(put(answer, found))
 }

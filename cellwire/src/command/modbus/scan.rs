@@ -4,7 +4,7 @@ use core::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use fanuc_hmi_modbus::{Exception, Reply, Request};
+use fanuc_hmi_modbus::{Exception, Failure, Mismatch, Reply, Request};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
@@ -82,6 +82,7 @@ fn units_of(args: &Args, client: &mut Client) -> Result<u64> {
                 Exception::GatewayPathUnavailable | Exception::GatewayTargetFailedToRespond,
             )) => continue,
             Answer::Replied(Err(exception)) => exception.to_string(),
+            Answer::Failed(failure) if is_malformed(failure) => failure.to_string(),
             Answer::Failed(_) | Answer::Announced => continue,
         };
         found += 1;
@@ -96,6 +97,8 @@ enum Tried {
     Read,
     /// Smaller runs may be read.
     Refused,
+    /// The same: the reply cannot be used.
+    Malformed(String),
     /// None can.
     Nothing(String),
 }
@@ -107,7 +110,7 @@ fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
         let whole = Range { table, first: args.from, last: args.to };
         let progress = progress(whole.count().into());
         let (mut open, mut runs): (Option<Range>, Vec<Range>) = (None, Vec::new());
-        let mut why = None;
+        let (mut why, mut malformed) = (None, false);
         // The parts that are still to try, the next one last.
         let mut parts: Vec<Range> = whole.parts(whole.most()).collect();
         parts.reverse();
@@ -115,17 +118,24 @@ fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
             if interrupt::requested() {
                 break;
             }
-            match try_read(args.unit, client, part)? {
+            let tried = try_read(args.unit, client, part)?;
+            if let Tried::Malformed(reason) = &tried
+                && !core::mem::replace(&mut malformed, true)
+            {
+                let place = format!("{name}:{}-{}", part.first, part.last);
+                progress.suspend(|| remark(&format!("{place} counts as refused: {reason}")));
+            }
+            match tried {
                 Tried::Read => {
                     open = Some(open.map_or(part, |open: Range| Range { last: part.last, ..open }));
                 }
-                Tried::Refused if part.count() > 1 => {
+                Tried::Refused | Tried::Malformed(_) if part.count() > 1 => {
                     let half = u16::try_from(part.count().div_ceil(2)).unwrap_or(u16::MAX);
                     let halves: Vec<Range> = part.parts(half).collect();
                     parts.extend(halves.into_iter().rev());
                     continue;
                 }
-                Tried::Refused => runs.extend(open.take()),
+                Tried::Refused | Tried::Malformed(_) => runs.extend(open.take()),
                 Tried::Nothing(reason) => {
                     why = Some(reason);
                     break;
@@ -156,7 +166,8 @@ fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
         Answer::Replied(Ok(())) => Tried::Read,
         Answer::Replied(Err(exception @ Exception::IllegalFunction)) => Tried::Nothing(exception.to_string()),
         Answer::Replied(Err(_)) => Tried::Refused,
-        Answer::Failed(failure) => Tried::Nothing(failure.to_string()),
+        Answer::Failed(failure) if is_malformed(failure) => Tried::Malformed(failure.to_string()),
+        Answer::Failed(failure) => Tried::Nothing(client.explain(failure)),
         Answer::Announced => Tried::Nothing("unit 0 is a broadcast, without a reply".into()),
     })
 }
@@ -185,10 +196,27 @@ fn ask(
                     return if interrupt::requested() { Ok(None) } else { Err(error) };
                 }
             }
-            answer => return answer.map(Some),
+            // An exception with a wrong length is one all the same.
+            answer => {
+                return answer.map(|answer| match answer {
+                    Answer::Failed(failure) => {
+                        Some(failure.exception().map_or(answer, |exception| Answer::Replied(Err(exception))))
+                    }
+                    answer => Some(answer),
+                });
+            }
         }
     }
     Ok(failure.map(Answer::Failed))
+}
+
+/// Whether the unit has answered with a reply that cannot be used.
+fn is_malformed(failure: Failure) -> bool {
+    match failure {
+        Failure::Malformed(_) => true,
+        Failure::Refused(mismatch) => !matches!(mismatch, Mismatch::Unit { .. }),
+        _ => false,
+    }
 }
 
 fn progress(length: u64) -> ProgressBar {

@@ -19,7 +19,7 @@ pub(super) struct TransportArgs {
     #[command(flatten)]
     place: PlaceArgs,
     #[command(flatten)]
-    timeout: ConnectArgs,
+    dialing: ConnectArgs,
     /// The baud rate of the serial port
     #[arg(long, value_name = "N", default_value = "9600", value_parser = baud_rate())]
     baud: u32,
@@ -57,13 +57,14 @@ impl TransportArgs {
                 Box::new(Stream::new(stream))
             }
             PlaceArgs { connect: Some(address), .. } => {
-                let stream = tcp::connect(address, self.timeout.timeout())?;
+                let stream = tcp::connect(address, self.dialing.dialing(Duration::ZERO))?;
                 discard_unacknowledged(&stream, tcp::DISCARD_AFTER)?;
                 ready(end, "connect", address)?;
                 Box::new(Stream::new(stream))
             }
             PlaceArgs { serial: Some(path), .. } => {
                 let port = serial::open_with(path, self.baud, self.mode)?;
+                self.dialing.dialing(Duration::ZERO).pause();
                 ready(end, "serial", path)?;
                 Box::new(Serial(port))
             }

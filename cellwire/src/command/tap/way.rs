@@ -1,6 +1,7 @@
 //! What is tapped.
 
 use std::net::{TcpListener, UdpSocket};
+use std::time::Duration;
 
 use anyhow::{Result, bail};
 use serialport::SerialPort;
@@ -23,7 +24,7 @@ pub(in crate::command) struct WayArgs {
     #[arg(long, requires = "listen")]
     udp: bool,
     #[command(flatten)]
-    timeout: ConnectArgs,
+    dialing: ConnectArgs,
     /// The serial port of the end that would be the client over TCP: the PC, or Kawasaki's robot
     #[arg(long, value_name = "PORT")]
     a: Option<String>,
@@ -90,7 +91,9 @@ impl Way {
     pub(in crate::command) fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
         let server = args.connect.as_deref().unwrap_or_default();
         match self {
-            Self::Tcp(listener) => tap::tcp::run(&listener, server, args.timeout.timeout(), watch),
+            Self::Tcp(listener) => {
+                tap::tcp::run(&listener, server, args.dialing.dialing(Duration::ZERO), watch)
+            }
             Self::Udp(socket) => tap::udp::run(&socket, server, watch),
             Self::Ports(a, Some(b)) if !args.listen_only => tap::serial::join([a, b], watch),
             Self::Ports(a, b) => tap::serial::listen(a, b, watch),

@@ -13,13 +13,13 @@ use socket2::SockRef;
 
 use super::{CHUNK, End, Place, Watch, What};
 use crate::io::output::remark;
-use crate::io::tcp;
+use crate::io::tcp::{self, Dialing};
 
 /// Passes every client on to `server`, until the listener is gone.
 ///
 /// # Errors
 /// When the listener fails, or there is no room for a thread.
-pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watch) -> Result<()> {
+pub fn run(listener: &TcpListener, server: &str, dialing: Dialing, watch: &Watch) -> Result<()> {
     for number in 1.. {
         let (client, peer) = match listener.accept() {
             Ok(accepted) => accepted,
@@ -32,7 +32,7 @@ pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watc
         };
         let (server, watch) = (server.to_owned(), watch.clone());
         let serve = move || {
-            if let Err(error) = serve((&client, peer), &server, timeout, number, &watch) {
+            if let Err(error) = serve((&client, peer), &server, dialing, number, &watch) {
                 remark(&format!("connection {number}: {error:#}"));
                 reset(&client);
             }
@@ -46,12 +46,12 @@ pub fn run(listener: &TcpListener, server: &str, timeout: Duration, watch: &Watc
 fn serve(
     (client, peer): (&TcpStream, SocketAddr),
     server: &str,
-    timeout: Duration,
+    dialing: Dialing,
     number: u32,
     watch: &Watch,
 ) -> Result<()> {
     client.set_nodelay(true)?;
-    let server = tcp::connect(server, timeout)?;
+    let server = tcp::connect(server, dialing)?;
     // Bytes that the tap has taken from one end must not reach the other much later than they would have without the tap.
     for stream in [client, &server] {
         discard_unacknowledged(stream, tcp::DISCARD_AFTER)?;

@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 use crate::io::serial::Mode;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
-use robot_session::{Driver, End as _, Ended, Serial, Session as _};
+use robot_session::{Driver, End as _, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
 use crate::io::output::remark;
 use crate::io::port::AnyPort;
 use crate::io::stream::Stream;
-use crate::io::{serial, tcp};
+use crate::io::tcp::{self, Dialing};
 
 /// A connection that the client itself has replaced is tried again for this long.
 const REGAINED: Duration = Duration::from_secs(5);
@@ -28,6 +28,8 @@ pub struct Port {
     pub kind: PortKind,
     /// The session's configuration.
     pub config: ClientConfig,
+    /// How a connection is opened.
+    pub dialing: Dialing,
 }
 
 /// A connection or a line.
@@ -39,8 +41,6 @@ pub enum PortKind {
         server: String,
         /// Whether RTU frames go through it.
         rtu: bool,
-        /// How long it may take to open.
-        connect_timeout: Duration,
     },
     /// A serial port, with RTU.
     Serial {
@@ -55,29 +55,27 @@ pub enum PortKind {
 
 impl Port {
     /// Modbus TCP with a timeout of a second.
-    pub fn tcp(server: &str, connect_timeout: Duration) -> Self {
-        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false, connect_timeout })
+    pub fn tcp(server: &str, dialing: Dialing) -> Self {
+        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false }, dialing)
     }
 
     /// With the configuration that this kind of port needs.
-    pub fn new(kind: PortKind) -> Self {
+    pub fn new(kind: PortKind, dialing: Dialing) -> Self {
         let config = match kind {
             PortKind::Tcp { rtu: false, .. } => ClientConfig::tcp(),
             PortKind::Tcp { rtu: true, .. } => ClientConfig::rtu_over_tcp(),
             PortKind::Serial { baud, .. } => ClientConfig::rtu(baud),
         };
-        Self { kind, config }
+        Self { kind, config, dialing }
     }
 
     fn open(&self) -> Result<AnyPort> {
-        Ok(match &self.kind {
-            PortKind::Tcp { server, connect_timeout, .. } => {
-                AnyPort::Tcp(Stream::new(tcp::connect(server, *connect_timeout)?))
+        match &self.kind {
+            PortKind::Tcp { server, .. } => {
+                Ok(AnyPort::Tcp(Stream::new(tcp::connect(server, self.dialing)?)))
             }
-            PortKind::Serial { path, baud, mode } => {
-                AnyPort::Serial(Serial(serial::open_with(path, *baud, *mode)?))
-            }
-        })
+            PortKind::Serial { path, baud, mode } => AnyPort::open_with(path, *baud, *mode, self.dialing),
+        }
     }
 }
 
@@ -91,6 +89,8 @@ pub struct Client {
     is_used_up: bool,
     /// The pauses before another connection.
     backoff: Backoff,
+    /// The first bytes that came in place of the reply to the last request, in words.
+    instead: Option<String>,
 }
 
 /// What a request came to.
@@ -114,7 +114,7 @@ impl Client {
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
         let backoff = Backoff::default();
-        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff })
+        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff, instead: None })
     }
 
     /// Makes one request, and gives what `read` makes of the reply.
@@ -156,6 +156,7 @@ impl Client {
     ) -> Result<Answer<T>> {
         // What has come before the request is no reply to it.
         self.turn(Some(Duration::ZERO), |_| ())?;
+        self.instead = None;
         self.session.request(unit, request)?;
         let answer = loop {
             if let Some(answer) = self.turn(None, &mut read)? {
@@ -165,8 +166,21 @@ impl Client {
         if let Answer::Replied(_) = answer {
             self.backoff.answered();
         }
+        let pending = self.session.pending();
+        if matches!(answer, Answer::Failed(Failure::TimedOut)) && pending > 0 {
+            let instead = || format!("an incomplete reply, of which {pending} bytes have arrived");
+            self.instead.get_or_insert_with(instead);
+        }
         self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
         Ok(answer)
+    }
+
+    /// The failure of the last request, with what came in place of its reply.
+    pub fn explain(&self, failure: Failure) -> String {
+        match (&self.instead, failure) {
+            (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
+            _ => failure.to_string(),
+        }
     }
 
     /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
@@ -214,8 +228,9 @@ impl Client {
         wait: Option<Duration>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Option<Answer<T>>> {
+        let instead = &mut self.instead;
         let turn = self.driver.turn(&mut self.session, wait, |session, event| {
-            match answer(session, event, &mut read) {
+            match answer(session, event, instead, &mut read) {
                 Some(answer) => ControlFlow::Break(answer),
                 None => ControlFlow::Continue(()),
             }
@@ -265,10 +280,11 @@ pub fn changes_nothing(request: &Request<'_>) -> bool {
     )
 }
 
-/// The answer in an event; what is none goes to standard error.
+/// The answer in an event; what is none goes to standard error, and the first of it into `instead`.
 fn answer<T>(
     session: &modbus::Client<1>,
     event: ClientEvent,
+    instead: &mut Option<String>,
     read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
 ) -> Option<Answer<T>> {
     match event {
@@ -277,13 +293,15 @@ fn answer<T>(
         }
         ClientEvent::Announced { .. } => Some(Answer::Announced),
         ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
-        ClientEvent::Stray { unit, function, late, .. } => {
+        ClientEvent::Stray { late, .. } => {
             let what = if late.is_some() { "late" } else { "unasked" };
-            remark(&format!("unexpected reply ({what}): unit {unit}, function {function}"));
+            remark(&format!("unexpected reply ({what}): {event}"));
+            instead.get_or_insert_with(|| event.to_string());
             None
         }
         ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
             remark(&format!("corrupt: {error}"));
+            instead.get_or_insert_with(|| event.to_string());
             None
         }
         ClientEvent::Echo(error) => {

@@ -9,11 +9,12 @@ use kawasaki_msg::{Dialect, Message};
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::io::backoff::Backoff;
+use crate::io::drive::Lost;
 use crate::io::listener::{Arrival, Listener};
 use crate::io::output::remark;
 use crate::io::stream::Stream;
+use crate::io::tcp::{self, Dialing};
 use crate::io::udp::{self, Datagrams};
-use crate::io::{drive::Lost, tcp};
 use crate::links::device::Endpoint;
 
 /// The longest datagram.
@@ -28,8 +29,8 @@ pub enum Meeting {
     Connect {
         /// Where.
         address: String,
-        /// How long a connection may take to open.
-        timeout: Duration,
+        /// How a connection is opened.
+        dialing: Dialing,
         /// The pauses between connections.
         backoff: Backoff,
     },
@@ -57,7 +58,7 @@ impl Meeting {
         endpoint: &Endpoint,
         datagrams: bool,
         dialect: Dialect<'static>,
-        timeout: Duration,
+        dialing: Dialing,
     ) -> Result<(Self, &'static str, String)> {
         match endpoint {
             Endpoint::Listen(address) if datagrams => {
@@ -66,7 +67,7 @@ impl Meeting {
                 Ok((Self::Datagrams(socket, dialect), "listen", place))
             }
             Endpoint::Connect(_) if datagrams => bail!("over UDP the robot sends first: use --listen"),
-            endpoint => Self::tcp(endpoint, timeout),
+            endpoint => Self::tcp(endpoint, dialing),
         }
     }
 
@@ -77,18 +78,18 @@ impl Meeting {
     pub fn of_robot(
         endpoint: &Endpoint,
         datagrams: bool,
-        timeout: Duration,
+        dialing: Dialing,
     ) -> Result<(Self, &'static str, String)> {
         match endpoint {
             Endpoint::Connect(address) if datagrams => {
                 Ok((Self::Peer(udp::connect(address)?, address.clone()), "connect", address.clone()))
             }
             Endpoint::Listen(_) if datagrams => bail!("over UDP the robot sends first: use --connect"),
-            endpoint => Self::tcp(endpoint, timeout),
+            endpoint => Self::tcp(endpoint, dialing),
         }
     }
 
-    fn tcp(endpoint: &Endpoint, timeout: Duration) -> Result<(Self, &'static str, String)> {
+    fn tcp(endpoint: &Endpoint, dialing: Dialing) -> Result<(Self, &'static str, String)> {
         match endpoint {
             Endpoint::Listen(address) => {
                 let listener = tcp::listen(address)?;
@@ -97,7 +98,7 @@ impl Meeting {
             }
             Endpoint::Connect(address) => {
                 let meeting =
-                    Self::Connect { address: address.clone(), timeout, backoff: Backoff::default() };
+                    Self::Connect { address: address.clone(), dialing, backoff: Backoff::default() };
                 Ok((meeting, "connect", address.clone()))
             }
             Endpoint::Pty(_) => bail!("the link is TCP or UDP: use --listen or --connect"),
@@ -118,7 +119,7 @@ impl Meeting {
                 }
                 None => Ok(None),
             },
-            Self::Connect { address, timeout, .. } => match tcp::connect(address, *timeout) {
+            Self::Connect { address, dialing, .. } => match tcp::connect(address, *dialing) {
                 Ok(client) => Ok(Some((stream(client), address.clone()))),
                 Err(error) => Err(format!("{error:#}")),
             },

@@ -38,7 +38,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let PcSettings { order, repeat, .. } = settings;
     let pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
-        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.connect_timeout)?;
+        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing)?;
     ready("kawasaki-pc", kind, &place)?;
     pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
     Ok(())
@@ -56,8 +56,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
-    let (mut meeting, kind, place) =
-        Meeting::of_robot(&options.endpoint, config.datagrams, options.connect_timeout)?;
+    let (mut meeting, kind, place) = Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing)?;
     ready("kawasaki-robot", kind, &place)?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     let trace = options.trace.start("kawasaki-robot");

@@ -166,10 +166,10 @@ mod tests {
                 let _ = serve(&mut device, Traced::new(Stream::new(stream), &trace, Clock::start()));
             }
         });
-        let mut first = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
+        let mut first = tcp::connect(&address, tcp::Dialing::default()).unwrap();
         first.write_all(b"ST").unwrap();
         for _ in 0..3 {
-            let mut second = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
+            let mut second = tcp::connect(&address, tcp::Dialing::default()).unwrap();
             second.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
             second.write_all(b"STP\r\n").unwrap();
             let mut reply = String::new();

@@ -5,6 +5,9 @@
 #define MBAP_LEN 7
 #define MIN_BODY 2 /* unit and PDU */
 #define MAX_BODY 254
+#define SHORTEST_TCP 8
+#define EXCEPTION_TCP 9
+#define EXCEPTION_BODY 3
 #define MIN_RTU 4
 #define MAX_RTU 256
 #define TCP_EXTENT 504
@@ -105,6 +108,14 @@ static enum outcome more(const struct modbus_decoder *decoder, size_t expected, 
     return decoder->ended ? cut(item, expected, decoder->length) : WAIT;
 }
 
+/* Whether the TCP frame that is held is an exception of a function that has two bytes of PDU (FM-89). */
+static bool is_exception(const struct modbus_decoder *decoder)
+{
+    uint8_t code = decoder->length >= SHORTEST_TCP ? decoder->held[MBAP_LEN] : 0, function = code & 0x7F;
+    bool is_typed = (function >= 1 && function <= 6) || function == 15 || function == 16 || function == 22 || function == 23;
+    return decoder->side == MODBUS_SERVER && code > EXCEPTION && is_typed;
+}
+
 /* FM-72 */
 static enum outcome take_tcp(const struct modbus_decoder *decoder, struct modbus_item *item)
 {
@@ -116,6 +127,8 @@ static enum outcome take_tcp(const struct modbus_decoder *decoder, struct modbus
     if (length < MIN_BODY || length > MAX_BODY)
         return corrupt(item, MODBUS_MBAP_LENGTH, length);
     item->length = MBAP_LEN - 1 + (size_t)length;
+    if (is_exception(decoder) && item->length > EXCEPTION_TCP)
+        item->length = EXCEPTION_TCP;
     return decoder->length < item->length ? more(decoder, item->length, item) : FRAME;
 }
 
@@ -397,7 +410,32 @@ static void decode_body(const uint8_t *body, size_t pdu_len, enum modbus_side si
         decode_reply(&pdu);
 }
 
-static void decode_frame(const struct modbus_decoder *decoder, struct modbus_item *item)
+/* An exception, whose header may count other bytes than it has (FM-89). */
+static void check_exception(struct modbus_decoder *decoder, struct modbus_item *item)
+{
+    size_t length = get_u16_be(decoder->held + 4);
+    decoder->excess = length < EXCEPTION_BODY ? EXCEPTION_BODY - length : length - EXCEPTION_BODY;
+    if (length <= EXCEPTION_BODY)
+        return;
+    item->function = item->message.function;
+    error(item, MODBUS_EXCEPTION_LENGTH, EXCEPTION_BODY, length);
+}
+
+/* The bytes before the next frame, behind an exception of a wrong length (FM-89); false: that is not known yet. */
+static bool end_exception(const struct modbus_decoder *decoder, size_t *covered)
+{
+    for (*covered = 0; *covered < decoder->excess; ++*covered) {
+        const uint8_t *header = decoder->held + *covered;
+        if (decoder->length - *covered < SHORTEST_TCP)
+            return decoder->ended;
+        uint16_t length = get_u16_be(header + 4);
+        if (get_u16_be(header + 2) == 0 && length >= MIN_BODY && length <= MAX_BODY && (header[MBAP_LEN] & 0x7F) != 0)
+            return true;
+    }
+    return true;
+}
+
+static void decode_frame(struct modbus_decoder *decoder, struct modbus_item *item)
 {
     if (decoder->framing == MODBUS_RTU) {
         decode_body(decoder->held, item->length - 3, decoder->side, item);
@@ -405,6 +443,8 @@ static void decode_frame(const struct modbus_decoder *decoder, struct modbus_ite
     }
     decode_body(decoder->held + MBAP_LEN - 1, item->length - MBAP_LEN, decoder->side, item);
     item->message.transaction = get_u16_be(decoder->held);
+    if (is_exception(decoder))
+        check_exception(decoder, item);
 }
 
 bool modbus_rtu_length(const uint8_t *frame, size_t length, enum modbus_side side, size_t *size)
@@ -440,8 +480,11 @@ static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
 {
     bool is_tcp = decoder->framing == MODBUS_TCP;
     item->error = MODBUS_NO_ERROR;
-    if (decoder->length == 0)
+    if (decoder->length == 0) {
+        if (decoder->ended)
+            decoder->excess = 0;
         return false;
+    }
     if (decoder->in_noise) {
         if (!extent(decoder, 0, &item->length))
             return false;
@@ -451,6 +494,16 @@ static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
             return true;
         decoder->in_noise = false;
         item->error = MODBUS_NO_ERROR;
+    }
+    if (decoder->excess > 0) {
+        if (!end_exception(decoder, &item->length))
+            return false;
+        decoder->excess = 0;
+        if (item->length > 0) {
+            item->error = MODBUS_NOISE;
+            item->size = item->length;
+            return true;
+        }
     }
     switch (is_tcp ? take_tcp(decoder, item) : take_rtu(decoder, item)) {
     case WAIT:
@@ -472,7 +525,7 @@ static bool take(struct modbus_decoder *decoder, struct modbus_item *item)
 bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item *item)
 {
     item->error = decoder->in_noise ? MODBUS_NOISE : MODBUS_NO_ERROR;
-    if (decoder->in_noise || decoder->length == 0)
+    if (decoder->in_noise || decoder->length == 0 || decoder->excess > 0)
         return decoder->in_noise;
     return (decoder->framing == MODBUS_TCP ? take_tcp(decoder, item) : take_rtu(decoder, item)) == CORRUPT;
 }

@@ -9,7 +9,13 @@
 
 struct modbus_fault modbus_fault_of(const struct modbus_item *item)
 {
-    return (struct modbus_fault){item->error, item->function, item->expected, item->found, item->size};
+    struct modbus_fault fault = {item->error, item->function, item->expected, item->found, item->size, 0, 0, 0};
+    if (item->error == MODBUS_EXCEPTION_LENGTH) {
+        fault.transaction = item->message.transaction;
+        fault.unit = item->message.unit;
+        fault.exception = item->message.exception;
+    }
+    return fault;
 }
 
 bool modbus_step_is_lost(struct modbus_step *step, const struct modbus_decoder *decoder, struct modbus_fault *error)

@@ -87,12 +87,15 @@ void print_modbus_error(const struct modbus_fault *item)
 {
     static const char *const KINDS[] = {
         "",         "protocol",   "mbap_length",      "crc",       "cut", "too_long", "noise", "function", "pdu_length",
-        "quantity", "byte_count", "reply_byte_count", "coil_value"};
+        "quantity", "byte_count", "reply_byte_count", "coil_value", "exception_length"};
     enum modbus_error_kind kind = item->kind;
+    bool is_exception = kind == MODBUS_EXCEPTION_LENGTH;
     bool has_expected =
-        kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT;
-    bool has_function = kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT;
+        kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT || is_exception;
+    bool has_function = (kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT) || is_exception;
     print("{\"kind\":\"%s\"", KINDS[kind]);
+    if (is_exception)
+        print(",\"transaction\":%d,\"unit\":%d,\"exception\":%d", item->transaction, item->unit, item->exception);
     if (has_function)
         print(",\"function\":%d", item->function);
     if (has_expected || kind == MODBUS_QUANTITY)

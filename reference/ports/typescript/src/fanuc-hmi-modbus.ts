@@ -22,7 +22,18 @@ export type FrameError =
   | { kind: "cut"; expected: number; found: number }
   | { kind: "noise"; length: number };
 
-export type ModbusError = FrameError | PduError;
+/** An exception whose header counts other than 3 bytes (FM-89). */
+export interface ExceptionLength {
+  kind: "exception_length";
+  transaction: number;
+  unit: number;
+  function: number;
+  exception: number;
+  expected: number;
+  found: number;
+}
+
+export type ModbusError = FrameError | PduError | ExceptionLength;
 
 /** The longest RTU frame (FM-6). */
 export const MAX_RTU = 256;
@@ -32,6 +43,9 @@ export const MIN_RTU = 4;
 const HEADER = 6;
 const MIN_LENGTH = 2;
 const MAX_LENGTH = 254;
+/** What the header of an exception counts (FM-89). */
+const EXCEPTION_LENGTH = 3;
+const FUNCTIONS = [1, 2, 3, 4, 5, 6, 15, 16, 22, 23];
 /** How many bytes of a corruption are looked at, at once (5.1, 5.2). */
 const WINDOW = 520;
 /** How many of them are given up where no frame begins. */
@@ -97,6 +111,8 @@ function crcAtEnd(frame: Uint8Array): number {
 /** A frame whose PDU was not looked at. */
 export interface Frame extends Address {
   pdu: Uint8Array;
+  /** The length is wrong all the same. */
+  wrong?: ExceptionLength;
 }
 
 type Result = Found<Frame, FrameError> | null;
@@ -139,7 +155,7 @@ abstract class FrameDecoder extends Decoder<Frame, FrameError> {
     return this.held.length === 0 ? null : this.readFrame();
   }
 
-  private leaveCorruption(): void {
+  protected leaveCorruption(): void {
     this.corrupt = false;
     this.corruptionFound = null;
   }
@@ -177,6 +193,40 @@ abstract class FrameDecoder extends Decoder<Frame, FrameError> {
 
 /** Frames over TCP (FM-72). */
 export class TcpFrameDecoder extends FrameDecoder {
+  /** How many bytes may belong to the exception before them (FM-89). */
+  private excess = 0;
+
+  protected override leaveCorruption(): void {
+    super.leaveCorruption();
+    this.excess = 0;
+  }
+
+  protected override read(): Result {
+    if (this.excess > 0) {
+      const length = this.rest();
+      if (length === null) return null;
+      this.excess = 0;
+      if (length > 0) return { length, error: { kind: "noise", length } };
+    }
+    return super.read();
+  }
+
+  /** How many bytes of an exception come before the next frame; null: more bytes have to come to know it. */
+  private rest(): number | null {
+    for (let place = 0; place < this.excess; place += 1) {
+      const here = this.held.subarray(place);
+      const code = here[HEADER + 1];
+      if (code === undefined) return this.ended ? place : null;
+      if (isHeader(here) && (code & 0x7f) !== 0) return place;
+    }
+    return this.excess;
+  }
+
+  private isException(): boolean {
+    const code = numberAt(this.held, HEADER + 1);
+    return this.sender === "server" && code > 128 && FUNCTIONS.includes(code & 0x7f);
+  }
+
   protected readFrame(): Result {
     const { held } = this;
     if (held.length < HEADER) return this.cut(HEADER + 1);
@@ -184,9 +234,13 @@ export class TcpFrameDecoder extends FrameDecoder {
     const skip = length <= MAX_LENGTH ? HEADER + length : 0;
     if (protocol !== 0) return this.corrupted({ kind: "protocol", found: protocol }, skip);
     if (!isHeader(held)) return this.corrupted({ kind: "mbap_length", found: length }, skip);
-    const size = HEADER + length;
+    const isException = this.isException();
+    const size = HEADER + (isException ? Math.min(length, EXCEPTION_LENGTH) : length);
     if (held.length < size) return this.cut(size);
-    const message = { transaction: wordAt(held, 0), unit: numberAt(held, HEADER), pdu: held.subarray(HEADER + 1, size) };
+    const pdu = held.subarray(HEADER + 1, size);
+    const message: Frame = { transaction: wordAt(held, 0), unit: numberAt(held, HEADER), pdu };
+    if (isException) this.excess = Math.abs(length - EXCEPTION_LENGTH);
+    if (isException && length > EXCEPTION_LENGTH) message.wrong = wrongLength(message, length);
     return { length: size, message };
   }
 
@@ -206,6 +260,16 @@ export class TcpFrameDecoder extends FrameDecoder {
       if (length.known === wordAt(here, 4) + 2) return { place };
     }
   }
+}
+
+function wrongLength({ transaction = 0, unit, pdu }: Frame, found: number): ExceptionLength {
+  const [code, exception] = [numberAt(pdu, 0) & 0x7f, numberAt(pdu, 1)];
+  return { kind: "exception_length", transaction, unit, function: code, exception, expected: EXCEPTION_LENGTH, found };
+}
+
+/** What is in a frame. */
+export function decodeFrame({ pdu, wrong }: Frame, sender: Sender): { message: Pdu } | { error: PduError | ExceptionLength } {
+  return wrong === undefined ? decodePdu(pdu, sender) : { error: wrong };
 }
 
 function isHeader(bytes: Uint8Array): boolean {
@@ -281,8 +345,8 @@ export class ModbusDecoder implements ItemReader<ModbusMessage, ModbusError> {
     const item = this.frames.next();
     if (item === null || "error" in item) return item;
     const { offset, length } = item;
-    const { pdu, ...address } = item.message;
-    const decoded = decodePdu(pdu, this.sender);
+    const { pdu: _pdu, wrong: _wrong, ...address } = item.message;
+    const decoded = decodeFrame(item.message, this.sender);
     return "error" in decoded ? { offset, length, ...decoded } : { offset, length, message: { ...address, ...decoded.message } };
   }
 }

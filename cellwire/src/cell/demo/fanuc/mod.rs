@@ -179,7 +179,7 @@ impl Log {
             unit: settings.server.unit.unwrap_or(1),
             address: TelemetryBlock::ADDRESS,
             poll: settings.poll,
-            connect_timeout: tcp::CONNECT_TIMEOUT,
+            dialing: tcp::Dialing::default(),
             config: settings.client,
         };
         Ok(Self {

@@ -95,16 +95,16 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let session = LargePc::with_ranges(pc, layout.clone())?;
     // No job is anything else than a line.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
-    let (udp, timeout) = (plant.udp, tcp::CONNECT_TIMEOUT);
+    let (udp, dialing) = (plant.udp, tcp::Dialing::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
-    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, timeout)?;
+    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, dialing)?;
     let proxy = match options.faults {
         true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
         false => None,
     };
     let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
-    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, timeout)?;
+    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, dialing)?;
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 

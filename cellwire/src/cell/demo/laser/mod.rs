@@ -20,7 +20,7 @@ use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::port::AnyPort;
 use crate::io::sheet;
-use crate::io::tcp::CONNECT_TIMEOUT;
+use crate::io::tcp::Dialing;
 use crate::links::laser_eb90::controller::{self, RobotCounts, Switch};
 use cellwire_links::settings::{self, Configure, Fields};
 use cellwire_sim::Laser;
@@ -142,7 +142,7 @@ fn cut<'a>(
     options: &DemoOptions,
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
-    let mut cutter = Cutter::new(AnyPort::open(port, config.baud, CONNECT_TIMEOUT)?, path, config)?;
+    let mut cutter = Cutter::new(AnyPort::open(port, config.baud, Dialing::default())?, path, config)?;
     // A new host waits until what an earlier one may have sent has passed: that is no part of the rate.
     cutter.cut(Duration::ZERO, 1, |_| ())?;
     let start = clock.now();

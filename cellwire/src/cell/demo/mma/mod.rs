@@ -231,7 +231,7 @@ struct Connection {
 
 impl Connection {
     fn open(which: Which, address: SocketAddr, number: u64, sender: &Sender<Arrival>) -> Result<Self> {
-        let stream = tcp::connect(&address.to_string(), tcp::CONNECT_TIMEOUT)
+        let stream = tcp::connect(&address.to_string(), tcp::Dialing::default())
             .with_context(|| format!("the {which:?} is gone"))?;
         let mut reader = stream.try_clone()?;
         let sender = sender.clone();

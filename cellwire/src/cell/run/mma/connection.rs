@@ -15,7 +15,7 @@ use robot_session::{Output, discard_unacknowledged, now, settle};
 
 use crate::io::backoff::Backoff;
 use crate::io::bell::Bell;
-use crate::io::tcp;
+use crate::io::tcp::{self, Dialing};
 
 /// A peer that takes nothing for this long is gone.
 pub(super) const STUCK: Duration = Duration::from_secs(5);
@@ -51,7 +51,7 @@ impl Inbox {
 pub(super) struct Connection<P: Pose> {
     from: Device,
     address: String,
-    timeout: Duration,
+    dialing: Dialing,
     inbox: Inbox,
     number: u64,
     stream: Option<TcpStream>,
@@ -66,7 +66,7 @@ impl<P: Pose> Connection<P> {
     pub(super) fn open(
         from: Device,
         address: &str,
-        timeout: Duration,
+        dialing: Dialing,
         config: CentralConfig,
         inbox: &Inbox,
     ) -> Result<Self> {
@@ -75,13 +75,13 @@ impl<P: Pose> Connection<P> {
         let backoff = Backoff::default();
         let (address, inbox) = (address.to_owned(), inbox.clone());
         let mut connection =
-            Self { from, address, timeout, inbox, number, stream, session, retry_at, backoff, lost };
+            Self { from, address, dialing, inbox, number, stream, session, retry_at, backoff, lost };
         connection.connect()?;
         Ok(connection)
     }
 
     fn connect(&mut self) -> Result<()> {
-        let stream = tcp::connect(&self.address, self.timeout)?;
+        let stream = tcp::connect(&self.address, self.dialing)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(STUCK))?;
         if let Some(after) = self.session.discards_after() {

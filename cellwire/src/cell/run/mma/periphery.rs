@@ -14,7 +14,7 @@ use robot_session::{discard_unacknowledged, now};
 use super::connection::STUCK;
 use super::settings::Part;
 use crate::io::bell::Bell;
-use crate::io::tcp;
+use crate::io::tcp::{self, Dialing};
 
 /// A camera's answer, a valve that is set, the switch.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,8 +111,8 @@ impl Line {
     ///
     /// # Errors
     /// When there is no peer.
-    pub fn open(address: &str, timeout: Duration, bell: Bell) -> Result<Self> {
-        let stream = tcp::connect(address, timeout).context("the periphery")?;
+    pub fn open(address: &str, dialing: Dialing, bell: Bell) -> Result<Self> {
+        let stream = tcp::connect(address, dialing).context("the periphery")?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(STUCK))?;
         discard_unacknowledged(&stream, STUCK)?;

@@ -18,6 +18,7 @@ use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
+use crate::io::tcp::Dialing;
 
 /// Where the devices are.
 #[derive(Debug, Clone)]
@@ -26,8 +27,8 @@ pub struct Addresses {
     pub robot: String,
     /// The platform's.
     pub platform: String,
-    /// How long a connection may take to open.
-    pub timeout: Duration,
+    /// How connections are opened.
+    pub dialing: Dialing,
 }
 
 /// How a run has ended.
@@ -107,11 +108,11 @@ impl<'a> Runner<'a> {
         self.part = first;
         let (arrivals, inbox) = mpsc::channel();
         let sender = Inbox { arrivals, bell: self.bell.clone() };
-        let Addresses { robot, platform, timeout } = addresses;
+        let Addresses { robot, platform, dialing } = addresses;
         let mut robot: Connection<RobotPose> =
-            Connection::open(Device::Robot, robot, *timeout, settings.central, &sender)?;
+            Connection::open(Device::Robot, robot, *dialing, settings.central, &sender)?;
         let mut platform: Connection<PlatformPose> =
-            Connection::open(Device::Platform, platform, *timeout, settings.central, &sender)?;
+            Connection::open(Device::Platform, platform, *dialing, settings.central, &sender)?;
         let mut task = Task::new(settings.task);
         // The periphery has no session of the cell's protocol.
         task.handle_event(now(), Event::Ready(Device::Conditioning));

@@ -64,6 +64,8 @@ enum modbus_error_kind {
     MODBUS_BYTE_COUNT,       /* function, expected, found */
     MODBUS_REPLY_BYTE_COUNT, /* function, found */
     MODBUS_COIL_VALUE,       /* found */
+    /* An exception over TCP (FM-89), which is also in the item's message. */
+    MODBUS_EXCEPTION_LENGTH, /* function, expected, found */
 };
 
 struct modbus_item {
@@ -72,7 +74,7 @@ struct modbus_item {
     enum modbus_error_kind error;
     uint8_t function;
     size_t expected, found, size;
-    struct modbus_message message; /* unless there is an error */
+    struct modbus_message message; /* unless there is another error */
 };
 
 struct modbus_decoder {
@@ -83,6 +85,7 @@ struct modbus_decoder {
     uint64_t position;
     bool ended;
     bool in_noise; /* the bytes before were corrupt, and where a frame begins is not known yet */
+    size_t excess; /* bytes that may belong to the exception before them (FM-89) */
 };
 
 /* Reads the bytes of one side. */

@@ -15,6 +15,8 @@ struct modbus_fault {
     enum modbus_error_kind kind;
     uint8_t function;
     size_t expected, found, size;
+    uint16_t transaction;    /* these three of an exception with a wrong length */
+    uint8_t unit, exception;
 };
 
 struct modbus_fault modbus_fault_of(const struct modbus_item *item);

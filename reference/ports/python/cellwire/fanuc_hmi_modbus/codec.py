@@ -4,10 +4,12 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from ..stream import Incomplete, Json, Refused, StreamDecoder, error, integer, integers
+from ..stream import Incomplete, Item, Json, Refused, StreamDecoder, error, integer, integers
 
 MAX_PDU = 253
 MBAP_LENGTHS = range(2, 255)  # unit and PDU
+SHORTEST_TCP, EXCEPTION_TCP = 8, 9
+EXCEPTION_LENGTH = 3  # of its unit and PDU
 MIN_RTU, MAX_RTU = 4, 256
 LOOKED_AT = 520  # bytes that are searched for the next frame
 TCP_EXTENT, RTU_EXTENT = 504, 265
@@ -84,6 +86,12 @@ class Decoder(StreamDecoder):
         self.in_noise = False  # the bytes before were corrupt, and where a frame begins is not known yet
         self.corruption: Json | None = None  # the error of corrupt bytes whose end is not known yet
         self.frame = b""  # of the last item: a good one, whether its PDU is or not
+        self.excess = 0  # bytes that may belong to the exception before them (FM-89)
+
+    def next(self) -> Item | None:
+        if self.ended and not self.held:
+            self.excess = 0
+        return super().next()
 
     def take(self) -> tuple[int, Json | None, Json | None]:
         held = bytes(self.held)
@@ -93,6 +101,11 @@ class Decoder(StreamDecoder):
             if size > 0:
                 return size, None, error("noise", length=size)
             self.in_noise, self.corruption = False, None
+        if self.excess > 0:
+            size = self.extent_exception(held)
+            self.excess = 0
+            if size > 0:
+                return size, None, error("noise", length=size)
         try:
             size = self.size_tcp(held) if self.is_tcp else self.size_rtu(held)
         except Corrupt as wrong:
@@ -103,6 +116,12 @@ class Decoder(StreamDecoder):
             return size, None, wrong.error
         self.frame = held[:size]
         header, pdu = split(self.frame, self.is_tcp)
+        if self.is_tcp and self.is_exception(held):
+            length = int.from_bytes(held[4:6], "big")
+            self.excess = abs(length - EXCEPTION_LENGTH)
+            if length > EXCEPTION_LENGTH:
+                names = header | decode_reply(pdu) | {"expected": EXCEPTION_LENGTH, "found": length}
+                return size, None, error("exception_length", **names)
         try:
             return size, header | (decode_request(pdu) if self.sender == "client" else decode_reply(pdu)), None
         except Wrong as wrong:
@@ -117,9 +136,30 @@ class Decoder(StreamDecoder):
             raise Corrupt("protocol", found=protocol)
         if length not in MBAP_LENGTHS:
             raise Corrupt("mbap_length", found=length)
-        if len(held) < 6 + length:
-            raise self.more(held, 6 + length)
-        return int(6 + length)
+        size = int(6 + length)
+        if self.is_exception(held):
+            size = min(size, EXCEPTION_TCP)
+        if len(held) < size:
+            raise self.more(held, size)
+        return size
+
+    def is_exception(self, held: bytes) -> bool:
+        """Whether this is an exception of a function that has two bytes of PDU (FM-89)."""
+        code = held[7] if len(held) >= SHORTEST_TCP else 0
+        return self.sender == "server" and code > EXCEPTION and code - EXCEPTION in NAMED
+
+    def extent_exception(self, held: bytes) -> int:
+        """How many bytes are before the next frame, behind an exception of a wrong length (FM-89)."""
+        for at in range(self.excess):
+            header = held[at : at + SHORTEST_TCP]
+            if len(header) < SHORTEST_TCP:
+                if self.ended:
+                    return at
+                raise Incomplete
+            protocol, length = struct.unpack(">HH", header[2:6])
+            if protocol == 0 and length in MBAP_LENGTHS and header[7] not in (0, EXCEPTION):
+                return at
+        return self.excess
 
     def skipped(self, held: bytes) -> int:
         """From where on the next frame over TCP is looked for: a frame of another protocol, or one that is cut, is skipped whole."""

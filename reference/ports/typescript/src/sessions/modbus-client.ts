@@ -1,8 +1,8 @@
 /** The client of Modbus (section 7): it sends requests, and gives each of them one outcome. */
 
 import { Refused } from "../check.js";
-import { encodeFrame, frameDecoder, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
-import { decodePdu, type PduError, type Reply, type Request } from "../modbus-pdu.js";
+import { decodeFrame, encodeFrame, frameDecoder, type ExceptionLength, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
+import { type PduError, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt } from "../stream.js";
 import { Echo, type EchoError } from "./echo.js";
 import { askedBytes, isMirrored, mayBeginReply } from "./modbus-reply.js";
@@ -38,7 +38,7 @@ export type Mismatch =
   | { kind: "quantity"; expected: number; found: number }
   | { kind: "echo" };
 
-type Misfit = { mismatch: Mismatch } | { malformed: PduError };
+type Misfit = { mismatch: Mismatch } | { malformed: PduError | ExceptionLength };
 
 export type FailReason = "disconnected" | "not_sent" | "timed_out" | Misfit;
 
@@ -347,7 +347,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   /** A frame belongs to the request in flight with its transaction (FM-44). */
   private frame(frame: Frame, now: number): void {
     const { transaction = null, unit, pdu } = frame;
-    const decoded = decodePdu(pdu, "server");
+    const decoded = decodeFrame(frame, "server");
     const code = numberAt(pdu, 0) & 0x7f;
     const stray = { event: "stray", ...(transaction === null ? {} : { transaction }), unit, function: code } as const;
     const place = this.inFlight().find((candidate) => candidate.transaction === transaction);

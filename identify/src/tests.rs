@@ -284,6 +284,17 @@ fn where_the_block_is_read_is_said() {
     let finding = found("fanuc-hmi-modbus", &[&bytes]);
     let notes = (finding.link.open.notes)(&finding.read);
     assert!(notes.len() == 1 && notes[0].starts_with("the block is read at address 1: either"), "{notes:?}");
+    let places = |finding: &Finding| {
+        let places = (finding.link.open.places)(&finding.read);
+        places.iter().map(|(name, value, _)| (*name, *value)).collect::<Vec<_>>()
+    };
+    assert_eq!(places(&finding), [("unit", 1), ("address", 1)]);
+    // Of several there is none to write.
+    let requests: Vec<Value> = (0..8)
+        .map(|at| json!({"unit": 1 + at % 2, "function": 3, "address": 1 + at % 3, "quantity": 37}))
+        .collect();
+    let bytes = sent("fanuc-hmi-modbus", "client", &json!({"framing": "rtu"}), &requests);
+    assert_eq!(places(&found("fanuc-hmi-modbus", &[&bytes])), []);
 }
 
 /// The bytes of few floats in the wrong order are implausible numbers.

@@ -188,7 +188,7 @@
   CALL cw.say ("refused", .order, x.order)
 .END
 
-; The order's end. Where jobs are missing it counts when it has come twice, each time to a request.
+; The order's end. Where jobs are missing it counts when it has come twice, each time to a request, and is not a late answer.
 .PROGRAM cw.finish (.order)
   IF .order == 0 OR .order <> x.order THEN
     CALL cw.end.again (.order)
@@ -199,7 +199,9 @@
   END
   IF x.stage == 1 AND x.gap >= 1 AND x.gap <= 3 THEN
     IF x.gap > 1 THEN
-      x.gap = 3
+      IF x.late == 0 THEN
+        x.gap = 3
+      END
       CALL cw.say ("missing", x.last, 0)
     END
     RETURN

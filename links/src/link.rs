@@ -66,6 +66,10 @@ pub struct Open {
     pub settings: &'static [&'static str],
     /// Other settings that show what decides, with their values: `view`, `telemetry`.
     pub beside: &'static [(&'static str, &'static str)],
+    /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason for each.
+    pub places: fn(messages: &[(&'static str, Value)]) -> Vec<Place>,
+    /// The names of [`places`](Self::places).
+    pub place_names: &'static [&'static str],
     /// The setting that has too many values to try all.
     pub guess: Option<Guess>,
     /// Messages whose bytes differ from setting to setting.
@@ -79,6 +83,9 @@ pub struct Open {
     /// What else can be said of the messages, each with its side; one line each.
     pub notes: fn(messages: &[(&'static str, Value)]) -> Vec<String>,
 }
+
+/// A setting of an end that messages show: its name, its value, and the reason.
+pub type Place = (&'static str, u64, &'static str);
 
 /// What carries the bytes of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -119,6 +126,8 @@ impl Open {
     pub const NOTHING: Self = Self {
         settings: &[],
         beside: &[],
+        places: |_| Vec::new(),
+        place_names: &[],
         guess: None,
         deciding: &[],
         reads_more: &[],

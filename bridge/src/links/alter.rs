@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use cellwire::io::latency::Deadline;
 use robot_session::now;
 use serde_json::json;
 use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Adapter, Line, Silence};
 use super::paced::Paced;
 use crate::end::End;
 use crate::metric::{Definition, Named, define, text, whole};
@@ -44,7 +45,8 @@ pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_speaker(silence);
     let adapter = Alter { report, next: Duration::ZERO };
-    client::of(cell, &METRICS, Some(session.baud), silence, Host::new(session)?, adapter)
+    let line = Line { baud: session.baud, deadline: Some(Deadline::of_alter(&session)) };
+    client::of(cell, &METRICS, Some(line), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Alter {

@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use cellwire::io::latency::Deadline;
 use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Adapter, Line, Silence};
 use super::paced::Paced;
 use crate::end::End;
 use crate::metric::{Definition, define, whole};
@@ -45,7 +46,8 @@ pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_asked(silence, session.period);
     let adapter = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
-    client::of(cell, &METRICS, Some(session.baud), silence, Host::new(session)?, adapter)
+    let line = Line { baud: session.baud, deadline: Some(Deadline::of_ball(&session)) };
+    client::of(cell, &METRICS, Some(line), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Ball {

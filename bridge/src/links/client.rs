@@ -11,9 +11,11 @@ use crate::end::End;
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
+use cellwire::io::latency::Deadline;
 use cellwire::io::port::AnyPort;
 use cellwire::io::tcp::Dialing;
 use cellwire_links::settings::Fields;
+use serde_json::json;
 
 /// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
@@ -85,14 +87,14 @@ pub(super) trait Adapter {
     fn lost(&mut self) {}
 }
 
-/// The client of a cell whose device waits for a connection: at `HOST:PORT`, or on a serial line where the link has a `baud` rate.
+/// The client of a cell whose device waits for a connection: at `HOST:PORT`, or on a serial line if the link has one.
 ///
 /// # Errors
 /// When the cell has no such address.
 pub(super) fn of<A>(
     cell: &Cell,
     metrics: &'static [Definition],
-    baud: Option<u32>,
+    line: Option<Line>,
     silence: Silence,
     session: A::Session,
     adapter: A,
@@ -106,17 +108,27 @@ where
         .clone()
         .context("this link's device does not connect to the bridge: give address instead of listen")?;
     ensure!(
-        baud.is_some() || !AnyPort::is_serial(&place),
+        line.is_some() || !AnyPort::is_serial(&place),
         "{place} looks like a serial port, but this link uses TCP: give HOST:PORT"
     );
-    let device = Device { place, baud: baud.unwrap_or_default(), dialing: super::dialing(cell), silence };
+    let line = line.unwrap_or(Line { baud: 0, deadline: None });
+    let device = Device { place, line, dialing: super::dialing(cell), silence };
     Ok(Client::new(metrics, move |end| run(adapter, session, &device, end)))
+}
+
+/// The serial line of a link.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    /// The baud rate.
+    pub(super) baud: u32,
+    /// The deadline that a USB adapter may miss.
+    pub(super) deadline: Option<Deadline>,
 }
 
 /// Where the device is, and when it counts as dead.
 struct Device {
     place: String,
-    baud: u32,
+    line: Line,
     dialing: Dialing,
     silence: Silence,
 }
@@ -124,9 +136,14 @@ struct Device {
 /// Runs until the bridge ends.
 fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut end: End) {
     let mut wait = FIRST_WAIT;
+    let mut deadline = device.line.deadline;
     while !end.is_stopped() {
-        let why = match AnyPort::open(&device.place, device.baud, device.dialing) {
+        let why = match AnyPort::open(&device.place, device.line.baud, device.dialing) {
             Ok(port) => {
+                // Once: another attempt opens the same port.
+                if let Some(advice) = deadline.take().and_then(|deadline| deadline.advice(&device.place)) {
+                    end.event(&json!({"event": "slow_adapter", "why": advice}));
+                }
                 session.handle_connected(now());
                 wait = FIRST_WAIT;
                 let why = connection(&mut adapter, &mut session, Driver::new(port), device, &mut end);

@@ -8,7 +8,7 @@ use robot_session::now;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Adapter, Line, Silence};
 use super::order;
 use crate::end::{ENDS, End};
 use crate::metric::{Definition, define, text};
@@ -91,7 +91,7 @@ pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     let silence = if settings.query == 0 { Duration::ZERO } else { settings.silence };
     let silence = Silence::of_asked(silence, settings.poll);
     let adapter = Laser { settings, next: Duration::ZERO, order: None, running: None };
-    client::of(cell, &METRICS, Some(baud), silence, session, adapter)
+    client::of(cell, &METRICS, Some(Line { baud, deadline: None }), silence, session, adapter)
 }
 
 impl Adapter for Laser {

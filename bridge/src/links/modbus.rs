@@ -52,7 +52,7 @@ pub(super) struct Settings {
     poll: Duration,
     silence: Duration,
     unit: u8,
-    register: u16,
+    address: u16,
     /// Without one it is found.
     word_order: Option<WordOrder>,
     session: ClientConfig,
@@ -64,7 +64,7 @@ impl Default for Settings {
             poll: Duration::from_millis(500),
             silence: Duration::from_secs(3),
             unit: 1,
-            register: TelemetryBlock::ADDRESS,
+            address: TelemetryBlock::ADDRESS,
             word_order: None,
             session: ClientConfig::tcp(),
         }
@@ -73,18 +73,12 @@ impl Default for Settings {
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { poll, silence, unit, register, word_order, session } = self;
+        let Self { poll, silence, unit, address, word_order, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
         fields.time("poll", range, "the polling period of the telemetry", poll);
         Silence::configure(fields, silence);
         fields.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
-        fields.whole(
-            "register",
-            0..=16_000,
-            "",
-            "the PDU address of the telemetry's first register",
-            register,
-        );
+        fields.whole("address", 0..=16_000, "", "the PDU address of the telemetry's first register", address);
         let orders = [
             ("auto", None),
             ("low_first", Some(WordOrder::LowFirst)),
@@ -151,7 +145,7 @@ impl Adapter for Modbus {
         }
         if session.in_flight() == 0 && now >= self.next {
             let quantity = TelemetryBlock::QUANTITY;
-            let request = Request::ReadHoldingRegisters { address: self.settings.register, quantity };
+            let request = Request::ReadHoldingRegisters { address: self.settings.address, quantity };
             self.asked = session.request(self.settings.unit, &request).ok();
             self.next = (self.next + self.settings.poll).max(now); // a late one skips what it missed
         }

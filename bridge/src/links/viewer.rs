@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::json;
 use val2_viewer::{Host, HostConfig, HostEvent, timing};
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Adapter, Line, Silence};
 use super::order;
 use crate::end::End;
 use crate::metric::{Definition, define, whole};
@@ -73,7 +73,7 @@ pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     let silence = Silence::of_speaker(silence);
     let max_age = session.max_age;
     let adapter = Viewer { report, next: Duration::ZERO, until: None, max_age, pose: [0; 12] };
-    client::of(cell, &METRICS, Some(baud), silence, Host::new(session)?, adapter)
+    client::of(cell, &METRICS, Some(Line { baud, deadline: None }), silence, Host::new(session)?, adapter)
 }
 
 impl Adapter for Viewer {

@@ -151,7 +151,8 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
     };
     for link in LINKS {
         let open = || link.open.settings.iter().copied();
-        let shown: Vec<&str> = link.open.beside.iter().map(|(name, _)| *name).collect();
+        let beside = link.open.beside.iter().map(|(name, _)| *name);
+        let shown: Vec<&str> = beside.chain(link.open.place_names.iter().copied()).collect();
         if !open().any(|name| is_known(name) || !places(name).is_empty()) {
             continue;
         }

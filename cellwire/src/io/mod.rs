@@ -9,6 +9,7 @@ pub mod files;
 pub mod input;
 pub mod interrupt;
 pub mod journal;
+pub mod latency;
 pub mod line;
 pub mod listener;
 #[cfg(unix)]

@@ -186,6 +186,9 @@ fn found(link: &Link) -> String {
     for (name, value) in link.open.beside {
         writeln!(text, "{name} = \"{value}\"").unwrap();
     }
+    for name in link.open.place_names {
+        writeln!(text, "{name} = 7").unwrap();
+    }
     for setting in (link.settings)().iter().filter(|it| link.open.settings.contains(&it.name.as_str())) {
         let other = setting.choices.iter().find(|value| **value != setting.default);
         match other {

@@ -99,6 +99,8 @@ robot_session::rules! {
         DestroyRest,
         /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
         EndFillsGap,
+        /// An end that may answer a packet before those requests, because packets were not answered in time, does not count.
+        CountUnanswered,
         /// After a new connection jobs are missing, too, and an end has no effect while the list is cleared.
         GapAtConnection,
         /// Steps of recovery by the clock, while nothing is left to execute.

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use super::config::{Acks, Config, Rule};
-use super::state::{AckState, Action, Flow, Gap, Machine, Order, Recovery, Rejection, Stage, Starts};
+use super::state::{AckState, Action, Flow, Gap, Link, Machine, Order, Recovery, Rejection, Stage, Starts};
 
 impl<const WORDS: usize> Machine<WORDS> {
     /// "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet is destroyed"
@@ -139,7 +139,17 @@ impl<const WORDS: usize> Machine<WORDS> {
             Stage::Intake { gap: gap @ (Gap::Asked | Gap::EndOnce), .. }
                 if config.rules.keeps(Rule::EndFillsGap) =>
             {
-                *gap = Gap::EndOnce;
+                // An answer to a packet that was overdue may have been sent before the request for the missing jobs was read.
+                match &mut self.link {
+                    Link::Connected { unanswered: unanswered @ 1.., .. }
+                        if config.rules.keeps(Rule::CountUnanswered) =>
+                    {
+                        *unanswered -= 1;
+                    }
+                    Link::Disconnected { .. } | Link::Connecting { .. } | Link::Connected { .. } => {
+                        *gap = Gap::EndOnce;
+                    }
+                }
                 return missing;
             }
             Stage::Clearing { .. } if config.rules.keeps(Rule::GapAtConnection) => return missing,

@@ -204,6 +204,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         self.link = Link::Connected {
             cycle: Cycle::Ready { at: now, overdue_at: now },
             silent: 0,
+            unanswered: 0,
             synced: false,
             status_at: now.saturating_add(config.status_period),
             close: false,
@@ -249,7 +250,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             self.link = Link::Connecting { reported: false };
             return Action::Nothing;
         }
-        if let Link::Connected { cycle, silent, close, .. } = &mut self.link {
+        if let Link::Connected { cycle, silent, unanswered, close, .. } = &mut self.link {
             if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
                 flow.end_pause(now);
                 if let Recovery::Waiting { failures, until } = *recovery
@@ -265,6 +266,7 @@ impl<const WORDS: usize> Machine<WORDS> {
                 *cycle = Cycle::Ready { at: now, overdue_at: now };
                 let limit = config.silent_cycles;
                 *silent = silent.saturating_add(1).min(limit);
+                *unanswered = unanswered.saturating_add(1).min(if limit == 0 { u16::MAX } else { limit });
                 *close |= limit != 0 && *silent == limit;
                 return Action::NoReply;
             }

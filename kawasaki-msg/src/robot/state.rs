@@ -49,6 +49,9 @@ pub enum Link {
         cycle: Cycle,
         /// Cycles without an answer, in a row.
         silent: u16,
+        /// Packets of the connection that were not answered in time, less the ends that came late for them: at most
+        /// [`silent_cycles`](super::machine::Config::silent_cycles), where that is not 0.
+        unanswered: u16,
         /// An answer has come: both ends know where the other one is.
         synced: bool,
         /// When the status is due without any other reason.

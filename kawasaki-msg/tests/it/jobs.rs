@@ -38,7 +38,7 @@ impl Bench {
         bench.robot.handle_connected(bench.now);
         assert_eq!(bench.cycle(b"<TilausAlkaa$4#50$1#>"), "<Tila$6#0$0$$$#>");
         let started = "<TilausKuittaus$2#50#><Tila$7#50$2$$$#><TyoPyynto$4#50$1#>";
-        assert_eq!(bench.cycle(b""), started);
+        assert_eq!(bench.cycle(b"<Huuhaa$0##>"), started);
         assert_eq!(bench.events(), [RobotEvent::OrderStarted { order: 50 }]);
         bench
     }
@@ -274,11 +274,31 @@ fn an_end_in_place_of_missing_jobs_has_to_come_twice() {
     assert_eq!(bench.robot.phase(), Phase::Ending);
 }
 
+/// An end that answers a packet before the request, because packets were not answered in time, is not one of the two.
+#[test]
+fn a_late_end_does_not_count_as_an_answer_to_the_request_for_missing_jobs() {
+    let end = b"<TilausLoppuu$2#50#>";
+    // At most as many as silent cycles, where they have a limit.
+    for (silent_cycles, overdue, late) in [(5, 0, 0), (5, 2, 2), (5, 7, 5), (0, 7, 7), (1, 3, 1)] {
+        let mut bench = Bench::new(RobotConfig { silent_cycles, ..PATIENT }, 8, 9999);
+        for _ in 0..overdue {
+            bench.cycle(b"");
+        }
+        bench.cycle(&jobs([1, 3]));
+        for at in 0..=late {
+            bench.cycle(end);
+            assert_eq!(bench.robot.phase(), Phase::Active, "{silent_cycles} {overdue}: end {at}");
+        }
+        bench.cycle(end);
+        assert_eq!(bench.robot.phase(), Phase::Ending, "{silent_cycles} {overdue}");
+    }
+}
+
 /// What was skipped is reported when the next message begins: in a read of its own, and that may be a job.
 #[test]
 fn garbage_before_a_job_is_reported_when_the_job_comes_and_costs_it() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
-    let offset = "<TilausAlkaa$4#50$1#>".len();
+    let offset = "<TilausAlkaa$4#50$1#><Huuhaa$0##>".len();
     bench.cycle(b"roskaa");
     assert_eq!(bench.events(), []);
     bench.cycle(&jobs([1]));

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::options::{Frames, ViewSettings};
-use crate::link::{Carrier, Deciding, Open};
+use crate::link::{Carrier, Deciding, Open, Place};
 use crate::settings;
 
 const BLOCK: &str = "a reply of the 37 registers of the telemetry block, of a robot that is not at its origin, or several while its counter counts";
@@ -11,6 +11,8 @@ const BLOCK: &str = "a reply of the 37 registers of the telemetry block, of a ro
 pub(super) const OPEN: Open = Open {
     settings: &["framing", "word_order"],
     beside: &[("view", "telemetry")],
+    places,
+    place_names: &["unit", "address"],
     guess: None,
     deciding: &[
         Deciding {
@@ -63,15 +65,36 @@ const COUNTS: f64 = 4.0;
 /// The registers of the block.
 const BLOCK_SIZE: u64 = 37;
 
+/// The values of a number in the requests that pass, each once.
+fn numbers(messages: &[(&'static str, Value)], name: &str, passes: impl Fn(&Value) -> bool) -> Vec<u64> {
+    let mut found: Vec<u64> = Vec::new();
+    for (_, message) in messages.iter().filter(|(side, message)| *side == "client" && passes(message)) {
+        found.extend(message.get(name).and_then(Value::as_u64).filter(|value| !found.contains(value)));
+    }
+    found
+}
+
+/// Whether a request reads the telemetry block.
+fn reads_block(request: &Value) -> bool {
+    let number = |name| request.get(name).and_then(Value::as_u64);
+    number("function") == Some(3) && number("quantity") == Some(BLOCK_SIZE)
+}
+
+/// The unit that the client asks, and the address of the block, if there is only one.
+fn places(messages: &[(&'static str, Value)]) -> Vec<Place> {
+    let units = numbers(messages, "unit", |_| true);
+    let addresses = numbers(messages, "address", reads_block);
+    let only = |found: &[u64], name, why| match *found {
+        [value] => Some((name, value, why)),
+        _ => None,
+    };
+    let unit = only(&units, "unit", "every request is to this unit");
+    unit.into_iter().chain(only(&addresses, "address", "the telemetry block is read there")).collect()
+}
+
 /// Where the block is read.
 fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {
-    let number = |message: &Value, name: &str| message.get(name).and_then(Value::as_u64);
-    let mut found: Vec<u64> = Vec::new();
-    for (_, message) in messages.iter().filter(|(side, _)| *side == "client") {
-        let is_block =
-            number(message, "function") == Some(3) && number(message, "quantity") == Some(BLOCK_SIZE);
-        found.extend(number(message, "address").filter(|at| is_block && !found.contains(at)));
-    }
+    let found = numbers(messages, "address", reads_block);
     let read = |at: u64| {
         let why = match at {
             0 => "addresses count from 0, registers of $SNPX_ASG from 1",

@@ -13,7 +13,7 @@ pub enum Frames {
     Rtu,
 }
 
-/// How the link's bytes are shown.
+/// How the link's bytes are shown, and the registers that a client asks for.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ViewSettings {
     /// The frames.
@@ -22,6 +22,10 @@ pub struct ViewSettings {
     pub telemetry: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
+    /// The unit that a client asks; `None`: that of the command. The bytes of every unit are shown.
+    pub unit: Option<u8>,
+    /// The PDU address of the first register that a client asks for; `None`: that of the command. Every register is shown.
+    pub address: Option<u16>,
 }
 
 impl ViewSettings {
@@ -36,11 +40,16 @@ impl ViewSettings {
 
 impl Configure for ViewSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { frames, telemetry, word_order } = self;
+        let Self { frames, telemetry, word_order, unit, address } = self;
         self::frames(fields, frames);
         let about = "show a reply of 37 registers as the telemetry block";
         fields.choice("view", &[("registers", false), ("telemetry", true)], about, telemetry);
         self::word_order(fields, word_order);
+        let about = "the unit that a client asks, 1 by default; decode shows every unit";
+        fields.whole_or("unit", 0..=u8::MAX, "", "auto", about, unit);
+        let about =
+            "the PDU address of the first register that a client asks for; decode shows every register";
+        fields.whole_or("address", 0..=u16::MAX, "", "auto", about, address);
     }
 }
 

@@ -174,9 +174,7 @@ impl Model {
         self.now = self.now.max(at);
         match notification {
             Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
-            Notification::Latency(name, ms) => self.show(format!(
-                "{name}: its USB adapter buffers bytes for {ms} ms: set its latency timer to 1 ms, see docs/alter.md"
-            )),
+            Notification::SlowAdapter(name, advice) => self.show(format!("{name}: {advice}")),
             Notification::PortLost(name, why) => {
                 if name == "robot" {
                     self.lost = Some("its port is gone");
@@ -184,7 +182,9 @@ impl Model {
                 self.show(format!("{name}: {why}"));
             }
             Notification::Priority(true) => self.show("replies at real-time priority".into()),
-            Notification::Priority(false) => self.show("replies at normal priority: no permission for more".into()),
+            Notification::Priority(false) => {
+                self.show("replies at normal priority: no permission for more".into())
+            }
             Notification::Start(start) => {
                 self.control = ("starting", start.control(), error_text(start.error));
                 self.take_start(start);

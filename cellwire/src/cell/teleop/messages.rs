@@ -45,8 +45,8 @@ pub enum Order {
 pub enum Notification {
     /// A port is open (again).
     PortOpen(&'static str, String),
-    /// The chip of a port's USB adapter collects bytes for this many milliseconds.
-    Latency(&'static str, u32),
+    /// The USB adapter of a port delays bytes for too long, and what to set.
+    SlowAdapter(&'static str, String),
     /// A port is gone; it is retried.
     PortLost(&'static str, String),
     /// Whether the reply thread runs before all others.

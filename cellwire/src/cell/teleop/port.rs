@@ -3,7 +3,6 @@
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
-use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
@@ -13,6 +12,7 @@ use robot_session::{Received, Sent, Serial, Session, Transport, Wait};
 
 use super::context::Context;
 use super::messages::Notification;
+use crate::io::latency::Deadline;
 use crate::io::port::AnyPort;
 use crate::io::serial;
 use crate::io::tcp::Dialing;
@@ -56,11 +56,16 @@ pub(super) struct Port {
 
 impl Port {
     /// Opens it for the first time: without it there is no host.
-    pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
+    pub(super) fn open(
+        name: &'static str,
+        config: &PortConfig,
+        deadline: Option<Deadline>,
+        context: &Context,
+    ) -> Result<Self> {
         let port = AnyPort::open(&config.path, config.baud, Dialing::default())?;
         context.notify(Notification::PortOpen(name, config.path.clone()));
-        if let Some(ms) = serial::latency_timer(Path::new(&config.path)).filter(|ms| *ms > 1) {
-            context.notify(Notification::Latency(name, ms));
+        if let Some(advice) = deadline.and_then(|deadline| deadline.advice(&config.path)) {
+            context.notify(Notification::SlowAdapter(name, advice));
         }
         let (lost, to_open) = channel();
         let (ready, opened) = channel();

@@ -18,6 +18,7 @@ use super::messages::{Notification, Order, lost_text};
 use super::port::Port;
 use super::profile::Profile;
 use super::sample::Sample;
+use crate::io::latency::Deadline;
 use crate::io::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
@@ -50,7 +51,12 @@ impl Robot {
         poses: Sender<Transform>,
     ) -> Result<Self> {
         Ok(Self {
-            driver: Driver::new(Port::open("robot", &config.robot, &context)?),
+            driver: Driver::new(Port::open(
+                "robot",
+                &config.robot,
+                Some(Deadline::of_alter(&config.alter)),
+                &context,
+            )?),
             context,
             host: Host::new(config.alter)?,
             profile: config.profile,

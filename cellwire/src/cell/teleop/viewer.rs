@@ -38,7 +38,7 @@ impl Feed {
         poses: Receiver<Transform>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let line = Handshake::new(Port::open("viewer", port, &context)?, port.baud, config.max_hold);
+        let line = Handshake::new(Port::open("viewer", port, None, &context)?, port.baud, config.max_hold);
         let (driver, host) = (Driver::new(line), Host::new(config)?);
         Ok(Self { context, driver, host, poses, probe, is_connected: false, is_held: false })
     }

@@ -55,12 +55,12 @@ pub(super) struct Args {
     /// The polling period in milliseconds [default: the period of the task]
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
     poll: Option<u64>,
-    /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment
-    #[arg(long, value_name = "N", default_value_t = TelemetryBlock::ADDRESS)]
-    address: u16,
-    /// The Modbus unit
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    unit: u8,
+    /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment [default: the setting `address` of a file, or 0]
+    #[arg(long, value_name = "N")]
+    address: Option<u16>,
+    /// The Modbus unit [default: the setting `unit` of a file, or 1]
+    #[arg(long, value_name = "N")]
+    unit: Option<u8>,
     /// Word order of 32-bit values
     #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
     word_order: OrderArg,
@@ -112,8 +112,8 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let clock = Clock::start();
     let source = Source {
         server: args.server.clone(),
-        unit: args.unit,
-        address: args.address,
+        unit: args.unit.or(view.unit).unwrap_or(1),
+        address: args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS),
         poll,
         dialing: args.set.dialing(None, args.connect)?,
         config,

@@ -51,18 +51,18 @@ struct PlaceArgs {
     /// The variable's type
     #[arg(value_enum, value_name = "TYPE")]
     kind: KindArg,
-    /// The PDU address of its first register, from 0
+    /// The PDU address of its first register, from 0 [default: the setting `address`]
     #[arg(long, value_name = "N")]
-    address: u16,
+    address: Option<u16>,
     /// The registers of a string, two characters each: $SIZE
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(1..=120))]
     size: u16,
     /// $MULTIPLY of an integer
     #[arg(long, value_name = "X", default_value = "1", value_parser = scale)]
     multiply: Multiply,
-    /// The Modbus unit
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    unit: u8,
+    /// The Modbus unit [default: the setting `unit` of a file, or 1]
+    #[arg(long, value_name = "N")]
+    unit: Option<u8>,
     /// Word order of 32-bit values [default: the setting `word_order` of a file, or low-first]
     #[arg(long, value_enum)]
     word_order: Option<OrderArg>,
@@ -85,7 +85,7 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
     let (variable, port) = args.place.variable()?;
     let (mut client, each) = (Client::open(&port)?, variable.registers());
     for index in 0..args.count {
-        let address = u32::from(args.place.address) + u32::from(index) * u32::from(each);
+        let address = u32::from(variable.address) + u32::from(index) * u32::from(each);
         let address = u16::try_from(address).ok().context("the registers end at 65535")?;
         let Some(registers) = variable.read(&mut client, address)? else { return Ok(false) };
         log(&json!({"address": address, "value": variable.value(&registers)}))?;
@@ -104,7 +104,7 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
         .with_context(|| format!("{} is not JSON: a string needs quotes, '\"text\"'", args.value))?;
     let registers = variable.registers_of(&value)?;
     let mut client = Client::open(&port)?;
-    let address = args.place.address;
+    let address = variable.address;
     let request = Request::WriteRegisters { address, values: Words::from(registers.as_slice()) };
     interrupt::handle_after_reply()?;
     interrupt::account("the controller may hold the new value".into());
@@ -125,6 +125,8 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
 struct Variable<'a> {
     place: &'a PlaceArgs,
     order: WordOrder,
+    unit: u8,
+    address: u16,
 }
 
 impl PlaceArgs {
@@ -137,7 +139,9 @@ impl PlaceArgs {
         let mut port = Port::new(PortKind::Tcp { server, rtu }, dialing);
         settings::read("fanuc", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
-        Ok((Variable { place: self, order }, port))
+        let unit = self.unit.or(view.unit).unwrap_or(1);
+        let address = self.address.or(view.address).context("give --address, or the setting `address`")?;
+        Ok((Variable { place: self, order, unit, address }, port))
     }
 }
 
@@ -170,7 +174,7 @@ impl Variable<'_> {
 
     /// The registers in the reply. None when the controller refuses, which has been said.
     fn ask(&self, client: &mut Client, request: &Request<'_>) -> Result<Option<Vec<u16>>> {
-        let answer = client.ask(self.place.unit, request, |reply| match reply.pdu {
+        let answer = client.ask(self.unit, request, |reply| match reply.pdu {
             Reply::Exception { exception, .. } => Err(exception),
             Reply::HoldingRegisters(words) => Ok(words.iter().collect()),
             _ => Ok(Vec::new()),
@@ -182,7 +186,7 @@ impl Variable<'_> {
                 "error: {}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
                 client.explain(failure),
                 self.place.server,
-                self.place.unit
+                self.unit
             )),
             Answer::Failed(failure) => remark(&format!("error: {failure}")),
             Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),

@@ -16,6 +16,9 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
         }
         writeln!(text, "{name} = {}", toml_value(value)?)?;
     }
+    for (name, value, why) in (finding.link.open.places)(&finding.read) {
+        writeln!(text, "# {name}: {why}\n{name} = {value}")?;
+    }
     Ok(text)
 }
 

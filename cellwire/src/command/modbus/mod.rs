@@ -64,6 +64,9 @@ enum Command {
 /// How the servers are reached.
 #[derive(Debug, clap::Args)]
 struct PortArgs {
+    /// The unit, of requests that name none [default: the setting `unit` of a file, or 1]
+    #[arg(long, value_name = "N")]
+    unit: Option<u8>,
     /// The framing on a TCP port; a serial port has RTU [default: the setting `framing` of a file, or tcp]
     #[arg(long, value_enum)]
     framing: Option<FramingArg>,
@@ -120,7 +123,8 @@ pub fn run(args: &Args) -> Result<bool> {
         Some(Command::Poll(args)) => poll::poll(args),
         None => {
             let server = args.server.as_deref().context("a server is needed")?;
-            requests::run(&args.port.port(server, 1000)?, args.file.as_deref(), args.confirm)
+            let (port, unit) = args.port.port(server, 1000)?;
+            requests::run(&port, unit, args.file.as_deref(), args.confirm)
         }
     }
 }
@@ -131,7 +135,8 @@ pub fn settings() -> Vec<settings::Setting> {
 }
 
 impl PortArgs {
-    fn port(&self, server: &str, timeout: u64) -> Result<Port> {
+    /// The port of the server, and its unit.
+    fn port(&self, server: &str, timeout: u64) -> Result<(Port, u8)> {
         self.port_with(server, timeout, |_| {})
     }
 
@@ -141,7 +146,7 @@ impl PortArgs {
         server: &str,
         timeout: u64,
         defaults: impl FnOnce(&mut ClientConfig),
-    ) -> Result<Port> {
+    ) -> Result<(Port, u8)> {
         let is_path = server.contains('/') || !server.contains(':');
         let (frames, given) = self.set.read_client()?;
         let kind = if is_path {
@@ -171,7 +176,7 @@ impl PortArgs {
         settings::read("modbus", ClientSettings(&mut port.config), &given)
             .map_err(|error| self.set.located(error.into()))?;
         port.config.timeout = longest.unwrap_or(port.config.timeout);
-        Ok(port)
+        Ok((port, self.unit.or(frames.unit).unwrap_or(1)))
     }
 }
 

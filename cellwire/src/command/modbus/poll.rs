@@ -25,9 +25,6 @@ pub(super) struct Args {
     /// PDU addresses to poll: TABLE:FIRST-LAST, where TABLE is coils, discrete, input or holding
     #[arg(required = true, value_name = "RANGE")]
     ranges: Vec<Range>,
-    /// The unit
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    unit: u8,
     /// The polling period in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=86_400_000))]
     every: u64,
@@ -40,7 +37,8 @@ pub(super) struct Args {
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
-    let mut client = Client::open(&args.port.port(&args.server, 1000)?)?;
+    let (port, unit) = args.port.port(&args.server, 1000)?;
+    let mut client = Client::open(&port)?;
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), Duration::from_millis(args.every));
@@ -49,7 +47,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
     let goes_on = || args.seconds.is_none_or(|end| clock.now() < end) && !interrupt::requested();
     while goes_on() {
         for watched in &mut watched {
-            let answer = match watched.read(args.unit, &mut client) {
+            let answer = match watched.read(unit, &mut client) {
                 Ok(answer) => answer,
                 Err(error) => {
                     all = false;

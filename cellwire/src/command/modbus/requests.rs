@@ -14,7 +14,7 @@ use crate::io::{input, interrupt};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
 use cellwire_links::json::value as object;
 
-pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<bool> {
+pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> Result<bool> {
     interrupt::handle_after_reply()?;
     let input = input::open(file)?;
     let mut client = Client::open(port)?;
@@ -25,8 +25,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         if text.trim().is_empty() {
             continue;
         }
-        let frame: Frame<PduBuf> =
-            serde_json::from_str(&text).with_context(|| format!("line {number} is not a message object"))?;
+        let frame = request(&text, unit).with_context(|| format!("line {number} is not a message object"))?;
         if lost.is_some() {
             log(&failed(&frame, Failure::NotSent, &Failure::NotSent.to_string()))?;
             continue;
@@ -75,6 +74,15 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         return Err(Refused(format!("{} refused: see \"exception\"", requests(refused))).into());
     }
     Ok(all)
+}
+
+/// Reads a request; one that names no unit is to `unit`.
+fn request(text: &str, unit: u8) -> serde_json::Result<Frame<PduBuf>> {
+    let mut request: Value = serde_json::from_str(text)?;
+    if let Some(object) = request.as_object_mut() {
+        object.entry("unit").or_insert_with(|| json!(unit));
+    }
+    serde_json::from_value(request)
 }
 
 /// The answer to one request, as the object to print.
@@ -170,4 +178,17 @@ fn differs(written: &Request<'_>, reply: &Reply<'_>) -> Option<Value> {
         return None;
     }
     Some(if bits.is_empty() { json!(words) } else { json!(bits) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_without_a_unit_is_to_the_unit_of_the_settings() {
+        let unit = |text: &str| request(text, 7).unwrap().unit;
+        assert_eq!(unit(r#"{"function":3,"address":0,"quantity":1}"#), 7);
+        assert_eq!(unit(r#"{"unit":2,"function":3,"address":0,"quantity":1}"#), 2);
+        assert!(request("7", 7).is_err());
+    }
 }

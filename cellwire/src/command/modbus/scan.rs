@@ -37,9 +37,6 @@ pub(super) struct Args {
     /// Scan the addresses of --unit instead
     #[arg(long)]
     ranges: bool,
-    /// The unit to scan with --ranges
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    unit: u8,
     /// The first address to try
     #[arg(long, value_name = "N", default_value_t = 0)]
     from: u16,
@@ -54,11 +51,11 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
     interrupt::note()?;
     let timeout = if args.ranges { 1000 } else { 200 };
     // A late reply names its unit: the wait for it need not be longer than the one for the reply.
-    let port = args.port.port_with(&args.server, timeout, |config| {
+    let (port, unit) = args.port.port_with(&args.server, timeout, |config| {
         config.settle = config.settle.min(config.timeout);
     })?;
     let mut client = Client::open(&port)?;
-    let found = if args.ranges { ranges(args, &mut client)? } else { units_of(args, &mut client)? };
+    let found = if args.ranges { ranges(args, unit, &mut client)? } else { units_of(args, &mut client)? };
     if found == 0 {
         remark(if args.ranges { "no readable addresses" } else { "no unit replied" });
     }
@@ -103,7 +100,7 @@ enum Tried {
     Nothing(String),
 }
 
-fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
+fn ranges(args: &Args, unit: u8, client: &mut Client) -> Result<u64> {
     anyhow::ensure!(args.from <= args.to, "--from is after --to");
     let mut found = 0;
     for (table, name) in TABLES {
@@ -118,7 +115,7 @@ fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
             if interrupt::requested() {
                 break;
             }
-            let tried = try_read(args.unit, client, part)?;
+            let tried = try_read(unit, client, part)?;
             if let Tried::Malformed(reason) = &tried
                 && !core::mem::replace(&mut malformed, true)
             {

@@ -74,6 +74,7 @@ pub fn run(args: &Args) -> Result<bool> {
         screen::check()?;
     }
     let way = Way::open(&args.way)?;
+    way.advise(args.of.link.name, &args.way);
     output::never_wait()?;
     interrupt::handle()?;
     let mut watch = Watch::default();

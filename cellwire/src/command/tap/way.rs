@@ -6,6 +6,8 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use serialport::SerialPort;
 
+use crate::io::latency::Deadline;
+use crate::io::output::remark;
 use crate::io::serial::{self, Mode, baud_rate};
 use crate::io::tap::{self, Watch};
 use crate::io::tcp::ConnectArgs;
@@ -76,6 +78,13 @@ impl Way {
                 bail!("give --listen and --connect for a network, or --a and --b for serial ports")
             }
         }
+    }
+
+    /// Reports adapters that are too slow for the link between the two ports.
+    pub(super) fn advise(&self, link: &str, args: &WayArgs) {
+        let Self::Ports((a, _), Some((b, _))) = self else { return };
+        let Some(deadline) = Deadline::between(link, args.baud).filter(|_| !args.listen_only) else { return };
+        [a, b].iter().filter_map(|port| deadline.advice(port)).for_each(|advice| remark(&advice));
     }
 
     /// Prints where it is ready.

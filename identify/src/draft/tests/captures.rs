@@ -66,6 +66,17 @@ fn what_a_draft_of_few_messages_says_without_a_question_mark_is_right() {
     assert!(count.drafts > 200 && count.right > 2 * count.drafts, "{count:?}");
 }
 
+/// Many more: `DRAFT_SEEDS=20000 cargo test --release -p cellwire-identify drafts_of_many_captures -- --ignored --nocapture`.
+#[test]
+#[ignore = "minutes"]
+fn drafts_of_many_captures_are_right_without_a_question_mark() {
+    let seeds = std::env::var("DRAFT_SEEDS").map_or(2000, |seeds| seeds.parse().unwrap());
+    let few = count(10_000..10_000 + seeds, 20, 3000);
+    let fewer = count(200_000..200_000 + seeds, 8, 40);
+    let more = count(400_000..400_000 + seeds / 10, 150, 300);
+    assert_eq!([few.wrong, fewer.wrong, more.wrong].concat(), [""; 0]);
+}
+
 #[test]
 fn a_draft_of_more_messages_is_sure_of_more_and_right() {
     let count = count(1000..1030, 600, 30);

@@ -99,7 +99,7 @@ void kawasaki_robot_connected(struct kawasaki_robot *robot, uint64_t now)
     robot->opens = false;
     robot->link = KAWASAKI_READY;
     robot->at = robot->overdue_at = now;
-    robot->silent = 0;
+    robot->silent = robot->unanswered = 0;
     robot->synced = false;
     robot->replies_status = true;
     robot->replies_start = false;
@@ -225,6 +225,8 @@ void kawasaki_robot_timeout(struct kawasaki_robot *robot, uint64_t now)
         robot->link = KAWASAKI_READY;
         robot->at = robot->overdue_at = now;
         robot->silent++;
+        if (robot->unanswered < (robot->config.silent_cycles > 0 ? robot->config.silent_cycles : UINT16_MAX))
+            robot->unanswered++;
         kawasaki_report(&robot->end, KAWASAKI_NO_REPLY);
         if (robot->config.silent_cycles > 0 && robot->silent >= robot->config.silent_cycles)
             robot->end.closes = true;

@@ -90,7 +90,10 @@ static void end_order(struct kawasaki_robot *robot)
     struct kawasaki_robot_order *order = &robot->order;
     bool is_missing = takes_jobs(robot) && (order->gap == KAWASAKI_ASKED || order->gap == KAWASAKI_END_ONCE);
     if (order->stage == KAWASAKI_CLEARING || is_missing) {
-        order->gap = KAWASAKI_END_ONCE;
+        if (is_missing && robot->unanswered > 0)
+            robot->unanswered--;
+        else
+            order->gap = KAWASAKI_END_ONCE;
         reject(robot, KAWASAKI_JOBS_MISSING, next_number(robot), 0);
     } else if (order->stage == KAWASAKI_IN_ALARM || (takes_jobs(robot) && order->gap != KAWASAKI_REST)) {
         order->stage = KAWASAKI_ENDING;

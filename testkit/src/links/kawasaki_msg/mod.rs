@@ -227,6 +227,17 @@ fn over_udp(depth: Depth) -> Vec<Setting> {
     settings
 }
 
+fn lossy(insists: bool) -> Peer {
+    Peer::Lossy { insists, only_late: false }
+}
+
+/// A PC that answers late, of a robot that has enough steps of recovery for as many late answers.
+fn late(answers: u8) -> AnyPc {
+    let system = any(Peer::Lossy { insists: true, only_late: true }, answers);
+    let recovery = RecoveryLimits { resends: 9, ..system.robot.recovery };
+    AnyPc { robot: RobotConfig { recovery, ..system.robot }, ..system }
+}
+
 fn with_any_pc(_: Depth) -> Vec<Setting> {
     let free = any(Peer::Any, 0);
     let with = |robot| AnyPc { robot, ..free.clone() };
@@ -242,14 +253,11 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
     };
     let kept = vec![
         // With three lost connections in a row the steps of recovery are used up, one of each here, and the alarm is right.
-        Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(Peer::Lossy { insists: false }, 2)),
+        Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(lossy(false), 2)),
         // Assumption: a PC that is asked for a job again sends it and those that follow before the end, as the source's does. Of one
-        // that does not, a late job closes the gap, and the end that follows is obeyed. At 3 faults two ends that were sent before
-        // the robot asked again come late, one after each request: it cannot tell them from answers.
-        Setting::new(
-            "one that sends the end whenever all is sent, 2 faults",
-            any(Peer::Lossy { insists: true }, 2),
-        ),
+        // that does not, a late job closes the gap, and the end that follows is obeyed. At 3 faults two answers that are both split come
+        // after the next packet, one piece after each request: the robot cannot tell the pieces from answers.
+        Setting::new("one that sends the end whenever all is sent, 2 faults", any(lossy(true), 2)),
     ];
     let free = vec![
         Setting::new("one that does anything, 3 jobs", free.clone()),
@@ -265,7 +273,12 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
         Setting::new("one that withholds the next job", any(Peer::Withholds, 0)),
     ];
     let free = free.into_iter().map(|setting| setting.on(anything));
-    kept.into_iter().map(|setting| setting.on(rules)).chain(free).collect()
+    let late =
+        Setting::new("one that sends the end whenever all is sent, 3 late answers", late(3)).on(Terms {
+            free: "how many jobs a packet has, whether it repeats the end, when it answers",
+            ..rules
+        });
+    kept.into_iter().map(|setting| setting.on(rules)).chain([late]).chain(free).collect()
 }
 
 fn with_any_robot(depth: Depth) -> Vec<Setting> {
@@ -390,7 +403,6 @@ fn udp_must_fail() -> Vec<MustFail> {
 }
 
 fn any_pc_must_fail() -> Vec<MustFail> {
-    let lossy = |insists, faults| any(Peer::Lossy { insists }, faults);
     let case = |name, property, setting, rule, system: AnyPc| {
         let robot = RobotConfig { rules: Rules::without(rule), ..system.robot };
         MustFail::new(name, property, setting, AnyPc { robot, ..system })
@@ -400,14 +412,21 @@ fn any_pc_must_fail() -> Vec<MustFail> {
     };
     let rules = "one that keeps the rules, 3 jobs, 2 faults";
     vec![
-        case("DestroyRest (robot)", EARLY_END, rules, RobotRule::DestroyRest, lossy(false, 2)),
-        case("EndFillsGap (robot)", EARLY_END, rules, RobotRule::EndFillsGap, lossy(false, 2)),
+        case("DestroyRest (robot)", EARLY_END, rules, RobotRule::DestroyRest, any(lossy(false), 2)),
+        case("EndFillsGap (robot)", EARLY_END, rules, RobotRule::EndFillsGap, any(lossy(false), 2)),
         case(
             "GapAtConnection (robot)",
             EARLY_END,
             "one that sends the end whenever all is sent, 1 fault",
             RobotRule::GapAtConnection,
-            lossy(true, 1),
+            any(lossy(true), 1),
+        ),
+        case(
+            "CountUnanswered (robot)",
+            EARLY_END,
+            "one that sends the end whenever all is sent, 3 late answers",
+            RobotRule::CountUnanswered,
+            late(3),
         ),
         free("StepsByClock (robot)", BOUND, RobotRule::StepsByClock),
         free("ClosingIsStep (robot)", BOUND, RobotRule::ClosingIsStep),

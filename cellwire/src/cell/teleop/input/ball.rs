@@ -13,6 +13,7 @@ use crate::cell::teleop::context::Context;
 use crate::cell::teleop::messages::Notification;
 use crate::cell::teleop::port::{Port, PortConfig};
 use crate::cell::teleop::sample::{FULL, Sample};
+use crate::io::latency::Deadline;
 
 pub(super) struct Ball {
     context: Context,
@@ -30,7 +31,7 @@ impl Ball {
         context: Context,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let driver = Driver::new(Port::open("ball", port, &context)?);
+        let driver = Driver::new(Port::open("ball", port, Some(Deadline::of_ball(&polls)), &context)?);
         let host = Host::new(polls)?;
         Ok(Self { context, driver, host, probe, polls, is_connected: false })
     }

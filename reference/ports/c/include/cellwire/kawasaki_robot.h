@@ -87,7 +87,7 @@ struct kawasaki_robot {
     bool opens; /* that it is to be opened is not reported yet */
     uint64_t connect_at, at, overdue_at, not_before, status_at;
     bool answered, synced;
-    unsigned silent;
+    unsigned silent, unanswered;
     bool has_ended;
     uint16_t ended, ended_executed; /* an order, and a job's number or 0 */
     uint16_t ended_orders[KAWASAKI_ENDED_ORDERS];

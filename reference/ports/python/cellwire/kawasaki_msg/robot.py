@@ -51,7 +51,7 @@ class Robot(End):
         self.link = Link.DISCONNECTED
         self.connect_at = self.at = self.overdue_at = self.not_before = self.status_at = 0
         self.answered = self.synced = False
-        self.silent = 0
+        self.silent = self.unanswered = 0
         self.order = Order(self.numbering, Acks(None if config.acks == INDIVIDUAL else int(config.acks)))
         self.ended: tuple[int, int | None] | None = None
         self.ended_orders: list[int] = []
@@ -107,7 +107,7 @@ class Robot(End):
         self.clear()
         self.forget("connect", "disconnect")
         self.link, self.at, self.overdue_at = Link.READY, now, now
-        self.silent, self.synced = 0, False
+        self.silent, self.unanswered, self.synced = 0, 0, False
         self.replies.status, self.replies.start = True, None
         order = self.order
         order.acks.connected(order.executed)
@@ -237,7 +237,10 @@ class Robot(End):
         order = self.order
         is_missing = order.stage is Stage.INTAKE and order.gap in (Gap.ASKED, Gap.END_ONCE)
         if order.stage is Stage.CLEARING or is_missing:
-            order.gap = Gap.END_ONCE
+            if is_missing and self.unanswered:
+                self.unanswered -= 1
+            else:
+                order.gap = Gap.END_ONCE
             self.reject("jobs_missing", order=order.number, expected=order.next_number())
         elif order.stage is Stage.ALARM or order.stage is Stage.INTAKE and order.gap is not Gap.REST:
             order.stage = Stage.ENDING
@@ -311,6 +314,7 @@ class Robot(End):
         if self.link is Link.WAITING and now >= self.overdue_at:
             self.link, self.at, self.overdue_at = Link.READY, now, now
             self.silent += 1
+            self.unanswered = min(self.unanswered + 1, self.config.silent_cycles or 65535)
             self.report("no_reply")
             if self.config.silent_cycles and self.silent >= self.config.silent_cycles:
                 self.report("disconnect")

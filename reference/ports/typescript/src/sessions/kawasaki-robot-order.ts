@@ -45,6 +45,8 @@ export class RobotOrder {
   protected ended: { order: number; executed: number | null } | null = null;
   protected replies = { status: false, pause: false, start: null as number | null, end: false };
   protected ignoredUntil: number | null = null;
+  /** Packets of the connection that were not answered in time, less the ends that came late for them (KM-66). */
+  protected unanswered = 0;
   private drained = false;
   private readonly endedOrders: number[] = [];
   private hasProgram = true;
@@ -276,7 +278,10 @@ export class RobotOrder {
     if (order === null) return;
     if (order.stage === "clearing" || (order.stage === "intake" && (order.gap === "asked" || order.gap === "end_once"))) {
       this.reject({ kind: "jobs_missing", order: order.number, expected: this.next });
-      if (order.stage === "intake") order.gap = "end_once";
+      if (order.stage === "intake") {
+        if (this.unanswered > 0) this.unanswered -= 1;
+        else order.gap = "end_once";
+      }
       return;
     }
     if (order.stage !== "alarm" && (order.stage !== "intake" || order.gap === "rest")) return;

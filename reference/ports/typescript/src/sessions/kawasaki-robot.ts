@@ -37,6 +37,7 @@ export class KawasakiRobot extends RobotOrder implements Session<KawasakiRobotEv
       synced: false,
       statusAt: now + this.config.status_period,
     };
+    this.unanswered = 0;
     this.replies.status = true;
     this.replies.start = null;
     this.acknowledged = this.executed;
@@ -134,6 +135,7 @@ export class KawasakiRobot extends RobotOrder implements Session<KawasakiRobotEv
     if (link.phase === "connected" && link.cycle.phase === "waiting" && isDue(link.cycle.overdueAt, now)) {
       link.cycle = { phase: "ready", at: now, overdueAt: now };
       link.silent += 1;
+      this.unanswered = Math.min(this.unanswered + 1, this.config.silent_cycles || 65535);
       this.events.push({ event: "no_reply" });
       if (this.config.silent_cycles > 0 && link.silent >= this.config.silent_cycles) this.closing = true;
     }

@@ -35,6 +35,8 @@ pub enum Peer {
     Lossy {
         /// Whether it does.
         insists: bool,
+        /// Whether answers are late or missing, and the line has no other fault.
+        only_late: bool,
     },
     /// Anything at any time, chosen when the robot reads it: no line is needed between the two.
     Any,
@@ -70,6 +72,11 @@ impl AnyPc {
 
     fn is_free(&self) -> bool {
         !matches!(self.peer, Peer::Lossy { .. })
+    }
+
+    /// The line may still corrupt, split and break.
+    fn is_faulty(&self, w: &World) -> bool {
+        w.faults > 0 && !matches!(self.peer, Peer::Lossy { only_late: true, .. })
     }
 
     /// The number of a job, counted from 0.
@@ -184,7 +191,7 @@ impl AnyPc {
 
     /// The answers of a PC that keeps the rules.
     fn answers(&self, w: &World, acts: &mut Vec<Act>) {
-        let Peer::Lossy { insists } = self.peer else { return };
+        let Peer::Lossy { insists, only_late } = self.peer else { return };
         if w.faults > 0 {
             acts.push(Act::Transmit([N; 3]));
         }
@@ -207,7 +214,7 @@ impl AnyPc {
         };
         for packet in packets {
             acts.push(Act::Transmit(packet));
-            for at in (0..3).filter(|at| w.faults > 0 && packet[*at] != N) {
+            for at in (0..3).filter(|at| w.faults > 0 && !only_late && packet[*at] != N) {
                 let mut bad = packet;
                 bad[at] = Letter::Corrupt;
                 acts.push(Act::Transmit(bad));
@@ -313,7 +320,7 @@ impl System for AnyPc {
         }
         if let Some(packet) = w.down.first() {
             acts.push(Act::Read(packet.len() as u8));
-            if w.faults > 0 {
+            if self.is_faulty(w) {
                 acts.extend((1..packet.len()).map(|count| Act::Read(count as u8)));
             }
         }
@@ -326,7 +333,7 @@ impl System for AnyPc {
                 acts.extend([Act::ReadEnd, Act::ReadHalf]);
             }
         }
-        if connected && (free || w.faults > 0) {
+        if connected && (free || self.is_faulty(w)) {
             acts.push(Act::Break);
         }
         let alarm = w.stage() == Some(Stage::Alarm);

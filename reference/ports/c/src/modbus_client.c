@@ -224,7 +224,7 @@ static struct judgement judge(const struct modbus_client *client, const struct m
     if (reply->shape != MODBUS_EXCEPTION)
         return judge_data(request, reply);
     bool is_last = client->decoder.ended && client->decoder.length == 0 && !client->is_cut;
-    bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last && place->stage == MODBUS_CLIENT_IN_FLIGHT;
+    bool is_doubtful = !is_tcp(client) && client->is_doubtful && !is_last;
     return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
 }
 

@@ -243,8 +243,7 @@ class Client(Session):
         request = flight[0]
         mismatch = self.mismatch(request.asked(), header["unit"], item.message)
         is_last = self.replies.ended and not self.replies.held and not self.is_cut
-        may_doubt = request.stage is Stage.IN_FLIGHT and not is_last
-        is_doubtful = may_doubt and pdu[0] > codec.EXCEPTION and self.has_failed  # FM-84
+        is_doubtful = pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
         if not self.is_tcp and (item.message is None or mismatch or is_doubtful):
             self.report("stray", **stray, **({"mismatch": mismatch} if mismatch else {}))
             return

@@ -357,7 +357,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       return;
     }
     const misfit = this.misfitOf(place, unit, decoded);
-    if (transaction === null && (misfit !== null || this.isDoubtful(place, pdu))) {
+    if (transaction === null && (misfit !== null || this.isDoubtful(pdu))) {
       this.events.push(misfit !== null && "mismatch" in misfit ? { ...stray, ...misfit } : stray);
       return;
     }
@@ -374,7 +374,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   }
 
   /** Why a frame does not fit what was sent; null, if it does (FM-44). */
-  private misfitOf(place: Place, unit: number, decoded: ReturnType<typeof decodePdu>): Misfit | null {
+  private misfitOf(place: Place, unit: number, decoded: ReturnType<typeof decodeFrame>): Misfit | null {
     if (unit !== place.request.unit && !this.config.any_unit) return { mismatch: { kind: "unit", expected: place.request.unit, found: unit } };
     if ("error" in decoded) return { malformed: decoded.error };
     const mismatch = mismatchOf(sentFor(place), decoded.message as Reply);
@@ -382,8 +382,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   }
 
   /** Whether an exception may be data of a reply that was damaged (FM-84). */
-  private isDoubtful(place: Place, pdu: Uint8Array): boolean {
-    return place.stage === "in_flight" && numberAt(pdu, 0) > 0x7f && this.damaged && (this.cut || !this.decoder.isAtEnd);
+  private isDoubtful(pdu: Uint8Array): boolean {
+    return numberAt(pdu, 0) > 0x7f && this.damaged && (this.cut || !this.decoder.isAtEnd);
   }
 
   /** The newest request that has timed out with a transaction expects no more reply (FM-48). */

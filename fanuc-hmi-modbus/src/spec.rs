@@ -59,8 +59,7 @@ impl Configure for ClientConfig {
         let about = "assumed: in RTU frames, the latest reply after its request has timed out";
         fields.time("settle", ANY_TIME, about, settle);
         fields.time("pause", ANY_TIME, "from the end of a request to the next one", pause);
-        let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
-        fields.flag("echo", about, echo);
+        fields.echo(echo);
         framing_of(fields, framing);
     }
 }
@@ -74,8 +73,7 @@ impl Configure for ServerConfig {
         fields.source("SL §2.2").flag("broadcast", about, broadcast);
         let about = "on a serial line, how long the rest of an incomplete request is waited for";
         fields.time("frame_timeout", SOME_TIME, about, frame_timeout);
-        let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
-        fields.flag("echo", about, echo);
+        fields.echo(echo);
         framing_of(fields, framing);
     }
 }

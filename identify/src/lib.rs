@@ -10,6 +10,7 @@
 
 mod combination;
 mod draft;
+mod echo;
 mod evidence;
 mod plausible;
 mod search;

@@ -4,6 +4,7 @@ use anyhow::Result;
 use serde_json::{Map, Value};
 
 use super::combination::{Combination, Level, Reading};
+use super::echo::without_echo;
 use super::evidence::{ENOUGH, Random, evidence, rules_out};
 use super::plausible::plausible;
 use super::{Decided, Finding, Open, Stream};
@@ -24,11 +25,30 @@ const SENSE_OF_ONE: f64 = 5.0;
 const SHUFFLED: usize = 64 * 1024;
 const MOST_SHUFFLES: usize = 1024;
 
-/// The settings of a link that explain most of what the ends of a conversation sent.
+/// The settings of a link that explain most of what the ends of a conversation sent; among them `echo`, if the line returns what one of
+/// them sends, and the link has that setting.
 ///
 /// # Errors
 /// Where a decoder makes no progress: it is a defect.
 pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
+    let cleaned = if has_echo(link) { without_echo(streams) } else { None };
+    let mut finding = read(link, cleaned.as_deref().unwrap_or(streams))?;
+    if cleaned.is_some() && !finding.read.is_empty() {
+        finding.settings.insert(ECHO.into(), true.into());
+        finding.options.push(Open { name: ECHO.into(), value: true.into(), decided: Decided::ByBytes });
+    }
+    Ok(finding)
+}
+
+/// The setting of an end whose line returns what it sends.
+const ECHO: &str = "echo";
+
+fn has_echo(link: &Link) -> bool {
+    let fields = link.configs.iter().filter_map(|config| (config.fields)(&Map::new()).ok()).flatten();
+    fields.into_iter().any(|setting| setting.name == ECHO)
+}
+
+fn read(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     let sample = sample(streams);
     let mut kept = Vec::new();
     for given in candidates(link, &sample)? {

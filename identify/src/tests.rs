@@ -8,6 +8,7 @@ use cellwire_links::LINKS;
 use cellwire_links::link::Carrier;
 
 mod compared;
+mod echo;
 mod findings;
 
 /// What a side of a link sends with these settings.

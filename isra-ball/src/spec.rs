@@ -7,15 +7,16 @@ use crate::host::HostConfig;
 
 impl Configure for BallConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { sensor_type, sensor, rules: _ } = self;
+        let Self { sensor_type, sensor, echo, rules: _ } = self;
         fields.source("§4.2").whole("sensor_type", 0..=7, "", "the type in every packet", sensor_type);
         fields.source("§4.2").whole("sensor", 0..=7, "", "the number in every packet", sensor);
+        fields.echo(echo);
     }
 }
 
 impl Configure for HostConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { baud, period, max_delay, max_age, rules: _ } = self;
+        let Self { baud, period, max_delay, max_age, echo, rules: _ } = self;
         fields.source("§4.1").baud(LINE, baud);
         let about =
             "the shortest time between polls; at least an exchange, rounded up to 1 ms: 14 ms at 9600 baud";
@@ -25,6 +26,7 @@ impl Configure for HostConfig {
         fields.time("max_delay", ANY_TIME, about, max_delay);
         let about = "the age at which values are stale; above 2 · max(period, window) + window, where window is an exchange and max_delay";
         fields.time("max_age", ANY_TIME, about, max_age);
+        fields.echo(echo);
     }
 }
 

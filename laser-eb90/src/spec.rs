@@ -67,12 +67,13 @@ fn profile_of(fields: &mut impl Fields, profile: &mut Profile) {
 
 impl Configure for ControllerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { profile, words, batch, tick, silence, rules: _ } = self;
+        let Self { profile, words, batch, tick, silence, echo, rules: _ } = self;
         instructions(fields, words, batch);
         let about = "the controller's cycle, at whose end answers are sent";
         fields.source("§4.1").time("tick", ANY_TIME, about, tick);
         let about = "the silence after which corrupt bytes are answered and an incomplete frame is dropped";
         fields.time("silence", ANY_TIME, about, silence);
+        fields.echo(echo);
         profile_of(fields, profile);
     }
 }
@@ -96,6 +97,7 @@ impl Configure for HostConfig {
             controller_drops_partial,
             backoff,
             full_timeout,
+            echo,
             rules: _,
         } = self;
         fields.baud(LINE, baud);
@@ -124,6 +126,7 @@ impl Configure for HostConfig {
         fields.time("backoff", ANY_TIME, "the delay when the queue is full", backoff);
         let about = "how long the queue may be full before a frame counts as refused";
         fields.time("full_timeout", ANY_TIME, about, full_timeout);
+        fields.echo(echo);
         profile_of(fields, profile);
     }
 }

@@ -130,7 +130,7 @@ impl fmt::Display for EchoError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotSet { length } => {
-                write!(f, "the line returns what is sent ({length} bytes came back): set echo to true")
+                write!(f, "the line returns what is sent ({length} bytes came back): set echo=true")
             }
             Self::Collision { offset, expected, found } => write!(
                 f,

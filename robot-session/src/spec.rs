@@ -97,6 +97,12 @@ pub trait Fields {
     /// `true` or `false`.
     fn flag(&mut self, name: &str, about: Str, field: &mut bool);
 
+    /// The field `echo`: whether the line returns what is sent, see [`Echo`](crate::Echo).
+    fn echo(&mut self, field: &mut bool) {
+        let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
+        self.flag("echo", about, field);
+    }
+
     /// A time.
     fn time(&mut self, name: &str, range: RangeInclusive<Duration>, about: Str, field: &mut Duration);
 

@@ -165,6 +165,10 @@ impl Adapter for Laser {
                 end.event(&json!({"event": "corrupt", "error": error}));
                 return Ok(());
             }
+            HostEvent::Echo(error) => {
+                end.event(&json!({"event": "echo", "error": error, "text": error.to_string()}));
+                return Ok(());
+            }
             _ => return Ok(()),
         };
         // A frame is never mixed: it is the order's, or the query for the status.

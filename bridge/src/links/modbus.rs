@@ -203,6 +203,9 @@ impl Adapter for Modbus {
             ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
                 end.event(&json!({"event": "corrupt", "error": error}));
             }
+            ClientEvent::Echo(error) => {
+                end.event(&json!({"event": "echo", "error": error, "text": error.to_string()}));
+            }
             _ => {}
         }
         Ok(())

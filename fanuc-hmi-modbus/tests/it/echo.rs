@@ -116,7 +116,7 @@ fn the_own_bytes_are_never_a_reply() {
 }
 
 #[test]
-fn a_collision_is_told_and_the_reply_behind_it_is_not_believed() {
+fn a_collision_is_told() {
     let mut client: Client = connected(with_echo(rtu()));
     let ticket = client.request(1, &read(0, 2)).unwrap();
     let mut line = send(&mut client, MS);
@@ -173,7 +173,7 @@ fn a_line_that_returns_what_is_sent_is_found() {
     }
     assert_eq!(
         EchoError::NotSet { length: 8 }.to_string(),
-        "the line returns what is sent (8 bytes came back): set echo to true"
+        "the line returns what is sent (8 bytes came back): set echo=true"
     );
 }
 

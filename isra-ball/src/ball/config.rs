@@ -11,6 +11,10 @@ pub struct BallConfig {
     pub sensor_type: u8,
     /// Sensor number, 0..=7. Default: 0.
     pub sensor: u8,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a packet come back first
+    /// then: they are compared with it and dropped, and others are [`BallEvent::Echo`](crate::BallEvent::Echo), a collision. While it is off, the
+    /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,

@@ -5,7 +5,9 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{
+    ByteDecoder, Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected,
+};
 
 pub use config::BallConfig;
 #[doc(hidden)]
@@ -29,6 +31,7 @@ use machine::{Action, BallMachine, Input, Reply};
 #[derive(Debug, Clone)]
 pub struct Ball {
     core: CoreOf<Self>,
+    echo: Echo<{ Packet::LEN }>,
     /// The sensor's values.
     packet: Packet,
 }
@@ -47,6 +50,9 @@ pub enum BallEvent {
     /// A byte that is not ENQ. The source knows a second kind of request, a telegram, and does not describe it.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
+    /// A notice: the line returns what is sent, and [`echo`](BallConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A poll came without a connection.
     Unexpected(Unexpected),
 }
@@ -72,7 +78,11 @@ impl Ball {
     /// [`ConfigError::Identity`] if sensor type or number is out of range.
     pub fn new(config: BallConfig) -> Result<Self, ConfigError> {
         let packet = config.packet()?;
-        Ok(Self { core: Core::new(config, BallMachine::NEW, ByteDecoder::new()), packet })
+        Ok(Self {
+            core: Core::new(config, BallMachine::NEW, ByteDecoder::new()),
+            echo: Echo::new(config.echo),
+            packet,
+        })
     }
 
     /// New values from the sensor, for the next reply.
@@ -99,6 +109,7 @@ impl End for Ball {
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(BallEvent::Unexpected);
+    robot_session::echo!(BallEvent::Echo);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         loop {
@@ -127,7 +138,9 @@ impl End for Ball {
     }
 
     fn write(&mut self, _now: Duration, reply: Reply, out: &mut [u8]) -> Option<(usize, Input)> {
-        *out.first_chunk_mut()? = self.reply(reply).to_bytes().ok()?;
+        let out = out.first_chunk_mut()?;
+        *out = self.reply(reply).to_bytes().ok()?;
+        self.echo.sent(out, true);
         Some((Packet::LEN, Input::Sent))
     }
 }

@@ -25,6 +25,10 @@ pub struct HostConfig {
     /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
     /// reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
     pub max_age: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. Each poll comes back
+    /// first then, and is dropped; another byte is [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, polls that come back are corrupt
+    /// bytes.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -101,6 +105,7 @@ impl Default for HostConfig {
             period: Duration::from_millis(28),
             max_delay: Duration::from_millis(14),
             max_age: Duration::from_millis(150),
+            echo: false,
             rules: Rules::ALL,
         }
     }

@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected};
 
 pub use config::HostConfig;
 #[doc(hidden)]
@@ -37,6 +37,7 @@ use machine::{Action, Enquiry, HostMachine, Input};
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
+    echo: Echo<1>,
 }
 
 /// The events of the host.
@@ -64,6 +65,9 @@ pub enum HostEvent {
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
+    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A notice: bytes came without a connection.
     Unexpected(Unexpected),
 }
@@ -97,7 +101,7 @@ impl Host {
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
-        Ok(Self { core })
+        Ok(Self { core, echo: Echo::new(config.echo) })
     }
 
     /// Until when the values of the last [`HostEvent::Packet`] may be used; `None` if they are stale. A consumer that runs apart
@@ -131,6 +135,7 @@ impl End for Host {
     const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
 
     robot_session::core!(HostEvent::Unexpected);
+    robot_session::echo!(HostEvent::Echo);
 
     fn next_input(&mut self) -> Option<(Input, Option<Packet>)> {
         loop {
@@ -176,6 +181,8 @@ impl End for Host {
         *out.first_mut()? = ENQ;
         // What is not whole is no reply to this poll.
         self.finish(now);
+        // A packet may begin with the same byte.
+        self.echo.sent(&[ENQ], false);
         Some((1, Input::Sent))
     }
 }

@@ -23,6 +23,10 @@ pub struct ControllerConfig {
     /// The silence after which corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
     /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
     pub silence: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of an answer come
+    /// back first then: they are compared with it and dropped, and others are [`ControllerEvent::Echo`](crate::ControllerEvent::Echo), a collision. While
+    /// it is off on such a line, each answer comes back as an instruction without parameters.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -54,6 +58,7 @@ impl Default for ControllerConfig {
             batch: 7,
             tick: timing::TICK,
             silence: Duration::from_millis(50),
+            echo: false,
             rules: Rules::ALL,
         }
     }

@@ -6,7 +6,9 @@ mod verdict;
 
 use core::time::Duration;
 
-use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Machine as _, Room, Unexpected};
+use robot_session::{
+    Core, Decoder as _, Echo, EchoError, Encode as _, End, EventQueue, Machine as _, Room, Unexpected,
+};
 use robot_work_queue::{NoWake, Wake, Writer};
 
 pub use self::config::ControllerConfig;
@@ -47,6 +49,7 @@ use crate::words::{Class, Refusal};
 #[derive(Debug)]
 pub struct Controller<'q, T, R: Wake = NoWake> {
     core: Core<ControllerMachine, Decoder, EventQueue<ControllerEvent, EVENTS>, ControllerStatistics>,
+    echo: Echo<{ Frame::MAX_LEN }>,
     queue: Writer<'q, T, R>,
     /// The parameters of the instruction to execute, then the values of the answer.
     values: [u8; MAX_PAYLOAD],
@@ -77,6 +80,9 @@ pub enum ControllerEvent {
     /// A notice: bytes that are not a frame.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
+    /// A notice: the line returns what is sent, and [`echo`](ControllerConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A notice: a call that is invalid in this state.
     Unexpected(Unexpected),
 }
@@ -118,6 +124,7 @@ where
         config.check()?;
         Ok(Self {
             core: Core::new(config, ControllerMachine::NEW, Decoder::new(&config.profile)),
+            echo: Echo::new(config.echo),
             queue,
             values: [0; MAX_PAYLOAD],
             len: 0,
@@ -216,6 +223,7 @@ where
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(ControllerEvent::Unexpected);
+    robot_session::echo!(ControllerEvent::Echo);
 
     /// Instructions are queued here: whether they all can be is known only then.
     fn next_input(&mut self) -> Option<(Input, Option<ControllerEvent>)> {
@@ -279,7 +287,10 @@ where
     }
 
     fn write(&mut self, _: Duration, answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
-        Some((self.encode(answer, out)?, Input::Sent))
+        let len = self.encode(answer, out)?;
+        // A host may send the same.
+        self.echo.sent(out.get(..len).unwrap_or_default(), false);
+        Some((len, Input::Sent))
     }
 
     /// Also while an instruction is executed: a frame that comes before the answer withdraws it, and so it must not wait in the port.

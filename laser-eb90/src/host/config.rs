@@ -65,6 +65,10 @@ pub struct HostConfig {
     pub backoff: Duration,
     /// How long the queue may stay full before the frame counts as refused. Default: 60 s.
     pub full_timeout: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a frame come back first
+    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off,
+    /// a frame with more than one command word shows it: an answer has nothing else. That is the same event, and from then on they are dropped.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -113,6 +117,7 @@ impl HostConfig {
             controller_drops_partial: false,
             backoff: ms(100),
             full_timeout: ms(60_000),
+            echo: false,
             rules: Rules::ALL,
         }
     }

@@ -7,7 +7,9 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
+use robot_session::{
+    Core, CoreOf, Decoder as _, Echo, EchoError, Encode as _, End, EventQueue, Room, Unexpected,
+};
 
 use self::buffers::{Buffer, Buffers};
 pub use self::config::HostConfig;
@@ -44,6 +46,7 @@ use crate::words::{Class, Refusal};
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
+    echo: Echo<{ Frame::MAX_LEN }>,
     /// The frame that is being filled, and the one in flight (备份), which is kept until its answer has come.
     frames: Buffers,
     /// The values of the query that was answered last.
@@ -102,6 +105,9 @@ pub enum HostEvent {
     /// A notice: bytes that are not an answer.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
+    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A notice: a call that is invalid in this state.
     Unexpected(Unexpected),
 }
@@ -132,7 +138,7 @@ impl Host {
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, Decoder::new(&config.profile));
-        Ok(Self { core, frames: Buffers::EMPTY, answer: Buffer::EMPTY })
+        Ok(Self { core, echo: Echo::new(config.echo), frames: Buffers::EMPTY, answer: Buffer::EMPTY })
     }
 
     /// Adds an instruction to the next frame; returns the number that events know it by: 0, 1, 2 …
@@ -229,6 +235,7 @@ impl End for Host {
     const ROOM: Room = Room { connect: 0, read: 0, transmit: EVENTS };
 
     robot_session::core!(HostEvent::Unexpected);
+    robot_session::echo!(HostEvent::Echo);
 
     fn discards_after(&self) -> Option<Duration> {
         Some(self.core.config.answer_timeout)
@@ -280,6 +287,9 @@ impl End for Host {
         };
         let config = &self.core.config;
         let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;
+        // An answer has one command word, and nothing else behind it.
+        let is_proof = Items::new(frame.as_bytes(), &config.profile).count() > 1;
+        self.echo.sent(out.get(..len).unwrap_or_default(), is_proof);
         Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))
     }
 

@@ -31,6 +31,10 @@ pub struct HostConfig {
     /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. One with the bytes 11h or 13h in it, XON and XOFF, is
     /// [not sent](crate::HostEvent::Unsendable).
     pub format: Format,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a packet come back first
+    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, the
+    /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -82,6 +86,7 @@ impl Default for HostConfig {
             max_age: Duration::from_millis(200),
             max_hold: Duration::from_secs(5),
             format: |packet, out| packet.encode(out).ok(),
+            echo: false,
             rules: Rules::ALL,
         }
     }

@@ -5,7 +5,9 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{
+    ByteDecoder, Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected,
+};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -33,6 +35,7 @@ use machine::{Action, Answer, HostMachine, Input};
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
+    echo: Echo<256>,
     /// The next packet: how many were sent before it, and the newest pose.
     packet: PosePacket,
 }
@@ -59,6 +62,9 @@ pub enum HostEvent {
     /// A byte that is none of ENQ, XON and XOFF.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
+    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A request, XON or XOFF came without a connection.
     Unexpected(Unexpected),
 }
@@ -92,7 +98,7 @@ impl Host {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, ByteDecoder::new());
         let packet = PosePacket { count: 0, pose: [0; 12] };
-        Ok(Self { core, packet })
+        Ok(Self { core, echo: Echo::new(config.echo), packet })
     }
 
     /// Sets the pose that requests are answered with from now on.
@@ -115,6 +121,7 @@ impl End for Host {
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(HostEvent::Unexpected);
+    robot_session::echo!(HostEvent::Echo);
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
         loop {
@@ -150,7 +157,11 @@ impl End for Host {
 
     fn write(&mut self, _now: Duration, Answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         let length = (self.core.config.format)(&self.packet, out).filter(|length| *length > 0)?;
-        let is_sendable = !out.get(..length)?.iter().any(|byte| matches!(*byte, XON | XOFF));
+        let packet = out.get(..length)?;
+        let is_sendable = !packet.iter().any(|byte| matches!(*byte, XON | XOFF));
+        if is_sendable {
+            self.echo.sent(packet, true);
+        }
         Some(if is_sendable { (length, Input::Sent) } else { (0, Input::Unsendable) })
     }
 }

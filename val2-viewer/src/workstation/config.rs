@@ -18,6 +18,10 @@ pub struct WorkstationConfig {
     /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the
     /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] means never.
     pub max_hold: Duration,
+    /// Whether the line returns what is sent, as adapters for two wires do. Off. Each request comes
+    /// back first then, and is dropped; another byte is [`WorkstationEvent::Echo`](crate::WorkstationEvent::Echo), a collision. While it is off, the first
+    /// request that comes back shows it: that is the same event, and from then on they are dropped.
+    pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -81,6 +85,7 @@ impl Default for WorkstationConfig {
             pause: Duration::from_secs(2),
             stale_after: Duration::from_millis(1500),
             max_hold: Duration::from_secs(5),
+            echo: false,
             rules: Rules::ALL,
         }
     }

@@ -6,7 +6,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -34,6 +34,7 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 #[derive(Debug, Clone)]
 pub struct Workstation {
     core: CoreOf<Self>,
+    echo: Echo<1>,
 }
 
 /// What the workstation reports.
@@ -59,6 +60,9 @@ pub enum WorkstationEvent {
     Corrupt(DecodeError),
     /// A notice: no XON has come since the last XOFF, for [`max_hold`](WorkstationConfig::max_hold). Requests are sent again.
     HoldEnded,
+    /// A notice: the line returns what is sent, and [`echo`](WorkstationConfig::echo) is off; or it is on, and something else came back.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
+    Echo(EchoError),
     /// A notice: bytes came without a connection.
     Unexpected(Unexpected),
 }
@@ -91,7 +95,7 @@ impl Workstation {
     pub fn new(config: WorkstationConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, WorkstationMachine::Disconnected, HandshakeDecoder::default());
-        Ok(Self { core })
+        Ok(Self { core, echo: Echo::new(config.echo) })
     }
 
     /// A display cycle, about five times a second while the display is on, and not while it is paused.
@@ -128,6 +132,7 @@ impl End for Workstation {
     const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
 
     robot_session::core!(WorkstationEvent::Unexpected);
+    robot_session::echo!(WorkstationEvent::Echo);
 
     fn next_input(&mut self) -> Option<(Input, Option<PosePacket>)> {
         Some(match self.core.decoder.next_frame()? {
@@ -170,6 +175,7 @@ impl End for Workstation {
 
     fn write(&mut self, _now: Duration, Enquiry: Enquiry, out: &mut [u8]) -> Option<(usize, Input)> {
         *out.first_mut()? = ENQ;
+        self.echo.sent(&[ENQ], true);
         Some((1, Input::Sent))
     }
 }

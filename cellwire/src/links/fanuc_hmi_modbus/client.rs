@@ -286,6 +286,10 @@ fn answer<T>(
             remark(&format!("corrupt: {error}"));
             None
         }
+        ClientEvent::Echo(error) => {
+            remark(&format!("echo: {error}"));
+            None
+        }
         _ => None,
     }
 }

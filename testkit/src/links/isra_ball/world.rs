@@ -44,6 +44,7 @@ impl Config {
         // A packet that is one tick late is in time.
         max_delay: Duration::from_micros(7500),
         max_age: Duration::from_millis(55),
+        echo: false,
         rules: Rules::ALL,
     });
 

@@ -163,6 +163,7 @@ impl<'a> Runner<'a> {
             }
             HostEvent::Unasked { word } => json!({"event": "unasked", "word": word}),
             HostEvent::Corrupt(error) => json!({"event": "corrupt", "error": error}),
+            HostEvent::Echo(error) => json!({"event": "echo", "error": error, "text": error.to_string()}),
             other => json!({"event": "notice", "what": format!("{other:?}")}),
         };
         self.operator.notify(event);

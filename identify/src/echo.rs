@@ -1,0 +1,57 @@
+//! Conversations over a line that returns what one end sends.
+
+use core::ops::Range;
+
+use crate::Stream;
+
+/// How many of ten pieces that were sent have come back, at least.
+const OF_TEN: usize = 9;
+/// How many pieces show it.
+const ENOUGH: usize = 2;
+
+/// The streams without what came back to the end that sent it, if the line returns what one of two ends sends.
+///
+/// It needs the times of both. A conversation of which nothing else would be left is none: some answers are equal to what they answer.
+pub(crate) fn without_echo(streams: &[Stream]) -> Option<Vec<Stream>> {
+    let [first, second] = streams else { return None };
+    let cleaned = |sent, received| Some(without(received, &returned(sent, received)?));
+    match (cleaned(first, second), cleaned(second, first)) {
+        (Some(second), _) => Some(vec![first.clone(), second]),
+        (None, Some(first)) => Some(vec![first, second.clone()]),
+        (None, None) => None,
+    }
+}
+
+/// Where the pieces of one stream are in the other: each in what has arrived there after it was sent.
+fn returned(sent: &Stream, received: &Stream) -> Option<Vec<Range<usize>>> {
+    let ([sent_bytes], [bytes]) = (sent.parts.as_slice(), received.parts.as_slice()) else { return None };
+    let ends = sent.arrivals.iter().skip(1).map(|(begin, _)| *begin).chain([sent_bytes.len()]);
+    let (mut found, mut from) = (Vec::new(), 0);
+    for ((begin, at), end) in sent.arrivals.iter().zip(ends) {
+        let piece = sent_bytes.get(*begin..end)?;
+        let arrived = received.arrivals.iter().find(|(_, arrived)| arrived > at);
+        let Some((place, _)) = arrived else { break };
+        let place = from.max(*place);
+        if bytes.get(place..).is_some_and(|rest| rest.starts_with(piece)) {
+            from = place + piece.len();
+            found.push(place..from);
+        }
+    }
+    let length: usize = found.iter().map(ExactSizeIterator::len).sum();
+    let is_echo = found.len() >= ENOUGH && found.len() * 10 >= sent.arrivals.len() * OF_TEN;
+    (is_echo && length < bytes.len()).then_some(found)
+}
+
+/// A stream of one part without these bytes.
+fn without(stream: &Stream, taken: &[Range<usize>]) -> Stream {
+    let before =
+        |at: usize| taken.iter().map(|range| range.end.min(at).saturating_sub(range.start)).sum::<usize>();
+    let is_kept = |at: usize| !taken.iter().any(|range| range.contains(&at));
+    let keep = |bytes: &Vec<u8>| {
+        let kept = bytes.iter().enumerate().filter(|(at, _)| is_kept(*at));
+        kept.map(|(_, byte)| *byte).collect()
+    };
+    let parts: Vec<Vec<u8>> = stream.parts.iter().map(keep).collect();
+    let arrivals = stream.arrivals.iter().map(|(at, time)| (at - before(*at), *time)).collect();
+    Stream { sender: stream.sender.clone(), parts, arrivals }
+}

@@ -336,6 +336,8 @@ class Command:
             sys.exit("the port itself does not build")
 
     def prepare(self, link: Link, traced: bool) -> set[str]:
+        if self.changed is not None:
+            self.builder.build(self.changed)  # without the last change of another link
         answers = self.answers(link, link.order)
         if answers is None or len(answers) != len(link.order):
             sys.exit("the port itself fails")

@@ -86,6 +86,9 @@ impl SetArgs {
     }
 }
 
+/// What `identify` finds of a line, and ends of several links have.
+const ECHO: &str = "echo";
+
 /// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
 /// ends. Those that the command does not have are left out, with a remark unless they only show bytes in another way.
 fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
@@ -103,7 +106,7 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
         if !open().any(|name| is_known(name) || !places(name).is_empty()) {
             continue;
         }
-        for name in open().chain(shown.iter().copied()).filter(|name| !is_known(name)) {
+        for name in open().chain([ECHO]).chain(shown.iter().copied()).filter(|name| !is_known(name)) {
             let Some(value) = given.remove(name) else { continue };
             let places = places(name);
             if places.is_empty() && !shown.contains(&name) {

@@ -27,6 +27,8 @@ pub enum Stage {
     Probing {
         /// When that times out.
         deadline: Duration,
+        /// Something corrupt has come since it was sent.
+        doubtful: bool,
     },
     /// It was sent, and waits for its reply.
     InFlight {
@@ -55,7 +57,7 @@ impl Held {
     /// When it times out.
     pub(super) const fn deadline(&self) -> Option<Duration> {
         match self.stage {
-            Stage::Probing { deadline } | Stage::InFlight { deadline, .. } => Some(deadline),
+            Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } => Some(deadline),
             Stage::Queued { .. }
             | Stage::QueuedBroadcast
             | Stage::Ended

@@ -137,7 +137,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
             }
         }
         for held in self.requests.iter_mut().flatten() {
-            if let Stage::Probing { deadline } | Stage::InFlight { deadline, .. } = &mut held.stage {
+            if let Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } = &mut held.stage {
                 f(deadline);
             }
         }
@@ -297,7 +297,7 @@ impl<const N: usize> ClientMachine<N> {
         let held = requests.find(|held| held.place == place)?;
         match stage {
             Stage::Queued { .. } if probe => {
-                held.stage = Stage::Probing { deadline: now.saturating_add(config.timeout) };
+                held.stage = Stage::Probing { deadline: now.saturating_add(config.timeout), doubtful: false };
                 *quiet = Quiet::Over;
                 Some(Action::Sent)
             }
@@ -332,7 +332,10 @@ impl<const N: usize> ClientMachine<N> {
         let fits = match fit {
             Fit::Whole => true,
             Fit::Exception => {
-                let is_doubtful = matches!(held.stage, Stage::InFlight { doubtful: true, .. });
+                let is_doubtful = matches!(
+                    held.stage,
+                    Stage::Probing { doubtful: true, .. } | Stage::InFlight { doubtful: true, .. }
+                );
                 !is_doubtful || !config.rules.keeps(Rule::DoubtException)
             }
             Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
@@ -372,7 +375,7 @@ impl<const N: usize> ClientMachine<N> {
     fn corrupt(&mut self, config: &ClientConfig) -> Action {
         if !config.framing.has_transactions() {
             for held in self.requests.iter_mut().map_while(Option::as_mut) {
-                if let Stage::InFlight { doubtful, .. } = &mut held.stage {
+                if let Stage::Probing { doubtful, .. } | Stage::InFlight { doubtful, .. } = &mut held.stage {
                     *doubtful = true;
                 }
             }
@@ -421,7 +424,7 @@ impl<const N: usize> ClientMachine<N> {
                     places.insert(held.place);
                 }
                 // Nothing has come back, not even what was sent.
-                Stage::Probing { deadline } if is_due(deadline, now) => {
+                Stage::Probing { deadline, .. } if is_due(deadline, now) => {
                     held.stage = Stage::Queued { mirrored: true };
                 }
                 _ => continue,

@@ -185,7 +185,14 @@ fn lines(seen: &Seen) -> Vec<String> {
 
 /// The function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
-    let text = (finding.link.open.rust)(&finding.settings, carrier)?;
+    let mut settings = finding.settings.clone();
+    let echo = settings.remove("echo");
+    let mut text = (finding.link.open.rust)(&settings, carrier)?;
+    if echo.is_some() {
+        text.push_str(
+            "// The line returns what one end sends: `echo: true` in the configuration of that end.\n",
+        );
+    }
     let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
     Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.name)?)
 }

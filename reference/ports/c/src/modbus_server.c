@@ -441,7 +441,8 @@ bool modbus_server_event(struct modbus_server *server, struct modbus_server_even
 /* FM-92 */
 static bool is_proof(const uint8_t *reply, size_t length)
 {
-    return length > READ_REQUEST && ((reply[1] >= 1 && reply[1] <= 4) || reply[1] == 23);
+    static const uint8_t READING[] = {1, 2, 3, 4, 23};
+    return length > READ_REQUEST && memchr(READING, reply[1], sizeof READING) != NULL;
 }
 
 /* FM-60 */

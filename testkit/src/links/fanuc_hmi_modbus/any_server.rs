@@ -301,7 +301,7 @@ impl Peer for AnyServer {
             Action::Cut => {
                 // Time is counted from now: what is due is at zero.
                 let waits = |held: &Held| match held.stage {
-                    Stage::Probing { deadline } | Stage::InFlight { deadline, .. } => !deadline.is_zero(),
+                    Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } => !deadline.is_zero(),
                     _ => false,
                 };
                 if known.is_partial && end.held().any(waits) {

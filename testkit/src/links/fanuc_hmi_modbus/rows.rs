@@ -153,6 +153,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
                 states.push(up(&[ask, sent, On::Received, On::Partial]));
                 states.extend([after(&[(at, mirror)]), up(&[mirror]), up(&[mirror, probed])]);
                 states.push(up(&[mirror, probed, On::Received]));
+                states.push(up(&[mirror, probed, On::Received, On::Corrupt]));
                 states.push(up(&[mirror, probed, On::Received, On::Partial]));
             }
             states.extend([after(&timed_out), after(&taken), up(&[announce, sent])]);
@@ -198,7 +199,10 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ClientLink::Up { line: Line::Busy { .. }, .. } if machine.name() != "Receiving" => ", bytes",
             ClientLink::Up { .. } | ClientLink::Down => "",
         };
-        let is_doubtful = |held: &Held| matches!(held.stage, Stage::InFlight { doubtful: true, .. });
+        let is_doubtful = |held: &Held| match held.stage {
+            Stage::Probing { doubtful, .. } | Stage::InFlight { doubtful, .. } => doubtful,
+            _ => false,
+        };
         let doubt = if machine.held().any(is_doubtful) { ", in doubt" } else { "" };
         format!("{}, {}{bytes}{doubt}", T::NAME, client_state(machine))
     }

@@ -96,8 +96,6 @@ class Client(Session):
         self.is_partial = False  # until then the rest of the reply is waited for (FM-86)
         self.is_cut = False  # the last end of the input was that of such a wait
         self.quiet_until: int | None = None
-        self.is_proven = False  # FM-93
-        self.echo = Echo(config.echo)
         self.places: list[Request | None] = [None] * config.places
         self.tickets = self.ends = self.last_transaction = 0
         self.has_failed = False  # the decoder, since the last request was sent (FM-84)
@@ -166,7 +164,7 @@ class Client(Session):
         """FM-53"""
         self.lose()
         self.is_up = True
-        self.is_proven = self.is_tcp or self.config.echo
+        self.is_proven = self.is_tcp or self.config.echo  # FM-93
         self.echo = Echo(self.config.echo)
         self.quiet_until = after(now, after(self.time_limit, self.settle)) if self.is_line else None
 
@@ -245,20 +243,21 @@ class Client(Session):
         request = flight[0]
         mismatch = self.mismatch(request.asked(), header["unit"], item.message)
         is_last = self.replies.ended and not self.replies.held and not self.is_cut
-        may_doubt = not self.is_tcp and request.stage is Stage.IN_FLIGHT
-        is_doubtful = may_doubt and pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
-        fits = item.message is not None and mismatch is None and not is_doubtful
-        if not fits and not self.is_tcp:
+        may_doubt = request.stage is Stage.IN_FLIGHT and not is_last
+        is_doubtful = may_doubt and pdu[0] > codec.EXCEPTION and self.has_failed  # FM-84
+        if not self.is_tcp and (item.message is None or mismatch or is_doubtful):
             self.report("stray", **stray, **({"mismatch": mismatch} if mismatch else {}))
             return
         self.is_proven = True
         self.be_quiet(now, self.config.pause)  # FM-94
         if request.stage is Stage.PROBING:
             request.stage = Stage.QUEUED
-        elif fits and item.message is not None:
-            self.finish(request, "replied", message=reply_of(request.message, item.message))
+        elif mismatch:
+            self.finish(request, "failed", reason={"mismatch": mismatch})
+        elif item.message is None:
+            self.finish(request, "failed", reason={"malformed": item.error})
         else:
-            self.finish(request, "failed", reason={"mismatch": mismatch} if mismatch else {"malformed": item.error})
+            self.finish(request, "replied", message=reply_of(request.message, item.message))
 
     def be_quiet(self, now: int, time: int) -> None:
         if time > 0:
@@ -327,7 +326,7 @@ class Client(Session):
             return None
         request = min(queued, key=lambda request: request.ticket)
         self.has_failed = False
-        needs_probe = not request.is_broadcast and not self.is_proven and is_mirrored(request.message)  # FM-93
+        needs_probe = not self.is_proven and is_mirrored(request.message)  # FM-93
         if request.is_broadcast:
             self.quiet_until = after(now, self.turnaround)
             self.finish(request, "announced")

@@ -96,7 +96,7 @@ static unsigned play(void)
     const int8_t force[3] = {1, -2, 3}, moment[3] = {-4, 5, -6};
     unsigned count = 0;
     uint64_t now = 0;
-    if (!ball_host_init(&host, &BALL_HOST_DEFAULT) || !ball_init(&ball, 0, 0))
+    if (!ball_host_init(&host, &BALL_HOST_DEFAULT) || !ball_init(&ball, 0, 0, false))
         return 0;
     ball_host_connected(&host, now);
     ball_connected(&ball);

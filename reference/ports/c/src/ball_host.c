@@ -55,6 +55,7 @@ void ball_host_connected(struct ball_host *host, uint64_t now)
     host->due = after(now, host->quiet);
     host->proven = 0;
     isra_ball_init(&host->decoder);
+    line_echo_init(&host->echo, host->config.echo);
 }
 
 void ball_host_disconnected(struct ball_host *host, uint64_t now)
@@ -109,15 +110,25 @@ static void give_up(struct ball_host *host, uint64_t now)
     read_items(host, now);
 }
 
+/* IB-41: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct ball_host *host, const uint8_t *data, size_t *size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_begin(&host->echo, host->sent, data, size, &error);
+    if (error.kind != LINE_ECHO_NONE)
+        report(host, BALL_HOST_LINE_ECHO)->echo = error;
+    return own;
+}
+
 size_t ball_host_input(struct ball_host *host, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0;
     ball_host_timeout(host, now);
+    size_t taken = remove_echo(host, data, &size);
     while (taken < size && host->event_count < BALL_HOST_EVENTS / 2) {
         taken += isra_ball_push(&host->decoder, data + taken, 1);
         read_items(host, now);
     }
-    return taken;
+    return line_echo_taken(&host->echo, size, taken);
 }
 
 void ball_host_timeout(struct ball_host *host, uint64_t now)
@@ -159,6 +170,7 @@ size_t ball_host_transmit(struct ball_host *host, uint64_t now, uint8_t *out, si
     host->due = after(now, host->config.period);
     host->proof = after(now, host->config.max_age);
     out[0] = ISRA_BALL_POLL;
+    line_echo_sent(&host->echo, host->sent, out, 1, false); /* a packet may begin with it */
     return 1;
 }
 

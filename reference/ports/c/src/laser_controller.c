@@ -58,6 +58,7 @@ void laser_controller_connected(struct laser_controller *controller, uint64_t no
 {
     (void)now;
     restart(controller, LASER_CONTROLLER_SILENT);
+    line_echo_init(&controller->echo, controller->config.echo);
 }
 
 void laser_controller_disconnected(struct laser_controller *controller, uint64_t now)
@@ -250,10 +251,22 @@ static void read_items(struct laser_controller *controller, uint64_t now)
         end_stretch(controller, now);
 }
 
+/* LE-113: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct laser_controller *controller, const uint8_t *data, size_t size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_receive(&controller->echo, controller->sent, data, size, &error);
+    if (error.kind != LINE_ECHO_NONE)
+        report(controller, LASER_CONTROLLER_LINE_ECHO)->echo = error;
+    return own;
+}
+
 /* LE-74, LE-80 */
 size_t laser_controller_input(struct laser_controller *controller, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0, more;
+    size_t taken = remove_echo(controller, data, size), more;
+    if (taken == size)
+        return size;
     if (controller->line == LASER_CONTROLLER_DISCONNECTED) {
         report(controller, LASER_CONTROLLER_UNEXPECTED);
         return size;
@@ -335,6 +348,7 @@ size_t laser_controller_transmit(struct laser_controller *controller, uint64_t n
     if (length == 0)
         return 0;
     controller->work = LASER_CONTROLLER_LISTENING;
+    line_echo_sent(&controller->echo, controller->sent, out, length, false); /* a host may send the same */
     controller->rest = controller->is_resent || controller->has_fault;
     end_stretch(controller, now);
     return length;

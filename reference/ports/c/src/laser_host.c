@@ -7,6 +7,7 @@
 
 #define ANSWER_LEN 13 /* LE-70 */
 #define REFERENCE_BAUD 9600
+#define WORD_LEN 4 /* of a payload */
 
 static enum laser_words_class class_of(const struct laser_host *host, uint16_t word)
 {
@@ -99,6 +100,7 @@ void laser_host_connected(struct laser_host *host, uint64_t now)
     const struct laser_host_config *config = &host->config;
     laser_host_disconnected(host, now);
     laser_eb90_init(&host->decoder, config->profile);
+    line_echo_init(&host->echo, config->echo);
     host->state = host->state == LASER_HOST_DISCONNECTED_HELD ? LASER_HOST_HELD : LASER_HOST_IDLE;
     uint64_t drained = after(now, line_time(config->longest_frame, config->baud));
     drained = after(after(after(drained, config->max_pause), config->earlier_execution), config->settle);
@@ -200,15 +202,30 @@ static void read_items(struct laser_host *host, uint64_t now)
     }
 }
 
+/* LE-113, LE-114: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct laser_host *host, const uint8_t *data, size_t *size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_begin(&host->echo, host->sent, data, size, &error);
+    if (error.kind == LINE_ECHO_NOT_SET)
+        laser_eb90_init(&host->decoder, host->config.profile);
+    if (error.kind != LINE_ECHO_NONE)
+        report(host, LASER_HOST_LINE_ECHO)->echo = error;
+    return own;
+}
+
 size_t laser_host_input(struct laser_host *host, uint64_t now, const uint8_t *data, size_t size)
 {
+    size_t taken = remove_echo(host, data, &size);
+    if (taken == size)
+        return size;
     if (host->state == LASER_HOST_DISCONNECTED || host->state == LASER_HOST_DISCONNECTED_HELD) {
         report(host, LASER_HOST_UNEXPECTED);
         return size;
     }
-    size_t taken = laser_eb90_push(&host->decoder, data, size);
+    taken += laser_eb90_push(&host->decoder, data + taken, size - taken);
     read_items(host, now);
-    return taken;
+    return line_echo_taken(&host->echo, size, taken);
 }
 
 /* LE-58, LE-61 */
@@ -330,6 +347,7 @@ size_t laser_host_transmit(struct laser_host *host, uint64_t now, uint8_t *out, 
     host->is_corrupt = false;
     host->state = LASER_HOST_AWAITING;
     laser_eb90_init(&host->decoder, host->config.profile);
+    line_echo_sent(&host->echo, host->sent, out, length, host->batch.payload.length > WORD_LEN); /* LE-114 */
     return length;
 }
 

@@ -9,7 +9,7 @@ void line_echo_init(struct line_echo *echo, bool is_set) { *echo = (struct line_
 void line_echo_sent(struct line_echo *echo, uint8_t *sent, const uint8_t *frame, size_t length, bool is_proof)
 {
     bool is_asked = echo->returns || is_proof;
-    *echo = (struct line_echo){.returns = echo->returns};
+    *echo = (struct line_echo){.returns = echo->returns, .unread = echo->unread};
     if (!is_asked)
         return;
     memcpy(sent, frame, length);
@@ -17,7 +17,7 @@ void line_echo_sent(struct line_echo *echo, uint8_t *sent, const uint8_t *frame,
     echo->begun = (1 << BEGINNINGS) - 1;
 }
 
-/* FM-88 */
+/* FM-88, IB-41, LE-113, VV-42 */
 static size_t compare(struct line_echo *echo, const uint8_t *sent, const uint8_t *data, size_t size, struct line_echo_error *error)
 {
     size_t count = 0;
@@ -33,7 +33,7 @@ static size_t compare(struct line_echo *echo, const uint8_t *sent, const uint8_t
     return count;
 }
 
-/* FM-92 */
+/* FM-92, IB-42, LE-114, VV-43 */
 static size_t look(struct line_echo *echo, const uint8_t *sent, const uint8_t *data, size_t size, struct line_echo_error *error)
 {
     for (size_t i = 0; i < size && echo->begun != 0; i++, echo->come++)
@@ -58,4 +58,21 @@ size_t line_echo_receive(struct line_echo *echo, const uint8_t *sent, const uint
 {
     *error = (struct line_echo_error){.kind = LINE_ECHO_NONE};
     return echo->returns ? compare(echo, sent, data, size, error) : look(echo, sent, data, size, error);
+}
+
+size_t line_echo_begin(struct line_echo *echo, const uint8_t *sent, const uint8_t *data, size_t *size,
+                       struct line_echo_error *error)
+{
+    if (echo->unread == 0)
+        return line_echo_receive(echo, sent, data, *size, error);
+    *error = (struct line_echo_error){.kind = LINE_ECHO_NONE};
+    if (*size > echo->unread)
+        *size = echo->unread;
+    return 0;
+}
+
+size_t line_echo_taken(struct line_echo *echo, size_t size, size_t taken)
+{
+    echo->unread = size - taken;
+    return taken;
 }

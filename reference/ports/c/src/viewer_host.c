@@ -25,6 +25,7 @@ void viewer_host_connected(struct viewer_host *host, uint64_t now)
     host->link = VIEWER_HOST_READY;
     host->from = after(now, host->config.interval);
     host->is_held = false;
+    line_echo_init(&host->echo, host->config.echo);
 }
 
 void viewer_host_disconnected(struct viewer_host *host, uint64_t now)
@@ -63,13 +64,23 @@ static void take_byte(struct viewer_host *host, uint64_t now, uint8_t byte)
     }
 }
 
+/* VV-42, VV-43: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct viewer_host *host, const uint8_t *data, size_t *size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_begin(&host->echo, host->sent, data, size, &error);
+    if (error.kind != LINE_ECHO_NONE)
+        report(host, VIEWER_HOST_LINE_ECHO)->echo = error;
+    return own;
+}
+
 size_t viewer_host_input(struct viewer_host *host, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0;
     viewer_host_timeout(host, now);
+    size_t taken = remove_echo(host, data, &size);
     for (; taken < size && host->event_count < VIEWER_HOST_EVENTS / 2; taken++)
         take_byte(host, now, data[taken]);
-    return taken;
+    return line_echo_taken(&host->echo, size, taken);
 }
 
 void viewer_host_set_pose(struct viewer_host *host, uint64_t now, const int16_t words[VAL2_VIEWER_WORDS])
@@ -91,6 +102,7 @@ size_t viewer_host_transmit(struct viewer_host *host, uint64_t now, uint8_t *out
     size_t length = val2_viewer_encode(&host->pose, out, size);
     if (length == 0)
         return 0;
+    line_echo_sent(&host->echo, host->sent, out, length, true);
     report(host, VIEWER_HOST_SENT)->pose = host->pose;
     host->pose.count++;
     host->link = VIEWER_HOST_READY;

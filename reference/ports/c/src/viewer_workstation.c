@@ -45,6 +45,7 @@ void viewer_workstation_connected(struct viewer_workstation *station, uint64_t n
 {
     viewer_workstation_timeout(station, now);
     restart(station, VIEWER_WORKSTATION_ALLOWED);
+    line_echo_init(&station->echo, station->config.echo);
 }
 
 void viewer_workstation_disconnected(struct viewer_workstation *station, uint64_t now)
@@ -135,13 +136,25 @@ static void take_byte(struct viewer_workstation *station, uint64_t now, uint8_t 
     }
 }
 
+/* VV-42, VV-43: how many of the first bytes are not to be read. */
+static size_t remove_echo(struct viewer_workstation *station, const uint8_t *data, size_t *size)
+{
+    struct line_echo_error error;
+    size_t own = line_echo_begin(&station->echo, station->sent, data, size, &error);
+    if (error.kind == LINE_ECHO_NOT_SET)
+        val2_viewer_init(&station->decoder);
+    if (error.kind != LINE_ECHO_NONE)
+        report(station, VIEWER_WORKSTATION_LINE_ECHO)->echo = error;
+    return own;
+}
+
 size_t viewer_workstation_input(struct viewer_workstation *station, uint64_t now, const uint8_t *data, size_t size)
 {
-    size_t taken = 0;
     viewer_workstation_timeout(station, now);
+    size_t taken = remove_echo(station, data, &size);
     for (; taken < size && station->event_count < VIEWER_WORKSTATION_EVENTS / 2; taken++)
         take_byte(station, now, data[taken]);
-    return taken;
+    return line_echo_taken(&station->echo, size, taken);
 }
 
 bool viewer_workstation_event(struct viewer_workstation *station, struct viewer_workstation_event *event)
@@ -170,6 +183,7 @@ size_t viewer_workstation_transmit(struct viewer_workstation *station, uint64_t 
     station->again_from = after(now, station->config.pause);
     station->missed_from = after(now, station->config.stale_after);
     out[0] = VAL2_VIEWER_REQUEST;
+    line_echo_sent(&station->echo, station->sent, out, 1, true);
     return 1;
 }
 

@@ -1,4 +1,4 @@
-"""Lines that return what is sent, as adapters for two wires often do (FM-88 and FM-92 of reference/fanuc-hmi-modbus.md)."""
+"""Lines that return what is sent, as adapters for two wires often do (FM-88, IB-41, LE-113, VV-42 of the reference)."""
 
 from .stream import Json
 
@@ -23,7 +23,7 @@ class Echo:
         return self.compare(data) if self.returns else self.look(data)
 
     def compare(self, data: bytes) -> tuple[bytes, Json | None]:
-        """FM-88"""
+        """FM-88, IB-41, LE-113, VV-42"""
         before, size = len(self.come), len(self.frame) - len(self.come)
         self.come += data[:size]
         differing = [at for at, pair in enumerate(zip(self.frame, self.come, strict=False)) if pair[0] != pair[1]]
@@ -33,7 +33,7 @@ class Echo:
         return data[size:], {"kind": "collision", "offset": at, "expected": self.frame[at], "found": self.come[at]}
 
     def look(self, data: bytes) -> tuple[bytes, Json | None]:
-        """FM-92"""
+        """FM-92, IB-42, LE-114, VV-43"""
         length, before = len(self.frame), len(self.come)
         self.come = (self.come + data)[: length + MAX_NOISE]
         noise = self.come.find(self.frame)

@@ -3,6 +3,7 @@
 #define CELLWIRE_BALL_H
 
 #include "cellwire/isra_ball.h"
+#include "cellwire/line_echo.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -14,6 +15,7 @@ enum ball_kind {
     BALL_REPLY, /* packet */
     BALL_IGNORED,
     BALL_UNKNOWN, /* byte */
+    BALL_LINE_ECHO, /* echo: the line returns what is sent, or something else */
     BALL_UNEXPECTED,
 };
 
@@ -21,17 +23,21 @@ struct ball_event {
     enum ball_kind kind;
     struct isra_ball_packet packet;
     uint8_t byte;
+    struct line_echo_error echo;
 };
 
 struct ball {
     struct isra_ball_packet values; /* the newest ones; `status` says whether they were sent */
     bool is_connected, is_replying;
+    bool returns; /* the line returns what is sent: the setting `echo` */
+    struct line_echo echo;
+    uint8_t sent[ISRA_BALL_PACKET_LEN]; /* the last packet, if `echo` looks for it */
     struct ball_event events[BALL_EVENTS];
     size_t event_count;
 };
 
-/* false: a type or number above 7 (IB-32). */
-bool ball_init(struct ball *ball, uint8_t sensor_type, uint8_t sensor);
+/* `echo`: the line returns what is sent. false: a type or number above 7 (IB-32). */
+bool ball_init(struct ball *ball, uint8_t sensor_type, uint8_t sensor, bool echo);
 
 /* After each of these: take the events, then what is to be transmitted. A ball has no deadlines. */
 void ball_connected(struct ball *ball);

@@ -3,6 +3,7 @@
 #define CELLWIRE_BALL_HOST_H
 
 #include "cellwire/isra_ball.h"
+#include "cellwire/line_echo.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -14,6 +15,7 @@ extern "C" {
 struct ball_host_config {
     uint32_t baud;
     uint64_t period, max_delay, max_age;
+    bool echo; /* the line returns what is sent */
 };
 
 extern const struct ball_host_config BALL_HOST_DEFAULT;
@@ -25,6 +27,7 @@ enum ball_host_kind {
     BALL_HOST_MISSED,
     BALL_HOST_STALE,
     BALL_HOST_CORRUPT, /* error, error_offset, expected, found; ISRA_BALL_RAW: a packet of `found` data bytes */
+    BALL_HOST_LINE_ECHO, /* echo: something else than the poll has come back */
     BALL_HOST_UNEXPECTED,
 };
 
@@ -34,6 +37,7 @@ struct ball_host_event {
     uint64_t live_until; /* UINT64_MAX: no limit */
     enum isra_ball_kind error;
     size_t length, error_offset, expected, found;
+    struct line_echo_error echo;
 };
 
 enum ball_host_link { BALL_HOST_DISCONNECTED, BALL_HOST_IDLE, BALL_HOST_WAITING };
@@ -47,6 +51,8 @@ struct ball_host {
     uint64_t proven;
     bool is_live;
     uint64_t live_until;
+    struct line_echo echo;
+    uint8_t sent[1]; /* the last poll, if `echo` compares it */
     struct ball_host_event events[BALL_HOST_EVENTS];
     size_t event_count;
 };

@@ -4,6 +4,7 @@
 
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
+#include "cellwire/line_echo.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -27,6 +28,7 @@ struct laser_controller_config {
     struct laser_words words;
     unsigned batch;
     uint64_t tick, silence;
+    bool echo; /* the line returns what is sent */
     struct laser_controller_owner owner;
 };
 
@@ -38,6 +40,7 @@ enum laser_controller_kind {
     LASER_CONTROLLER_QUEUED,  /* count */
     LASER_CONTROLLER_REFUSED, /* refusal */
     LASER_CONTROLLER_CORRUPT, /* error: its kind and numbers */
+    LASER_CONTROLLER_LINE_ECHO, /* echo: something else than the answer has come back */
     LASER_CONTROLLER_UNEXPECTED,
 };
 
@@ -49,6 +52,7 @@ struct laser_controller_event {
     enum laser_words_error refusal;
     enum laser_eb90_kind error;
     size_t error_offset, expected, found;
+    struct line_echo_error echo;
 };
 
 enum laser_controller_work { LASER_CONTROLLER_LISTENING, LASER_CONTROLLER_EXECUTING, LASER_CONTROLLER_ANSWERING };
@@ -70,6 +74,8 @@ struct laser_controller {
     struct laser_eb90_payload answer;
     bool is_resent; /* the answer makes a host send again */
     uint64_t due;
+    struct line_echo echo;
+    uint8_t sent[LASER_EB90_MAX_LEN]; /* the last answer, if `echo` compares it */
     struct laser_controller_event events[LASER_CONTROLLER_EVENTS];
     size_t event_count;
 };

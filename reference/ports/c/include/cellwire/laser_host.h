@@ -4,6 +4,7 @@
 
 #include "cellwire/laser_eb90.h"
 #include "cellwire/laser_words.h"
+#include "cellwire/line_echo.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -24,6 +25,7 @@ struct laser_host_config {
     uint64_t earlier_execution;
     bool controller_drops_partial;
     uint64_t backoff, full_timeout;
+    bool echo; /* the line returns what is sent */
 };
 
 enum laser_host_state {
@@ -44,6 +46,7 @@ enum laser_host_kind {
     /* notices */
     LASER_HOST_UNASKED,    /* word */
     LASER_HOST_CORRUPT,    /* error; `no_word` if its kind is LASER_EB90_FRAME */
+    LASER_HOST_LINE_ECHO,  /* echo: the line returns what is sent, or something else */
     LASER_HOST_UNEXPECTED, /* a call, or bytes, that the state does not allow */
 };
 
@@ -57,6 +60,7 @@ struct laser_host_event {
         enum laser_eb90_kind kind;
         size_t error_offset, expected, found;
     } error;
+    struct line_echo_error echo;
 };
 
 /* A frame of instructions, and its tries. */
@@ -80,6 +84,8 @@ struct laser_host {
     uint64_t until; /* `deadline`, `not_before`, or `until` of the state */
     bool is_corrupt;
     struct laser_eb90_result answer; /* of the query that was answered last, its word included */
+    struct line_echo echo;
+    uint8_t sent[LASER_EB90_MAX_LEN]; /* the last frame, if `echo` looks for it */
     struct laser_host_event events[LASER_HOST_EVENTS];
     size_t event_count;
 };

@@ -1,4 +1,4 @@
-/* Lines that return what is sent, as adapters for two wires often do (FM-88 and FM-92 of reference/fanuc-hmi-modbus.md). */
+/* Lines that return what is sent, as adapters for two wires often do (FM-88, IB-41, LE-113, VV-42 of the reference). */
 #ifndef CELLWIRE_LINE_ECHO_H
 #define CELLWIRE_LINE_ECHO_H
 
@@ -17,6 +17,7 @@ struct line_echo {
     uint8_t begun;     /* the frame may have begun with one of the first three bytes that came, a bit for each */
     size_t length;     /* of the last frame, if it is compared or looked for */
     size_t come;       /* bytes since it was sent */
+    size_t unread;     /* bytes that were looked at, and will be given again */
 };
 
 enum line_echo_kind {
@@ -40,6 +41,13 @@ void line_echo_sent(struct line_echo *echo, uint8_t *sent, const uint8_t *frame,
 /* Of bytes that have come: how many of the first ones are not to be read; and what is wrong, once for a frame. */
 size_t line_echo_receive(struct line_echo *echo, const uint8_t *sent, const uint8_t *data, size_t size,
                          struct line_echo_error *error);
+
+/* The same of an end that does not always take all bytes; `size` becomes that of the bytes to be taken now. Behind it: line_echo_taken. */
+size_t line_echo_begin(struct line_echo *echo, const uint8_t *sent, const uint8_t *data, size_t *size,
+                       struct line_echo_error *error);
+
+/* So many of them were taken, and this is how many are returned: the others will be given again. */
+size_t line_echo_taken(struct line_echo *echo, size_t size, size_t taken);
 
 #ifdef __cplusplus
 }

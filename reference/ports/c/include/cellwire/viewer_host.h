@@ -2,6 +2,7 @@
 #ifndef CELLWIRE_VIEWER_HOST_H
 #define CELLWIRE_VIEWER_HOST_H
 
+#include "cellwire/line_echo.h"
 #include "cellwire/val2_viewer.h"
 
 #ifdef __cplusplus
@@ -13,6 +14,7 @@ extern "C" {
 /* Times in nanoseconds above 0, UINT64_MAX is never. */
 struct viewer_host_config {
     uint64_t interval, max_age, max_hold;
+    bool echo; /* the line returns what is sent */
 };
 
 extern const struct viewer_host_config VIEWER_HOST_DEFAULT;
@@ -24,6 +26,7 @@ enum viewer_host_kind {
     VIEWER_HOST_HOLD_ENDED,
     VIEWER_HOST_SENT,    /* pose */
     VIEWER_HOST_UNKNOWN, /* byte */
+    VIEWER_HOST_LINE_ECHO, /* echo: the line returns what is sent, or something else */
     VIEWER_HOST_UNEXPECTED,
 };
 
@@ -31,6 +34,7 @@ struct viewer_host_event {
     enum viewer_host_kind kind;
     struct val2_viewer_pose pose;
     uint8_t byte;
+    struct line_echo_error echo;
 };
 
 enum viewer_host_link { VIEWER_HOST_DISCONNECTED, VIEWER_HOST_READY, VIEWER_HOST_WAS_ASKED };
@@ -42,6 +46,8 @@ struct viewer_host {
     struct val2_viewer_pose pose; /* its count is that of the next packet */
     bool is_known, is_held;
     uint64_t until, hold;
+    struct line_echo echo;
+    uint8_t sent[VAL2_VIEWER_MAX_LEN]; /* the last packet, if `echo` looks for it */
     struct viewer_host_event events[VIEWER_HOST_EVENTS];
     size_t event_count;
 };

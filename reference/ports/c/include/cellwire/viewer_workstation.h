@@ -2,6 +2,7 @@
 #ifndef CELLWIRE_VIEWER_WORKSTATION_H
 #define CELLWIRE_VIEWER_WORKSTATION_H
 
+#include "cellwire/line_echo.h"
 #include "cellwire/val2_viewer.h"
 
 #ifdef __cplusplus
@@ -13,6 +14,7 @@ extern "C" {
 /* Times in nanoseconds, UINT64_MAX is never. */
 struct viewer_workstation_config {
     uint64_t pause, stale_after, max_hold;
+    bool echo; /* the line returns what is sent */
 };
 
 extern const struct viewer_workstation_config VIEWER_WORKSTATION_DEFAULT;
@@ -24,6 +26,7 @@ enum viewer_workstation_kind {
     VIEWER_WORKSTATION_STALE,
     VIEWER_WORKSTATION_CORRUPT, /* item */
     VIEWER_WORKSTATION_HOLD_ENDED,
+    VIEWER_WORKSTATION_LINE_ECHO, /* echo: the line returns what is sent, or something else */
     VIEWER_WORKSTATION_UNEXPECTED,
 };
 
@@ -31,6 +34,7 @@ struct viewer_workstation_event {
     enum viewer_workstation_kind kind;
     struct val2_viewer_item item;
     uint64_t live_until; /* UINT64_MAX: no limit */
+    struct line_echo_error echo;
 };
 
 enum viewer_workstation_request {
@@ -48,6 +52,8 @@ struct viewer_workstation {
     uint64_t again_from, missed_from;
     bool is_live, is_held;
     uint64_t live_until, hold;
+    struct line_echo echo;
+    uint8_t sent[1]; /* the last request, if `echo` looks for it */
     struct viewer_workstation_event events[VIEWER_WORKSTATION_EVENTS];
     size_t event_count;
 };

@@ -9,7 +9,7 @@ static bool begin(const struct json *object)
     unsigned type = 0, sensor = 0;
     read_unsigned(object, "sensor_type", UINT8_MAX, &type);
     read_unsigned(object, "sensor", UINT8_MAX, &sensor);
-    return ball_init(&session, (uint8_t)type, (uint8_t)sensor);
+    return ball_init(&session, (uint8_t)type, (uint8_t)sensor, json_true(json_get(object, "echo")));
 }
 
 static void connected(uint64_t now)
@@ -63,7 +63,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"reply", "ignored", "unknown", "unexpected"};
+    static const char *const NAMES[] = {"reply", "ignored", "unknown", "echo", "unexpected"};
     struct ball_event event;
     if (!ball_event(&session, &event))
         return false;
@@ -73,6 +73,8 @@ static bool event(bool is_first)
         print_isra_packet(&event.packet);
     } else if (event.kind == BALL_UNKNOWN) {
         print(",\"byte\":%d", event.byte);
+    } else if (event.kind == BALL_LINE_ECHO) {
+        print_line_echo(&event.echo);
     }
     print("}");
     return true;

@@ -13,6 +13,7 @@ static bool begin(const struct json *object)
     read_time(object, "period", &config.period);
     read_time(object, "max_delay", &config.max_delay);
     read_time(object, "max_age", &config.max_age);
+    config.echo = json_true(json_get(object, "echo"));
     return ball_host_init(&session, &config);
 }
 
@@ -39,7 +40,7 @@ static void print_corrupt(const struct ball_host_event *event)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"new", "old", "unasked", "missed", "stale", "corrupt", "unexpected"};
+    static const char *const NAMES[] = {"new", "old", "unasked", "missed", "stale", "corrupt", "echo", "unexpected"};
     struct ball_host_event event;
     if (!ball_host_event(&session, &event))
         return false;
@@ -49,6 +50,8 @@ static bool event(bool is_first)
         print_isra_packet(&event.packet);
     } else if (event.kind == BALL_HOST_CORRUPT) {
         print_corrupt(&event);
+    } else if (event.kind == BALL_HOST_LINE_ECHO) {
+        print_line_echo(&event.echo);
     }
     if (event.kind == BALL_HOST_NEW && event.live_until != UINT64_MAX)
         print(",\"live_until\":%llu", (unsigned long long)event.live_until);

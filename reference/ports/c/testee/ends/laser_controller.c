@@ -50,6 +50,7 @@ static bool begin(const struct json *object)
     read_unsigned(object, "queue", MAX_QUEUE, &size);
     read_time(object, "tick", &config.tick);
     read_time(object, "silence", &config.silence);
+    config.echo = json_true(json_get(object, "echo"));
     config.owner = (struct laser_controller_owner){.takes = takes, .room = room, .queue = queue};
     queue_size = size;
     queued_count = to_take = 0;
@@ -100,7 +101,7 @@ static bool print_taken(bool is_first)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"execute", "queued", "refused", "corrupt", "unexpected"};
+    static const char *const NAMES[] = {"execute", "queued", "refused", "corrupt", "echo", "unexpected"};
     static const char *const CLASSES[] = {"", "interpreted", "immediate", "query"};
     struct laser_controller_event event;
     size_t length;
@@ -120,6 +121,8 @@ static bool event(bool is_first)
     } else if (event.kind == LASER_CONTROLLER_CORRUPT) {
         print(",\"error\":");
         print_laser_error(event.error, event.error_offset, event.expected, event.found);
+    } else if (event.kind == LASER_CONTROLLER_LINE_ECHO) {
+        print_line_echo(&event.echo);
     }
     print("}");
     return true;

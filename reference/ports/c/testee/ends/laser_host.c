@@ -28,6 +28,7 @@ static bool begin(const struct json *object)
     read_time(object, "earlier_execution", &config.earlier_execution);
     read_time(object, "backoff", &config.backoff);
     read_time(object, "full_timeout", &config.full_timeout);
+    config.echo = json_true(json_get(object, "echo"));
     return laser_host_init(&session, &config);
 }
 
@@ -86,6 +87,9 @@ static void print_laser_event(const struct laser_host_event *event)
         else
             print_laser_error(event->error.kind, event->error.error_offset, event->error.expected, event->error.found);
         return;
+    case LASER_HOST_LINE_ECHO:
+        print_line_echo(&event->echo);
+        return;
     case LASER_HOST_UNEXPECTED:
         return;
     }
@@ -93,7 +97,7 @@ static void print_laser_event(const struct laser_host_event *event)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"done", "answer", "refused", "unknown", "unasked", "corrupt", "unexpected"};
+    static const char *const NAMES[] = {"done", "answer", "refused", "unknown", "unasked", "corrupt", "echo", "unexpected"};
     struct laser_host_event event;
     if (!laser_host_event(&session, &event))
         return false;

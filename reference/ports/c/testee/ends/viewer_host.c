@@ -10,6 +10,7 @@ static bool begin(const struct json *object)
     read_time(object, "interval", &config.interval);
     read_time(object, "max_age", &config.max_age);
     read_time(object, "max_hold", &config.max_hold);
+    config.echo = json_true(json_get(object, "echo"));
     return viewer_host_init(&session, &config);
 }
 
@@ -25,7 +26,7 @@ static bool call(uint64_t now, const char *name, const struct json *argument)
 
 static bool event(bool is_first)
 {
-    static const char *const NAMES[] = {"asked", "ignored", "stale", "hold_ended", "sent", "unknown", "unexpected"};
+    static const char *const NAMES[] = {"asked", "ignored", "stale", "hold_ended", "sent", "unknown", "echo", "unexpected"};
     struct viewer_host_event event;
     if (!viewer_host_event(&session, &event))
         return false;
@@ -35,6 +36,8 @@ static bool event(bool is_first)
         print_viewer_pose(&event.pose);
     } else if (event.kind == VIEWER_HOST_UNKNOWN) {
         print(",\"byte\":%d", event.byte);
+    } else if (event.kind == VIEWER_HOST_LINE_ECHO) {
+        print_line_echo(&event.echo);
     }
     print("}");
     return true;

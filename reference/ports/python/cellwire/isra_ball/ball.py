@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import Session
 from ..stream import Json
 from .codec import POLL, encode
@@ -22,6 +23,7 @@ class BallConfig:
 
     sensor_type: int = 0
     sensor: int = 0
+    echo: bool = False  # the line returns what is sent
 
     def __post_init__(self) -> None:
         if not (0 <= self.sensor_type <= 7 and 0 <= self.sensor <= 7):
@@ -33,7 +35,8 @@ class Ball(Session):
 
     def __init__(self, config: BallConfig | None = None) -> None:
         super().__init__()
-        config = config or BallConfig()
+        self.config = config = config or BallConfig()
+        self.echo = Echo(config.echo)
         self.link = Link.DISCONNECTED
         self.is_new = False
         self.packet: Json = {"sensor_type": config.sensor_type, "sensor": config.sensor, "status": "old"}
@@ -48,12 +51,13 @@ class Ball(Session):
 
     def connected(self, now: int) -> None:
         self.link = Link.READY
+        self.echo = Echo(self.config.echo)
 
     def disconnected(self, now: int) -> None:
         self.link = Link.DISCONNECTED
 
     def input(self, now: int, data: bytes) -> None:
-        for byte in data:
+        for byte in self.without_echo(data):
             if byte != POLL:
                 self.report("unknown", byte=byte)
             elif self.link is Link.DISCONNECTED:
@@ -73,7 +77,9 @@ class Ball(Session):
         message = self.packet | {"status": "fresh" if self.is_new else "old"}
         self.is_new = False
         self.report("reply", message=message)
-        return encode(message)
+        packet = encode(message)
+        self.echo.sent(packet, True)
+        return packet
 
     def deadline(self) -> int | None:
         return None

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import MS, NEVER, Session, after, earliest, span
 from ..stream import Json
 from .codec import DATA_LEN, POLL, Decoder
@@ -29,6 +30,7 @@ class HostConfig:
     period: int = 28 * MS
     max_delay: int = 14 * MS
     max_age: int = 150 * MS
+    echo: bool = False  # the line returns what is sent
 
     def __post_init__(self) -> None:
         if self.period < -(-self.exchange // MS) * MS:
@@ -58,6 +60,7 @@ class Host(Session):
         self.config = config or HostConfig()
         self.poll = Poll.DISCONNECTED
         self.decoder = Decoder()
+        self.echo = Echo(self.config.echo)
         self.due = self.begin = self.until = self.proof = self.proven = 0
         self.live_until: int | None = None  # None: stale
 
@@ -77,12 +80,18 @@ class Host(Session):
         self.decoder = Decoder()
         self.poll = Poll.IDLE
         config = self.config
+        self.echo = Echo(config.echo)
         self.due = after(now, max(config.period, config.window) + config.spread)
         self.proven = 0
 
     def disconnected(self, now: int) -> None:
         self.timeout(now)
         self.close()
+
+    def input(self, now: int, data: bytes) -> None:
+        self.timeout(now)
+        self.decoder.push(self.without_echo(data))
+        self.read(now)
 
     def timeout(self, now: int) -> None:
         if self.poll is Poll.WAITING and now >= self.until:
@@ -132,7 +141,9 @@ class Host(Session):
         self.until = after(now, config.window)
         self.due = after(now, config.period)
         self.proof = after(now, config.max_age)
-        return bytes([POLL])
+        poll = bytes([POLL])
+        self.echo.sent(poll, False)  # a packet may begin with it
+        return poll
 
     def deadline(self) -> int | None:
         if self.poll is Poll.DISCONNECTED:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import MS, NotTaken, Session, after, earliest
 from ..stream import Item, Json, Refused
 from . import codec
@@ -40,6 +41,7 @@ class ControllerConfig:
     batch: int = 7
     tick: int = 16 * MS
     silence: int = 50 * MS
+    echo: bool = False  # the line returns what is sent
     queue: int = QUEUE
 
     def __post_init__(self) -> None:
@@ -90,6 +92,7 @@ class Controller(Session):
         self.is_partial = False
         self.fault: Fault | None = None
         self.frames = self.new_decoder()
+        self.echo = Echo(self.config.echo)
 
     def new_decoder(self) -> codec.Decoder:
         return codec.Decoder("host", self.config.profile)
@@ -145,6 +148,7 @@ class Controller(Session):
 
     def connected(self, now: int) -> None:
         self.begin(Line.SILENT)
+        self.echo = Echo(self.config.echo)
 
     def disconnected(self, now: int) -> None:
         self.begin(Line.DISCONNECTED)
@@ -159,6 +163,8 @@ class Controller(Session):
 
     def input(self, now: int, data: bytes) -> None:
         """LE-74"""
+        if not (data := self.without_echo(data)):
+            return
         if self.line is Line.DISCONNECTED:
             self.unexpected(self.line.name, "Bytes")
             return
@@ -271,7 +277,9 @@ class Controller(Session):
         code = self.words.error_of(word_of(self.answer_items[0]))
         self.rests = code in ("bad_checksum", "bad_frame") or self.fault is not None
         self.end_stretch(now)
-        return codec.encode({"items": self.answer_items}, "controller", self.config.profile)
+        frame = codec.encode({"items": self.answer_items}, "controller", self.config.profile)
+        self.echo.sent(frame, False)  # a host may send the same
+        return frame
 
     def deadline(self) -> int | None:
         """LE-88"""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
+from ..echo import Echo
 from ..session import MS, SECOND, NotTaken, Session, after, span
 from ..stream import Item, Json, Refused
 from . import codec
@@ -48,6 +49,7 @@ class HostConfig:
     controller_drops_partial: bool = False
     backoff: int = 100 * MS
     full_timeout: int = 60 * SECOND
+    echo: bool = False  # the line returns what is sent
 
     def time(self, value: int | None, default: int) -> int:
         """A time, or its default."""
@@ -86,7 +88,8 @@ class Host(Session):
         self.execution_timeout = time(self.config.execution_timeout, 30 * SECOND)
         self.settle = time(self.config.settle, 100 * MS)
         self.reply_time = time(self.config.reply_time, 40 * MS)
-        self.decoder = self.new_decoder()
+        self.empty()
+        self.echo = Echo(self.config.echo)
         self.state = State.DISCONNECTED
         self.quiet_until = 0
         self.filling: Batch | None = None  # `next`
@@ -97,6 +100,9 @@ class Host(Session):
 
     def new_decoder(self) -> codec.Decoder:
         return codec.Decoder("controller", self.config.profile)
+
+    def empty(self) -> None:
+        self.decoder = self.new_decoder()
 
     def is_interpreted(self, batch: Batch) -> bool:
         return self.words.class_of(batch.word) == "interpreted"
@@ -124,7 +130,8 @@ class Host(Session):
 
     def connected(self, now: int) -> None:
         self.lose(now)
-        self.decoder = self.new_decoder()
+        self.empty()
+        self.echo = Echo(self.config.echo)
         self.state = State.HELD if self.state is State.DISCONNECTED_HELD else State.IDLE
         drain = after(span(self.config.longest_frame, self.config.baud), self.config.max_pause)
         drain = after(after(drain, self.config.earlier_execution), self.settle)
@@ -146,6 +153,8 @@ class Host(Session):
         self.state = State.DISCONNECTED_HELD if is_held else State.DISCONNECTED
 
     def input(self, now: int, data: bytes) -> None:
+        if not (data := self.without_echo(data)):
+            return
         if self.state in (State.DISCONNECTED, State.DISCONNECTED_HELD):
             self.ignored("Input")
             return
@@ -306,7 +315,8 @@ class Host(Session):
         self.until = after(left, self.answer_time(batch))
         self.was_corrupt = False
         self.state = State.AWAITING
-        self.decoder = self.new_decoder()
+        self.empty()
+        self.echo.sent(frame, len(batch.items) > 1)  # LE-114
         return frame
 
     def deadline(self) -> int | None:

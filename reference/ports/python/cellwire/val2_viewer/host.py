@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import MS, SECOND, Session, after, earliest
 from ..stream import Json
 from .codec import encode
@@ -25,6 +26,7 @@ class HostConfig:
     interval: int = 150 * MS
     max_age: int = 200 * MS
     max_hold: int = 5 * SECOND
+    echo: bool = False  # the line returns what is sent
     format: Callable[[Json], bytes] = encode
 
     def __post_init__(self) -> None:
@@ -44,6 +46,7 @@ class Host(Session):
         self.pose_until = 0
         self.count = 0
         self.flow = Flow(self.config.max_hold)
+        self.echo = Echo(self.config.echo)
 
     def set_pose(self, pose: list[int]) -> None:
         """Where the arm is now: the words of a transformation."""
@@ -57,6 +60,7 @@ class Host(Session):
         self.link = Link.READY
         self.begin = after(now, self.config.interval)
         self.flow.hold = None
+        self.echo = Echo(self.config.echo)
 
     def disconnected(self, now: int) -> None:
         self.timeout(now)
@@ -65,7 +69,7 @@ class Host(Session):
 
     def input(self, now: int, data: bytes) -> None:
         self.timeout(now)
-        for byte in data:
+        for byte in self.without_echo(data):
             if byte not in (ENQ, XON, XOFF):
                 self.report("unknown", byte=byte)
             elif self.link is Link.DISCONNECTED:
@@ -98,6 +102,7 @@ class Host(Session):
             return None
         self.count = (self.count + 1) % 0x10000
         self.report("sent", message=message)
+        self.echo.sent(packet, True)
         return packet
 
     def deadline(self) -> int | None:

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ..echo import Echo
 from ..session import MS, NEVER, SECOND, Session, after, earliest
 from ..stream import Item, Json
 from .codec import Decoder
@@ -35,6 +36,7 @@ class WorkstationConfig:
     pause: int = 2 * SECOND
     stale_after: int = 1500 * MS
     max_hold: int = 5 * SECOND
+    echo: bool = False  # the line returns what is sent
 
     def __post_init__(self) -> None:
         if self.pause <= DISPLAY_CYCLE or self.stale_after <= DISPLAY_CYCLE or self.max_hold == 0:
@@ -51,6 +53,10 @@ class Workstation(Session):
         self.again_from = self.missed_from = 0
         self.live_until: int | None = None  # None: stale
         self.flow = Flow(self.config.max_hold)
+        self.echo = Echo(self.config.echo)
+        self.empty()
+
+    def empty(self) -> None:
         self.decoder = Decoder()
 
     def draw(self) -> None:
@@ -74,12 +80,13 @@ class Workstation(Session):
         if self.live_until is not None:
             self.report("stale")
         self.live_until = self.flow.hold = None
-        self.decoder = Decoder()
+        self.empty()
         self.link = link
 
     def connected(self, now: int) -> None:
         self.timeout(now)
         self.close(Link.ALLOWED)
+        self.echo = Echo(self.config.echo)
 
     def disconnected(self, now: int) -> None:
         self.timeout(now)
@@ -87,7 +94,7 @@ class Workstation(Session):
 
     def input(self, now: int, data: bytes) -> None:
         self.timeout(now)
-        for part in HANDSHAKE.split(data):  # VV-37
+        for part in HANDSHAKE.split(self.without_echo(data)):  # VV-37
             if not HANDSHAKE.fullmatch(part):
                 self.decoder.push(part)
                 self.read(now)
@@ -137,7 +144,9 @@ class Workstation(Session):
         self.link = Link.WAITING
         self.again_from = after(now, self.config.pause)
         self.missed_from = after(now, self.config.stale_after)
-        return bytes([ENQ])
+        request = bytes([ENQ])
+        self.echo.sent(request, True)
+        return request
 
     def deadline(self) -> int | None:
         missed_from = self.missed_from if self.link is Link.WAITING else None

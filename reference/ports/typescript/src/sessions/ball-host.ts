@@ -2,6 +2,7 @@
 
 import { BallDecoder, POLL, type BallError, type BallPacket, type Values } from "../isra-ball.js";
 import type { Item } from "../stream.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import { Events, NEVER, isDue, lineTime, require, type Session, type Unexpected } from "./session.js";
 
 export interface BallHostConfig {
@@ -12,15 +13,18 @@ export interface BallHostConfig {
   max_delay: number;
   /** ns; how old values may become. */
   max_age: number;
+  /** The line returns what is sent. */
+  echo: boolean;
 }
 
-export const BALL_HOST_DEFAULTS: BallHostConfig = { baud: 9600, period: 28e6, max_delay: 14e6, max_age: 150e6 };
+export const BALL_HOST_DEFAULTS: BallHostConfig = { baud: 9600, period: 28e6, max_delay: 14e6, max_age: 150e6, echo: false };
 
 export type BallHostEvent =
   | { event: "new"; message: Values; live_until?: number }
   | { event: "old" | "unasked"; message: BallPacket }
   | { event: "missed" | "stale" }
   | { event: "corrupt"; error: BallError | { kind: "layout"; expected: number; found: number } }
+  | EchoEvent
   | Unexpected;
 
 type Poll =
@@ -39,6 +43,7 @@ export class BallHost implements Session<BallHostEvent> {
   private live: number | null = null;
   /** Until when the next new values are proved not to be too old. */
   private proven = 0;
+  private echo = new Echo(false);
   private readonly decoder = new BallDecoder();
   private readonly events = new Events<BallHostEvent>();
   private readonly config: BallHostConfig;
@@ -63,6 +68,7 @@ export class BallHost implements Session<BallHostEvent> {
     this.pass(now);
     this.close();
     this.decoder.discard();
+    this.echo = new Echo(this.config.echo);
     this.poll = { phase: "idle", due: now + this.quiet };
     this.proven = 0;
   }
@@ -75,7 +81,7 @@ export class BallHost implements Session<BallHostEvent> {
 
   input(bytes: Uint8Array, now: number): void {
     this.pass(now);
-    this.decoder.push(bytes);
+    this.decoder.push(this.echo.remove(bytes, this.events));
     this.read(now);
   }
 
@@ -102,7 +108,9 @@ export class BallHost implements Session<BallHostEvent> {
       due: now + this.config.period,
       proof: now + this.config.max_age,
     };
-    return Uint8Array.of(POLL);
+    const poll = Uint8Array.of(POLL);
+    this.echo.sent(poll, false); // a packet may begin with it
+    return poll;
   }
 
   event(): BallHostEvent | null {

@@ -1,8 +1,13 @@
-/** Lines that return what is sent, as adapters for two wires often do (FM-88 and FM-92 of reference/fanuc-hmi-modbus.md). */
+/** Lines that return what is sent, as adapters for two wires often do (FM-88, IB-41, LE-113, VV-42 of the reference). */
 
 import { concat, numberAt } from "../stream.js";
 
 export type EchoError = { kind: "not_set"; length: number } | { kind: "collision"; offset: number; expected: number; found: number };
+
+export interface EchoEvent {
+  event: "echo";
+  error: EchoError;
+}
 
 /** The bytes of noise that an adapter may give before a frame that comes back. */
 const MOST_NOISE = 2;
@@ -30,7 +35,15 @@ export class Echo {
     return this.returns ? this.compare(bytes, before) : this.look(bytes, before);
   }
 
-  /** FM-88 */
+  /** The same, of an end: reports what is wrong. `empty` forgets what was not read yet: the beginning of a frame that came back. */
+  remove(bytes: Uint8Array, events: { push(event: EchoEvent): void }, empty: () => void = () => {}): Uint8Array {
+    const { rest, error } = this.receive(bytes);
+    if (error?.kind === "not_set") empty();
+    if (error !== null) events.push({ event: "echo", error });
+    return rest;
+  }
+
+  /** FM-88, IB-41, LE-113, VV-42 */
   private compare(bytes: Uint8Array, before: number): { rest: Uint8Array; error: EchoError | null } {
     const { frame } = this;
     this.come = concat(this.come, bytes).slice(0, frame.length);
@@ -40,7 +53,7 @@ export class Echo {
     return { rest, error: { kind: "collision", offset, expected: numberAt(frame, offset), found: numberAt(this.come, offset) } };
   }
 
-  /** FM-92 */
+  /** FM-92, IB-42, LE-114, VV-43 */
   private look(bytes: Uint8Array, before: number): { rest: Uint8Array; error: EchoError | null } {
     const { length } = this.frame;
     this.come = concat(this.come, bytes).slice(0, length + MOST_NOISE);

@@ -13,6 +13,7 @@ import {
   type LaserItem,
   type Profile,
 } from "../laser-eb90.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import {
   MOST_BATCH,
   WordTable,
@@ -36,9 +37,11 @@ export interface LaserControllerConfig {
   tick: number;
   /** ns without a byte after which corrupt bytes are answered. */
   silence: number;
+  /** The line returns what is sent. */
+  echo: boolean;
 }
 
-export const LASER_CONTROLLER_DEFAULTS: LaserControllerConfig = { profile: {}, words: {}, batch: 7, tick: 16e6, silence: 50e6 };
+export const LASER_CONTROLLER_DEFAULTS: LaserControllerConfig = { profile: {}, words: {}, batch: 7, tick: 16e6, silence: 50e6, echo: false };
 
 /** What queues interpreted instructions, and knows which parameters they take. */
 export interface InstructionQueue {
@@ -53,6 +56,7 @@ export type LaserControllerEvent =
   | { event: "queued"; count: number }
   | { event: "refused"; refusal: ErrorCode }
   | { event: "corrupt"; error: LaserError }
+  | EchoEvent
   | Unexpected;
 
 /** The last answer was an error code for corrupt bytes, where `rest` is set: bytes without a head are the rest of them. */
@@ -76,6 +80,7 @@ const MAX_VALUES = 508;
 export class LaserController implements Session<LaserControllerEvent> {
   private work: Work = { phase: "listening", rest: false };
   private line: Line = { phase: "disconnected" };
+  private echo = new Echo(false);
   private readonly profile: Profile;
   private readonly words: WordTable;
   private readonly decoder: LaserDecoder;
@@ -95,6 +100,7 @@ export class LaserController implements Session<LaserControllerEvent> {
 
   connected(): void {
     this.changeConnection({ phase: "silent" });
+    this.echo = new Echo(this.config.echo);
   }
 
   disconnected(): void {
@@ -102,6 +108,8 @@ export class LaserController implements Session<LaserControllerEvent> {
   }
 
   input(bytes: Uint8Array, now: number): void {
+    const rest = this.echo.remove(bytes, this.events);
+    if (rest.length === 0) return;
     const { line } = this;
     if (line.phase === "disconnected") {
       this.events.push({ event: "unexpected" });
@@ -109,7 +117,7 @@ export class LaserController implements Session<LaserControllerEvent> {
     }
     const silentAt = now + this.config.silence;
     this.line = line.phase === "bytes" ? { ...line, silentAt } : { phase: "bytes", silentAt, partial: false, fault: null };
-    this.decoder.push(bytes);
+    this.decoder.push(rest);
     this.read(now);
   }
 
@@ -137,7 +145,9 @@ export class LaserController implements Session<LaserControllerEvent> {
     const rest = work.error === "bad_checksum" || work.error === "bad_frame" || this.fault !== null;
     this.work = { phase: "listening", rest };
     this.endStretch(now);
-    return encodeFrame({ items: work.items }, this.profile);
+    const frame = encodeFrame({ items: work.items }, this.profile);
+    this.echo.sent(frame, false); // a host may send the same
+    return frame;
   }
 
   event(): LaserControllerEvent | null {

@@ -13,6 +13,7 @@ import {
   type LaserItem,
   type Profile,
 } from "../laser-eb90.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import {
   MOST_BATCH,
   WordTable,
@@ -46,6 +47,8 @@ export interface LaserHostConfig {
   controller_drops_partial: boolean;
   backoff: number;
   full_timeout: number;
+  /** The line returns what is sent. */
+  echo: boolean;
 }
 
 const MS = 1e6;
@@ -67,6 +70,7 @@ export const LASER_HOST_DEFAULTS: LaserHostConfig = {
   controller_drops_partial: false,
   backoff: 100 * MS,
   full_timeout: 60_000 * MS,
+  echo: false,
 };
 
 export type UnknownReason =
@@ -84,6 +88,7 @@ export type LaserHostEvent =
   | { event: "unknown"; first: number; count: number; reason: UnknownReason }
   | { event: "unasked"; word: number }
   | { event: "corrupt"; error: LaserError | { kind: "no_word" } }
+  | EchoEvent
   | Unexpected;
 
 /** A frame: its first instruction, how many, and how often it was sent. */
@@ -93,6 +98,8 @@ interface Batch {
   word: number;
   class: CommandClass;
   bytes: Uint8Array;
+  /** More than one item, which no answer has (LE-114). */
+  isProof: boolean;
   resends: number;
   unanswered: number;
   fullUntil: number | null;
@@ -119,6 +126,7 @@ export class LaserHost implements Session<LaserHostEvent> {
   private filling: Instruction[] = [];
   /** The number of the next instruction. */
   private number = 0;
+  private echo = new Echo(false);
   private readonly profile: Profile;
   private readonly words: WordTable;
   private readonly decoder: LaserDecoder;
@@ -149,6 +157,7 @@ export class LaserHost implements Session<LaserHostEvent> {
     const { longest_frame, baud, max_pause, earlier_execution, settle } = this.config;
     const drain = lineTime(longest_frame, baud) + max_pause + earlier_execution + settle;
     this.decoder.discard();
+    this.echo = new Echo(this.config.echo);
     this.quietUntil = Math.max(this.quietUntil, now + drain);
     this.state = { phase: held ? "held" : "idle" };
   }
@@ -185,11 +194,13 @@ export class LaserHost implements Session<LaserHostEvent> {
   }
 
   input(bytes: Uint8Array, now: number): void {
+    const rest = this.echo.remove(bytes, this.events, () => this.decoder.discard());
+    if (rest.length === 0) return;
     if (this.state.phase === "disconnected" || this.state.phase === "disconnected_held") {
       this.events.push({ event: "unexpected" });
       return;
     }
-    this.decoder.push(bytes);
+    this.decoder.push(rest);
     this.read(now);
   }
 
@@ -218,12 +229,14 @@ export class LaserHost implements Session<LaserHostEvent> {
     if (state.phase === "resending" && now >= state.notBefore) return this.send(state.batch, now);
     const [first] = this.filling;
     if (state.phase !== "idle" || first === undefined || now < this.quietUntil) return null;
+    const frame = frameOf(this.filling);
     const batch: Batch = {
       first: this.number - this.filling.length,
       count: this.filling.length,
       word: first.word,
       class: this.words.classOf(first.word) ?? "interpreted",
-      bytes: encodeFrame(frameOf(this.filling), this.profile),
+      bytes: encodeFrame(frame, this.profile),
+      isProof: frame.items.length > 1,
       resends: 0,
       unanswered: 0,
       fullUntil: null,
@@ -285,6 +298,7 @@ export class LaserHost implements Session<LaserHostEvent> {
       deadline: left + timeout,
       corrupt: false,
     };
+    this.echo.sent(batch.bytes, batch.isProof);
     return batch.bytes;
   }
 

@@ -4,7 +4,7 @@ import { Refused } from "../check.js";
 import { decodeFrame, encodeFrame, frameDecoder, type ExceptionLength, type Frame, type FrameError, type ReplyMessage, type RequestMessage } from "../fanuc-hmi-modbus.js";
 import { type PduError, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt } from "../stream.js";
-import { Echo, type EchoError } from "./echo.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import { askedBytes, isMirrored, mayBeginReply } from "./modbus-reply.js";
 import { longestFrame, silence, type Transport } from "./modbus-transport.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
@@ -48,7 +48,7 @@ export type ModbusClientEvent =
   | { event: "failed"; ticket: number; reason: FailReason }
   | { event: "stray"; unit: number; function: number; transaction?: number; late?: number; mismatch?: Mismatch }
   | { event: "corrupt" | "out_of_step"; error: FrameError | PduError }
-  | { event: "echo"; error: EchoError }
+  | EchoEvent
   | Unexpected;
 
 /** A request in its place (FM-75); `probing`: the probe before it was sent; `expired`: the outcome was taken, and the reply may still come. */
@@ -157,9 +157,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       this.events.push({ event: "unexpected" });
       return;
     }
-    const { rest, error } = this.echo.receive(bytes);
-    if (error?.kind === "not_set") this.decoder.discard();
-    if (error !== null) this.events.push({ event: "echo", error });
+    const rest = this.echo.remove(bytes, this.events, () => this.decoder.discard());
     if (rest.length === 0) return;
     if (this.silentAt !== null && !this.partial && isDue(this.silentAt, now)) this.endInput(now);
     this.decoder.push(rest);

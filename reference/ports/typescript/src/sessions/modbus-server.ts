@@ -4,7 +4,7 @@ import { Refused } from "../check.js";
 import { TcpFrameDecoder, crcOf, type Frame, type FrameError } from "../fanuc-hmi-modbus.js";
 import { decodePdu, encodeReply, type Reply, type Request } from "../modbus-pdu.js";
 import { numberAt, concat } from "../stream.js";
-import { Echo, type EchoError } from "./echo.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import { behindFrames, endedFrame, lineError, mayGoOn, needsMore, openFrame, partsOf, type Unit } from "./modbus-line.js";
 import { ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, SERVER_FAILURE, isBeyondLast, type ModbusTables } from "./modbus-tables.js";
 import { pieceTime, silence, type Transport } from "./modbus-transport.js";
@@ -31,7 +31,7 @@ export type ModbusServerEvent =
   | { event: "served"; unit: number; function: number; transaction?: number; exception?: number }
   | { event: "refused"; unit: number; function: number }
   | { event: "corrupt" | "out_of_step"; error: FrameError }
-  | { event: "echo"; error: EchoError }
+  | EchoEvent
   | Unexpected;
 
 /** The most bytes that are kept while replies wait (FM-62). */
@@ -105,9 +105,7 @@ export class ModbusServer implements Session<ModbusServerEvent> {
       this.readTcp();
       return;
     }
-    const { rest, error } = this.echo.receive(bytes);
-    if (error?.kind === "not_set") this.discard();
-    if (error !== null) this.events.push({ event: "echo", error });
+    const rest = this.echo.remove(bytes, this.events, () => this.discard());
     if (rest.length === 0) return;
     this.silentAt = now + this.config.silence;
     this.partial = false;

@@ -1,6 +1,7 @@
 /** The host of the VAL II viewer (section 7): it answers requests with the newest pose. */
 
 import { REQUEST, XOFF, XON, encodePose, type Pose } from "../val2-viewer.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
 export interface ViewerHostConfig {
@@ -10,16 +11,19 @@ export interface ViewerHostConfig {
   max_age: number;
   /** ns that an XOFF holds the line. */
   max_hold: number;
+  /** The line returns what is sent. */
+  echo: boolean;
   /** What writes a packet. */
   format: (message: Pose) => Uint8Array;
 }
 
-export const VIEWER_HOST_DEFAULTS: ViewerHostConfig = { interval: 150e6, max_age: 200e6, max_hold: 5e9, format: encodePose };
+export const VIEWER_HOST_DEFAULTS: ViewerHostConfig = { interval: 150e6, max_age: 200e6, max_hold: 5e9, echo: false, format: encodePose };
 
 export type ViewerHostEvent =
   | { event: "asked" | "ignored" | "stale" | "unsendable" | "hold_ended" }
   | { event: "sent"; message: Pose }
   | { event: "unknown"; byte: number }
+  | EchoEvent
   | Unexpected;
 
 export class ViewerHost implements Session<ViewerHostEvent> {
@@ -30,6 +34,7 @@ export class ViewerHost implements Session<ViewerHostEvent> {
   /** Until when the line is held, without XON; null is free. */
   private hold: number | null = null;
   private count = 0;
+  private echo = new Echo(false);
   private readonly events = new Events<ViewerHostEvent>();
   private readonly config: ViewerHostConfig;
 
@@ -44,6 +49,7 @@ export class ViewerHost implements Session<ViewerHostEvent> {
     this.link = "ready";
     this.hold = null;
     this.from = now + this.config.interval;
+    this.echo = new Echo(this.config.echo);
   }
 
   disconnected(now: number): void {
@@ -61,7 +67,7 @@ export class ViewerHost implements Session<ViewerHostEvent> {
 
   input(bytes: Uint8Array, now: number): void {
     this.pass(now);
-    for (const byte of bytes) this.byte(byte, now);
+    for (const byte of this.echo.remove(bytes, this.events)) this.byte(byte, now);
   }
 
   timeout(now: number): void {
@@ -82,6 +88,7 @@ export class ViewerHost implements Session<ViewerHostEvent> {
       return null;
     }
     this.count = (this.count + 1) & 0xffff;
+    this.echo.sent(bytes, true);
     this.events.push({ event: "sent", message });
     return bytes;
   }

@@ -1,6 +1,7 @@
 /** The workstation of the VAL II viewer (section 8): it asks for a pose, draws it, and asks again. */
 
 import { REQUEST, ViewerDecoder, XOFF, XON, isWholeLine, type Pose, type ViewerError } from "../val2-viewer.js";
+import { Echo, type EchoEvent } from "./echo.js";
 import { Events, NEVER, isDue, require, type Session, type Unexpected } from "./session.js";
 
 export interface WorkstationConfig {
@@ -10,9 +11,11 @@ export interface WorkstationConfig {
   stale_after: number;
   /** ns that an XOFF holds the line. */
   max_hold: number;
+  /** The line returns what is sent. */
+  echo: boolean;
 }
 
-export const WORKSTATION_DEFAULTS: WorkstationConfig = { pause: 2e9, stale_after: 1.5e9, max_hold: 5e9 };
+export const WORKSTATION_DEFAULTS: WorkstationConfig = { pause: 2e9, stale_after: 1.5e9, max_hold: 5e9, echo: false };
 
 /** The time of a display cycle, in ns. */
 const DISPLAY_CYCLE = 200e6;
@@ -26,6 +29,7 @@ export type WorkstationEvent =
   | { event: "unasked"; message: Pose }
   | { event: "missed" | "stale" | "hold_ended" }
   | { event: "corrupt"; error: ViewerError }
+  | EchoEvent
   | Unexpected;
 
 type Request =
@@ -39,6 +43,7 @@ export class Workstation implements Session<WorkstationEvent> {
   private live: number | null = null;
   /** Until when the line is held, without XON; null is free. */
   private hold: number | null = null;
+  private echo = new Echo(false);
   private readonly decoder = new ViewerDecoder();
   private readonly events = new Events<WorkstationEvent>();
   private readonly config: WorkstationConfig;
@@ -54,6 +59,7 @@ export class Workstation implements Session<WorkstationEvent> {
     this.pass(now);
     this.close();
     this.request = { phase: "allowed" };
+    this.echo = new Echo(this.config.echo);
   }
 
   disconnected(now: number): void {
@@ -78,14 +84,15 @@ export class Workstation implements Session<WorkstationEvent> {
 
   input(bytes: Uint8Array, now: number): void {
     this.pass(now);
+    const rest = this.echo.remove(bytes, this.events, () => this.decoder.discard());
     let begin = 0;
-    bytes.forEach((byte, place) => {
+    rest.forEach((byte, place) => {
       if (byte !== XON && byte !== XOFF) return;
-      this.read(bytes.subarray(begin, place), now);
+      this.read(rest.subarray(begin, place), now);
       this.handshake(byte, now);
       begin = place + 1;
     });
-    this.read(bytes.subarray(begin), now);
+    this.read(rest.subarray(begin), now);
   }
 
   timeout(now: number): void {
@@ -103,7 +110,9 @@ export class Workstation implements Session<WorkstationEvent> {
     this.pass(now);
     if (this.request.phase !== "due" || this.hold !== null || !this.hasRoom()) return null;
     this.request = { phase: "waiting", againFrom: now + this.config.pause, missedFrom: now + this.config.stale_after };
-    return Uint8Array.of(REQUEST);
+    const asked = Uint8Array.of(REQUEST);
+    this.echo.sent(asked, true);
+    return asked;
   }
 
   event(): WorkstationEvent | null {

@@ -80,7 +80,10 @@ fn what_the_plant_decides_is_set_of_no_end() {
         pc.reply_delay pc.silence pc.takeover pc.start_retries pc.end_when_done";
     assert_eq!(names(settings::list(Both(RobotConfig::TCP, PcConfig::TCP))), both);
     // What any kind of port has, each once.
-    assert_eq!(names(client_settings()), "timeout any_unit broadcast turnaround settle silence stall");
+    assert_eq!(
+        names(client_settings()),
+        "timeout any_unit broadcast turnaround settle pause echo silence stall"
+    );
 }
 
 #[test]

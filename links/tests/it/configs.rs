@@ -186,10 +186,13 @@ fn a_transport_is_chosen_with_its_time() {
 fn what_else_decides_is_no_setting() {
     let names = |settings: Vec<Setting>| settings.into_iter().map(|it| it.name).collect::<Vec<_>>();
     let client = names(list(ClientSettings(&mut fanuc_hmi_modbus::ClientConfig::rtu(9600))));
-    assert_eq!(client, ["timeout", "any_unit", "broadcast", "turnaround", "settle", "silence"]);
+    assert_eq!(
+        client,
+        ["timeout", "any_unit", "broadcast", "turnaround", "settle", "pause", "echo", "silence"]
+    );
     assert_eq!(
         names(list(val2_viewer::HostConfig::default())),
-        ["interval", "max_age", "max_hold"],
+        ["interval", "max_age", "max_hold", "echo"],
         "a format is code"
     );
     // In a user's settings the framing has no table of its own.

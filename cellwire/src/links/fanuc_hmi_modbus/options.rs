@@ -26,6 +26,8 @@ pub struct FanucSettings {
     pub stall: Duration,
     /// How long the rest of a request is waited for on a serial line; `None`: 20 ms and 32 characters.
     pub frame_timeout: Option<Duration>,
+    /// Whether the line returns what is sent.
+    pub echo: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
     /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
@@ -120,6 +122,7 @@ impl Default for FanucSettings {
             silence: None,
             stall,
             frame_timeout: None,
+            echo: false,
             word_order,
             faults: None,
             program: ProgramSettings::default(),
@@ -151,7 +154,7 @@ impl FanucSettings {
     fn with(&self, config: ServerConfig) -> ServerConfig {
         let broadcast = self.broadcast.unwrap_or(config.broadcast);
         let frame_timeout = self.frame_timeout.unwrap_or(config.frame_timeout);
-        ServerConfig { broadcast, frame_timeout, ..config }
+        ServerConfig { broadcast, frame_timeout, echo: self.echo, ..config }
     }
 }
 
@@ -165,6 +168,7 @@ impl Configure for FanucSettings {
             silence,
             stall,
             frame_timeout,
+            echo,
             word_order,
             faults,
             program,
@@ -182,6 +186,7 @@ impl Configure for FanucSettings {
         let about =
             "on a serial line, how long the rest of a request is waited for; auto: 20 ms and 32 characters";
         fields.time_or("frame_timeout", SOME_TIME, "auto", about, frame_timeout);
+        fields.echo(echo);
         word_order_setting(fields, word_order);
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";

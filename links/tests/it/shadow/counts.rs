@@ -8,27 +8,27 @@ use std::path::PathBuf;
 /// The complaints about the peers in the stories: how many by kind and clause, and the checksum of `LINK.txt`, the list of them. A
 /// complaint that follows one of the same words in its story does not count.
 pub(super) const STORIES: &str = "\
-kawasaki-msg Assumption: KM-51 193, KM-87 177
+kawasaki-msg Assumption: KM-51 202, KM-87 177
 kawasaki-msg Budget: KM-50 122
-kawasaki-msg Rule: KM-22 30, KM-42 17, KM-52 38, KM-54 6, KM-56 11, KM-67 6, KM-68 6, KM-92 268, KM-93 19, KM-95 45
-kawasaki-msg list 5fffab2528fbf1ad
+kawasaki-msg Rule: KM-22 30, KM-42 17, KM-52 38, KM-54 6, KM-56 11, KM-67 6, KM-68 6, KM-92 277, KM-93 19, KM-95 51
+kawasaki-msg list dae45c28e4c78b91
 val2-alter Assumption: AL-53 143, AL-93 23
 val2-alter Budget: AL-53 5, AL-60 5, AL-61 8, AL-73 31
 val2-alter Rule: AL-16 236, AL-23 21, AL-53 50, AL-73 8, AL-76 30, AL-78 1, AL-86 4, AL-89 46
 val2-alter list 899d5e6b5c540b26
 val2-viewer Assumption: VV-38 28, VV-40 51
-val2-viewer Rule: VV-10 6, VV-19 40, VV-25 14, VV-3 18
-val2-viewer list 35d978bec0ae2903
-isra-ball Assumption: IB-24 53, IB-25 7, IB-26 3, IB-31 15
-isra-ball Rule: IB-10 3, IB-11 1, IB-25 8, IB-33 4, IB-35 26, IB-9 8
-isra-ball list 87406c333513cd81
-fanuc-hmi-modbus Assumption: FM-42 107, FM-57 28
-fanuc-hmi-modbus Rule: FM-40 22, FM-41 2, FM-43 27, FM-44 30, FM-48 43, FM-60 3, FM-61 8
-fanuc-hmi-modbus list cd427ea71e4d349b
-laser-eb90 Assumption: LE-72 16, LE-98 13
-laser-eb90 Budget: LE-99 64
-laser-eb90 Rule: LE-102 12, LE-19 1, LE-22 2, LE-23 4, LE-24 3, LE-25 7, LE-45 19, LE-5 23
-laser-eb90 list b3f94da836f2040e
+val2-viewer Rule: VV-10 7, VV-19 43, VV-25 14, VV-3 18
+val2-viewer list 2445fb67940bbf88
+isra-ball Assumption: IB-24 55, IB-25 16, IB-26 3, IB-31 15
+isra-ball Rule: IB-10 3, IB-11 1, IB-25 12, IB-33 5, IB-35 27, IB-9 75
+isra-ball list 5596c364515c5fe5
+fanuc-hmi-modbus Assumption: FM-42 139, FM-57 28
+fanuc-hmi-modbus Rule: FM-40 25, FM-41 2, FM-43 27, FM-44 33, FM-48 60, FM-60 7, FM-61 21
+fanuc-hmi-modbus list 44554ed0c9bad5da
+laser-eb90 Assumption: LE-72 18, LE-98 14
+laser-eb90 Budget: LE-99 66
+laser-eb90 Rule: LE-102 12, LE-19 1, LE-22 2, LE-23 4, LE-24 3, LE-25 9, LE-45 20, LE-5 26
+laser-eb90 list 5a6e12e6c2b3fcfd
 mmacell-proto Assumption: MM-60 41
 mmacell-proto Rule: MM-18 4, MM-3 16, MM-4 15, MM-51 1, MM-54 2, MM-74 17
 mmacell-proto list ed2d73a38868e4a6
@@ -39,12 +39,12 @@ mmacell-proto list ed2d73a38868e4a6
 /// later than the next two messages; the faults that nobody can see, for each of [`REASONS`](super::unseen::REASONS); the checksum of
 /// `LINK-faults.txt`.
 pub(super) const FAULTS: &str = "\
-kawasaki-msg: 99 of 360; 484/512 + 40, 506/552, 550/551 + 1, 26/26 + 341, 120/120 + 432; 18; 341 32 8 1 0 0 432 0; list 4fb1dae126205ebf
+kawasaki-msg: 99 of 365; 484/512 + 40, 506/552, 550/551 + 1, 26/26 + 341, 120/120 + 432; 18; 341 32 8 1 0 0 432 0; list 4fb1dae126205ebf
 val2-alter: 91 of 430; 200/208 + 119, 324/327, 168/174 + 153, 11/11 + 239, 327/327; 30; 214 120 6 137 0 34 0 0; list 2d3ce949f9f94e5e
-val2-viewer: 57 of 142; 67/67 + 60, 96/97 + 30, 45/45 + 82, 0/0 + 35, 72/72 + 55; 0; 35 27 5 60 0 0 29 106; list a1f8ea3eb4e87031
-isra-ball: 34 of 90; 80/80 + 24, 104/104, 56/56 + 48, 5/5 + 35, 104/104; 0; 35 21 3 48 0 0 0 0; list 8774e218441dacca
-fanuc-hmi-modbus: 88 of 284; 221/227 + 79, 264/274 + 32, 143/147 + 159, 124/130 + 167, 272/272 + 34; 12; 87 83 3 159 105 0 34 0; list 6dc030058865606a
-laser-eb90: 107 of 263; 170/170 + 79, 240/240 + 9, 111/111 + 138, 111/111 + 133, 249/249; 0; 25 42 4 138 150 0 0 0; list 5f1ed4a9f754b1eb
+val2-viewer: 60 of 147; 78/78 + 75, 109/123 + 30, 51/51 + 102, 0/0 + 41, 83/83 + 70; 1; 41 41 6 80 0 0 44 106; list 58a07ca338c56e4d
+isra-ball: 34 of 96; 80/80 + 24, 104/104, 56/56 + 48, 5/5 + 35, 104/104; 0; 35 21 3 48 0 0 0 0; list 8774e218441dacca
+fanuc-hmi-modbus: 101 of 343; 227/233 + 120, 294/304 + 49, 147/151 + 202, 126/132 + 212, 319/319 + 34; 13; 97 134 3 202 147 0 34 0; list 394aa1be2892934a
+laser-eb90: 109 of 269; 175/175 + 80, 246/246 + 9, 114/114 + 141, 116/116 + 134, 255/255; 0; 25 42 4 141 152 0 0 0; list 49ed2ba0c3bd7215
 mmacell-proto: 118 of 191; 798/799 + 78, 877/877, 419/419 + 458, 100/106 + 225, 819/819 + 58; 45; 212 38 40 458 0 13 58 0; list ebd6b4496045a3ff
 ";
 

@@ -43,9 +43,10 @@ enum Command {
 /// M5 or while S is 0; otherwise they move with the laser off, as G0 does. A cut needs a feed.
 ///
 /// SVG: strokes are cut in their true size, in mm. X and Y are 0 at the lower left corner of the page; Y points up. The width and the
-/// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Text,
-/// images, clips, shapes without a stroke, translucent strokes and lines outside of the page are refused by name. DXF drawings are
-/// converted first, by docs/dxf-to-svg.py.
+/// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Clips
+/// are applied. Text, images, masks, shapes without a stroke, translucent strokes, lines outside of the page, and all that the reader
+/// does not understand are refused by name: docs/troubleshooting.md has the list. DXF drawings are converted first, by
+/// docs/dxf-to-svg.py.
 ///
 /// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
 /// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether

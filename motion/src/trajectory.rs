@@ -15,22 +15,27 @@ pub struct JointSample {
     pub joints: [f64; 6],
 }
 
+/// The longest trajectory, in s: a day.
+const MAX_SPAN: f64 = 86_400.0;
+
 impl Trajectory {
     /// A trajectory of two samples at least, in the order of their times.
     ///
     /// # Errors
-    /// When there are fewer, a number is not finite, or a time is not later than the one before.
+    /// When there are fewer, a number is not finite, a time is not later than the previous one, or more than a day after the first.
     pub fn new(samples: Vec<JointSample>) -> Result<Self, TrajectoryError> {
-        let mut last = f64::NEG_INFINITY;
+        let mut last = None;
         for (line, sample) in (1..).zip(&samples) {
             let finite = sample.time.is_finite() && sample.joints.iter().all(|joint| joint.is_finite());
             if !finite {
                 return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Number });
             }
-            if sample.time <= last {
-                return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Time });
-            }
-            last = sample.time;
+            check_time(&samples, last, sample.time).map_err(|reason| TrajectoryError {
+                line,
+                column: 1,
+                reason,
+            })?;
+            last = Some(sample.time);
         }
         if samples.len() < 2 {
             let line = samples.len() + 1;
@@ -44,7 +49,7 @@ impl Trajectory {
     /// with `#`.
     ///
     /// # Errors
-    /// The first line that is not seven numbers, or whose time is not later than the one before.
+    /// The first line that is not seven numbers, or whose time is not later than the previous one, or more than a day after the first.
     pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
         let mut samples = Vec::new();
         let mut has_names = false;
@@ -60,9 +65,11 @@ impl Trajectory {
             }
             let sample =
                 decode_row(row).map_err(|(column, reason)| TrajectoryError { line, column, reason })?;
-            if last.is_some_and(|last| sample.time <= last) {
-                return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Time });
-            }
+            check_time(&samples, last, sample.time).map_err(|reason| TrajectoryError {
+                line,
+                column: 1,
+                reason,
+            })?;
             last = Some(sample.time);
             samples.push(sample);
         }
@@ -141,9 +148,22 @@ pub enum TrajectoryReason {
     /// Not later than the sample before it.
     #[error("expected a time later than the previous one")]
     Time,
+    /// More than a day after the first sample.
+    #[error("expected a time at most {MAX_SPAN} s after the first")]
+    Span,
     /// Fewer than two samples.
     #[error("expected at least two samples")]
     Short,
+}
+
+fn check_time(samples: &[JointSample], last: Option<f64>, time: f64) -> Result<(), TrajectoryReason> {
+    if last.is_some_and(|last| time <= last) {
+        return Err(TrajectoryReason::Time);
+    }
+    if last.is_some() && samples.first().is_some_and(|first| time - first.time > MAX_SPAN) {
+        return Err(TrajectoryReason::Span);
+    }
+    Ok(())
 }
 
 fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {

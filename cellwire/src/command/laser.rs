@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
-use clap::Subcommand;
+use anyhow::{Result, ensure};
+use clap::{Subcommand, ValueEnum};
 use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::settings::connect_settings;
 use super::work::{self, Work, WorkArgs, say_resumed};
 use crate::cell::run::Operator;
-use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
+use crate::cell::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
 use crate::io::bell::Bell;
 use crate::io::journal::{Outcome, Tally};
 use crate::io::output::{log, remark};
@@ -39,8 +39,9 @@ enum Command {
 
 /// Runs a program, each instruction once: G-code, an SVG drawing, or CSV with a command word and its floats per line.
 ///
-/// G-code: G0 to G3, G17, G20, G21, G90, G91, G94, M2, M3, M4, M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut after M3 or M4, until
-/// M5 or while S is 0; otherwise they move with the laser off, as G0 does. A cut needs a feed.
+/// G-code: G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2, M3, M4, M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut after M3 or M4, until
+/// M5 or while S is 0; otherwise they move with the laser off, as G0 does. F and S that the plant's words do not carry (setting
+/// program.values) are refused without --allow not-carried. docs/files.md lists the words without an effect, and everything refused.
 ///
 /// SVG: strokes are cut in their true size, in mm. X and Y are 0 at the lower left corner of the page; Y points up. The width and the
 /// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Clips
@@ -67,11 +68,27 @@ struct RunArgs {
     /// The controller: the name of a serial port, or HOST:PORT of a serial device server
     #[arg(long, value_name = "PORT", required_unless_present = "dry_run")]
     port: Option<String>,
-    /// Leave out what cannot be cut of a drawing, and take 96 pixels as an inch if it has no size in mm; each is reported
-    #[arg(long, display_order = 0)]
-    allow: bool,
+    /// Run a program although not all of it has its effect; each part is reported. Without WHAT: drawing
+    #[arg(
+        long,
+        value_enum,
+        value_name = "WHAT",
+        num_args = 0..=1,
+        default_missing_value = "drawing",
+        display_order = 0
+    )]
+    allow: Vec<Allow>,
     #[command(flatten)]
     work: WorkArgs,
+}
+
+/// The effects of a program that a run may lack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Allow {
+    /// Parts of a drawing that cannot be cut are left out, and without a size in mm it has 96 pixels per inch
+    Drawing,
+    /// F and S of G-code that the plant's words do not carry
+    NotCarried,
 }
 
 /// Returns true when every instruction is done.
@@ -81,9 +98,19 @@ pub fn run(args: &Args) -> Result<bool> {
     // Some defaults follow from the rate.
     let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;
     let Settings { host, mapping } = settings::read("laser", Settings::at_baud(baud), &given)?;
-    let program = Program::read(&args.file, &mapping, &host, args.allow)?;
+    let program = Program::read(&args.file, &mapping, &host, args.allow.contains(&Allow::Drawing))?;
     for warning in &program.warnings {
-        remark(&format!("warning: the drawing {} {warning}", args.file.display()));
+        remark(&format!("warning: {} {warning}", args.file.display()));
+    }
+    let not_carried: Vec<Coordinate> = program.not_carried.iter().map(|(value, _)| *value).collect();
+    if let Some((value, line)) = program.not_carried.first() {
+        let values: Vec<_> = mapping.values.iter().chain(&not_carried).collect();
+        ensure!(
+            args.allow.contains(&Allow::NotCarried),
+            "{}: line {line}: the robot does not get {value:?}; send it with --set 'program.values={}' if its command words have a float for it, or run without it with --allow not-carried",
+            args.file.display(),
+            json!(values)
+        );
     }
     if let Some(file) = &args.work.draw {
         program.draw(file, &mapping)?;
@@ -94,17 +121,12 @@ pub fn run(args: &Args) -> Result<bool> {
         log(&json!({
             "program": args.file, "instructions": program.instructions.len(), "frames": frames,
             "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
-            "not_carried": program.not_carried,
+            "not_carried": not_carried,
         }))?;
         return Ok(true);
     }
-    if !program.not_carried.is_empty() {
-        let all: Vec<_> = mapping.values.iter().chain(&program.not_carried).collect();
-        let hint = format!(
-            "the robot does not get these values; to send them: --set 'program.values={}'",
-            json!(all)
-        );
-        log(&json!({"event": "not_carried", "values": program.not_carried, "hint": hint}))?;
+    if !not_carried.is_empty() {
+        log(&json!({"event": "not_carried", "values": not_carried}))?;
     }
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
     let work = Work { file: &args.file, what: "program", fingerprint, parts };

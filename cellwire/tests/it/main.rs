@@ -38,6 +38,7 @@ mod kawasaki_tables;
 mod laser;
 #[cfg(unix)]
 mod laser_drawing;
+mod laser_program;
 mod laser_run;
 #[cfg(target_os = "linux")]
 mod limits;

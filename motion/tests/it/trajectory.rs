@@ -61,6 +61,11 @@ fn a_trajectory_has_two_samples_in_the_order_of_their_times() {
         assert_eq!(text, list, "{times:?}");
         list
     };
+    assert_eq!(refused(read(&[0.0, 86_400.5])), (2, 1, TrajectoryReason::Span));
+    assert_eq!(refused(read(&[1e9, 1e9 + 1.0, 1e300])), (3, 1, TrajectoryReason::Span));
+    assert!(read(&[1e9, 1e9 + 86_400.0]).is_ok());
+    let late = Trajectory::from_csv("t,a\n0,1,2,3,4,5,6\n1e300,1,2,3,4,5,6\n");
+    assert_eq!(refused(late), (3, 1, TrajectoryReason::Span));
     assert_eq!(refused(read(&[])), (1, 1, TrajectoryReason::Short));
     assert_eq!(refused(read(&[0.0])), (2, 1, TrajectoryReason::Short));
     assert_eq!(refused(Trajectory::from_csv("# one\n0,1,2,3,4,5,6")), (3, 1, TrajectoryReason::Short));

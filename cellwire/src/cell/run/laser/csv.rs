@@ -1,13 +1,14 @@
 //! Instructions as a table: the word, then its floats.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::route::Instruction;
-use super::settings::Mapping;
+use super::settings::{Coordinate, Mapping};
 use crate::io::input::rows;
 
-/// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`, and a
-/// first line that begins with `word`, are passed over.
+/// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#` are passed
+/// over. A first line that begins with `word` names the floats, and the names of coordinates must stand in the order of the mapping. Empty
+/// cells at the end of a line are passed over.
 ///
 /// # Errors
 /// When a cell is none of these, with the line.
@@ -18,6 +19,7 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
         let mut cells = record.iter();
         let first = cells.next().unwrap_or_default();
         if instructions.is_empty() && first.eq_ignore_ascii_case("word") {
+            heading(cells, mapping).with_context(|| format!("line {line}"))?;
             continue;
         }
         let word = word(first, mapping).with_context(|| {
@@ -30,10 +32,29 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
             cell.parse::<f32>()
                 .with_context(|| format!("line {line}: `{}` is not a number", cell.escape_debug()))
         };
-        let values = cells.filter(|cell| !cell.is_empty()).map(number).collect::<Result<_>>()?;
+        let mut cells: Vec<_> = cells.collect();
+        while cells.pop_if(|cell| cell.is_empty()).is_some() {}
+        if let Some(empty) = cells.iter().position(|cell| cell.is_empty()) {
+            bail!("line {line}: cell {} is empty: give 0, or leave empty only cells at the end", empty + 2);
+        }
+        let values = cells.into_iter().map(number).collect::<Result<_>>()?;
         instructions.push(Instruction { line, word, values });
     }
     Ok(instructions)
+}
+
+/// Checks the names of columns: another order is another path. Names that are not those of coordinates are of the plant's own words.
+fn heading<'a>(names: impl Iterator<Item = &'a str>, mapping: &Mapping) -> Result<()> {
+    for (name, expected) in names.zip(&mapping.values) {
+        let found: Result<Coordinate, _> = serde_json::from_value(name.to_ascii_lowercase().into());
+        ensure!(
+            found.is_err() || found.is_ok_and(|found| found == *expected),
+            "column `{}`, expected {}: see the setting program.values",
+            name.escape_debug(),
+            serde_json::to_string(expected)?
+        );
+    }
+    Ok(())
 }
 
 fn word(text: &str, mapping: &Mapping) -> Option<u16> {

@@ -21,9 +21,10 @@ const OVERHEAD: (usize, usize) = (6, 7);
 pub struct Program {
     /// In order.
     pub instructions: Vec<Instruction>,
-    /// What the program gives, and the floats of its instructions do not have: feed or power.
-    pub not_carried: Vec<Coordinate>,
-    /// The parts of a drawing that are not cut as they are drawn.
+    /// The values that the program gives and its instructions do not carry, feed or power, each with its first line.
+    pub not_carried: Vec<(Coordinate, u64)>,
+    /// The parts of a drawing that are not cut as they are drawn, or that the laser is never on. Each continues a sentence that begins
+    /// with the name of the file.
     pub warnings: Vec<String>,
 }
 

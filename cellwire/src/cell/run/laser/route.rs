@@ -21,7 +21,7 @@ pub struct Instruction {
 /// A path that becomes instructions, line by line.
 #[derive(Debug)]
 pub(super) struct Route<'a> {
-    mapping: &'a Mapping,
+    pub(super) mapping: &'a Mapping,
     /// X, Y, Z, A, B, C.
     pub(super) at: [f64; 6],
     pub(super) feed: f64,
@@ -34,6 +34,11 @@ pub(super) struct Route<'a> {
 impl<'a> Route<'a> {
     pub(super) fn new(mapping: &'a Mapping) -> Self {
         Self { mapping, at: [0.0; 6], feed: 0.0, power: None, length: 0.0, instructions: Vec::new() }
+    }
+
+    /// Returns whether the plant's words have a float for this value.
+    pub(super) fn carries(&self, value: Coordinate) -> bool {
+        self.mapping.values.contains(&value)
     }
 
     /// A straight line.

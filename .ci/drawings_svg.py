@@ -119,6 +119,7 @@ REFUSED = {
     "far": ("<path d='M0 0C1e30 1 2 3e30 4 5A1e20 1 0 0 0 1e19 5'/>", "has lines beyond"),
     "outside": ("<path d='M50 50h90'/>", "has lines outside of its page"),
     "unstroked": ("<rect stroke='none' fill='red' width='9' height='9'/>", "1 unstroked shape (line 1)"),
+    "nested without a size": ("<svg x='50' viewBox='0 0 10 10'><path d='M-4 5h14'/></svg>", "nested `svg` without a width or height (line 1)"),
     "flow": ("<flowRoot><flowPara>a</flowPara></flowRoot>", "<flowRoot> (line 1)"),
     "animation": ("<path d='M5 5h9'><animate attributeName='d' dur='1s'/></path>", "1 animation (line 1)"),
     "page without area": ("<svg width='0' viewBox='0 0 0 9'>" + LINE + "</svg>", "`viewBox` of `0 0 0 9` (line 1)"),

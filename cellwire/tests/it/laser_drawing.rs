@@ -348,6 +348,10 @@ fn what_the_reader_omits_is_named_with_its_line() {
             "dashes with `pathLength` or `vector-effect` (line 2)",
         ),
         (r#"<flowRoot/>"#, "<flowRoot> (line 2)"),
+        (
+            r#"<svg x="50" viewBox="0 0 10 10"><path d="M-4 5h9"/></svg>"#,
+            "nested `svg` without a width or height (line 2)",
+        ),
         (r#"<path d="M0 0h9"><animate/></path>"#, "1 animation (line 2)"),
         (
             r##"<path id="a" d="M0 0h9"/><path id="a" d="M0 0h9"/><use href="#a"/>"##,

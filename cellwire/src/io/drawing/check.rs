@@ -167,6 +167,12 @@ impl<'f, 'a> Check<'f, 'a> {
         match tag.name() {
             "svg" | "g" | "a" | "symbol" | "marker" => {
                 self.own(node, &properties);
+                let is_sized = ["width", "height"].iter().all(|side| node.has_attribute(*side));
+                let is_nested = tag.name() == "svg" && node.parent_element().is_some();
+                // The reader does not clip such an element, viewers do.
+                if is_nested && !is_sized && value("overflow") != Some("visible") {
+                    self.findings.add("nested `svg` without a width or height", node);
+                }
                 for child in node.children() {
                     self.element(child, is_visible);
                 }

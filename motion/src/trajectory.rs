@@ -24,18 +24,12 @@ impl Trajectory {
     /// # Errors
     /// When there are fewer, a number is not finite, a time is not later than the previous one, or more than a day after the first.
     pub fn new(samples: Vec<JointSample>) -> Result<Self, TrajectoryError> {
-        let mut last = None;
         for (line, sample) in (1..).zip(&samples) {
             let finite = sample.time.is_finite() && sample.joints.iter().all(|joint| joint.is_finite());
             if !finite {
                 return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Number });
             }
-            check_time(&samples, last, sample.time).map_err(|reason| TrajectoryError {
-                line,
-                column: 1,
-                reason,
-            })?;
-            last = Some(sample.time);
+            check_time(samples.get(..line - 1).unwrap_or_default(), line, sample.time)?;
         }
         if samples.len() < 2 {
             let line = samples.len() + 1;
@@ -53,7 +47,6 @@ impl Trajectory {
     pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
         let mut samples = Vec::new();
         let mut has_names = false;
-        let mut last = None;
         for (line, row) in (1..).zip(text.strip_prefix('\u{feff}').unwrap_or(text).lines()) {
             let content = row.trim();
             if content.is_empty() || content.starts_with('#') {
@@ -65,12 +58,7 @@ impl Trajectory {
             }
             let sample =
                 decode_row(row).map_err(|(column, reason)| TrajectoryError { line, column, reason })?;
-            check_time(&samples, last, sample.time).map_err(|reason| TrajectoryError {
-                line,
-                column: 1,
-                reason,
-            })?;
-            last = Some(sample.time);
+            check_time(&samples, line, sample.time)?;
             samples.push(sample);
         }
         if samples.len() < 2 {
@@ -156,14 +144,16 @@ pub enum TrajectoryReason {
     Short,
 }
 
-fn check_time(samples: &[JointSample], last: Option<f64>, time: f64) -> Result<(), TrajectoryReason> {
-    if last.is_some_and(|last| time <= last) {
-        return Err(TrajectoryReason::Time);
-    }
-    if last.is_some() && samples.first().is_some_and(|first| time - first.time > MAX_SPAN) {
-        return Err(TrajectoryReason::Span);
-    }
-    Ok(())
+/// Compares the time of a sample with those before it.
+fn check_time(before: &[JointSample], line: usize, time: f64) -> Result<(), TrajectoryError> {
+    let reason = if before.last().is_some_and(|last| time <= last.time) {
+        TrajectoryReason::Time
+    } else if before.first().is_some_and(|first| time - first.time > MAX_SPAN) {
+        TrajectoryReason::Span
+    } else {
+        return Ok(());
+    };
+    Err(TrajectoryError { line, column: 1, reason })
 }
 
 fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {

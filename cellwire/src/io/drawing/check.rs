@@ -155,7 +155,7 @@ impl<'f, 'a> Check<'f, 'a> {
             return;
         }
         let properties = self.properties(node);
-        let value = |name: &str| properties.iter().rev().find(|it| it.0 == name).map(|it| it.1.trim());
+        let value = |name: &str| value(&properties, name);
         let is_transparent = |it: &str| it.trim_end_matches('%').parse::<f64>().is_ok_and(|it| it <= 0.0);
         if value("display") == Some("none") || value("opacity").is_some_and(is_transparent) {
             return;
@@ -301,11 +301,17 @@ impl<'f, 'a> Check<'f, 'a> {
                 return is_visible && !child.text().unwrap_or_default().trim().is_empty();
             }
             let properties = self.properties(child);
-            let value = |name: &str| properties.iter().rev().find(|it| it.0 == name).map(|it| it.1.trim());
-            let is_visible = value("visibility").map_or(is_visible, |it| it == "visible");
-            child.is_element() && value("display") != Some("none") && self.shows_text(child, is_visible)
+            let is_visible = value(&properties, "visibility").map_or(is_visible, |it| it == "visible");
+            child.is_element()
+                && value(&properties, "display") != Some("none")
+                && self.shows_text(child, is_visible)
         })
     }
+}
+
+/// Returns the value of a property: the last one that is given.
+fn value<'a>(properties: &[(&'a str, &'a str, bool)], name: &str) -> Option<&'a str> {
+    properties.iter().rev().find(|it| it.0 == name).map(|it| it.1.trim())
 }
 
 /// An element as the selectors of a style sheet see it.

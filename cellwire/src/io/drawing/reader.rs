@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::rc::Rc;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use kurbo::{Affine, CubicBez, Line, PathEl, Point, Rect, Size};
 use usvg::roxmltree::{Document, Node, ParsingOptions};
 
 use super::check::Check;
+use super::clips::{Clip, Region};
 use super::findings::{Findings, with_ids};
 use super::paths::{Outline, Outlines};
 use super::{arcs, warnings};
@@ -108,10 +110,17 @@ impl Drawing {
         mut line: impl FnMut(u64, Point, Point) -> Result<()>,
     ) -> Result<bool> {
         let (mut number, mut is_cut_off) = (0, false);
+        // A stroke along the edge of a clip is visible.
+        let edge = visible.width().max(visible.height()) * EDGE;
+        // The outlines of a group share its clip.
+        let mut clipped: Option<(&Rc<Clip>, Region)> = None;
         for Outline { path, clip } in &self.outlines {
-            // A stroke along the edge of a clip is visible.
-            let edge = visible.width().max(visible.height()) * EDGE;
-            let region = clip.as_ref().map(|clip| clip.region(placed, tolerance / 10.0, edge));
+            clipped = match (clip, clipped) {
+                (None, _) => None,
+                (Some(clip), Some((last, region))) if Rc::ptr_eq(clip, last) => Some((last, region)),
+                (Some(clip), _) => Some((clip, clip.region(placed, tolerance / 10.0, edge))),
+            };
+            let region = clipped.as_ref().map(|(_, region)| region);
             let mut path = path.clone();
             path.apply_affine(placed);
             let (mut start, mut last, mut comparisons) = (Point::ZERO, Point::ZERO, 0);
@@ -137,7 +146,7 @@ impl Drawing {
                             outcome = line(number, from, to);
                         }
                     };
-                    match &region {
+                    match region {
                         None => show(from, to),
                         Some(_) if comparisons > MAX_COMPARISONS => {
                             outcome = Err(anyhow!(

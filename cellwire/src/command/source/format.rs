@@ -5,7 +5,7 @@ use std::io::{BufRead, Cursor, Read};
 use anyhow::{Context, Result, bail};
 
 use super::Format;
-use crate::io::capture::is_dump;
+use crate::io::capture::{is_dump, unreadable};
 use crate::io::trace::{parse_line, parse_name};
 
 /// How many bytes decide at most.
@@ -21,8 +21,6 @@ const PACKETS: [[u8; 4]; 7] = [
     [0x34, 0xCD, 0xB2, 0xA1],
     [0x0A, 0x0D, 0x0D, 0x0A],
 ];
-/// The first bytes of what has to be unpacked before: gzip, zstd, zip.
-const PACKED: [&[u8]; 3] = [&[0x1F, 0x8B], &[0x28, 0xB5, 0x2F, 0xFD], b"PK\x03\x04"];
 
 /// The format of `input`, and all of it.
 ///
@@ -51,8 +49,8 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     if PACKETS.iter().any(|magic| begin.starts_with(magic)) {
         return Ok(Some(Format::Pcap));
     }
-    if PACKED.iter().any(|magic| begin.starts_with(magic)) {
-        bail!("the input is compressed: unpack it first");
+    if let Some(why) = unreadable(begin) {
+        bail!(why);
     }
     let begin = begin.get(..MOST).unwrap_or(begin);
     let begin = begin.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(begin);
@@ -155,7 +153,18 @@ mod tests {
     #[test]
     fn what_is_something_else_is_refused() {
         for (begin, why) in [
-            (&b"\x1F\x8B\x08\x00"[..], "the input is compressed: unpack it first"),
+            (
+                &b"\x1F\x8B\x08\x00"[..],
+                "the input is compressed with gzip: unpack it first, as in `gzip -dc FILE | cellwire …`",
+            ),
+            (
+                b"\x28\xB5\x2F\xFD\x04",
+                "the input is compressed with zstd: unpack it first, as in `zstd -dc FILE | cellwire …`",
+            ),
+            (
+                b"snoop\0\0\0\0\0\0\x02",
+                "the input is a capture of snoop: convert it with `editcap -F pcapng FILE OUT.pcapng`",
+            ),
             (
                 b"{\"offset\":0}\n",
                 "the input has lines of JSON: cellwire encode makes bytes of message objects",

@@ -10,6 +10,7 @@ use pcap_parser::{
 };
 
 use super::fault::Fault;
+use super::unreadable;
 
 /// How much is read at once.
 const CHUNK: usize = 1 << 20;
@@ -99,7 +100,9 @@ impl Blocks {
         if data.first_chunk().is_some_and(|magic| u32::from_le_bytes(*magic) == SECTION_HEADER) {
             return Ok(blocks);
         }
-        let Ok((_, header)) = parse_pcap_header(data) else { bail!(NONE) };
+        let Ok((_, header)) = parse_pcap_header(data) else {
+            bail!(unreadable(data).unwrap_or_else(|| NONE.into()));
+        };
         let length = header.size();
         // The upper bits say how long the checksum after each packet is, which belongs to none of the headers.
         let link_type = header.network.0.cast_unsigned() & 0x0FFF_FFFF & 0xFFFF;

@@ -127,6 +127,8 @@ struct Connection<T> {
 /// One direction.
 struct Direction<T> {
     tcp: Reassembly,
+    /// The sequence number of the first byte that the other end has not acknowledged yet, if the capture has it.
+    acknowledged: Option<u32>,
     state: State<T>,
 }
 
@@ -156,7 +158,8 @@ impl<D: Directions> Table<'_, D> {
         if let Some(segment) = packet.segment {
             connection.open(sender, segment, self.to)?;
         }
-        if packet.payload.is_empty() && packet.missing == 0 {
+        let keeps_alive = connection.keeps_alive(sender, packet);
+        if packet.payload.is_empty() && packet.missing == 0 || keeps_alive {
             return Ok(());
         }
         let Connection { number, client, directions, .. } = connection;
@@ -227,7 +230,7 @@ impl<D: Directions> Table<'_, D> {
 
 impl<T> Connection<T> {
     fn new(number: u64) -> Self {
-        let silent = || Direction { tcp: Reassembly::default(), state: State::Silent };
+        let silent = || Direction { tcp: Reassembly::default(), acknowledged: None, state: State::Silent };
         Self { number, client: None, directions: [silent(), silent()], last: 0 }
     }
 
@@ -254,8 +257,24 @@ impl<T> Connection<T> {
         Ok(())
     }
 
+    /// Returns whether a packet asks only whether the connection is alive, at the beginning of the capture: it repeats the byte before the
+    /// next one. The other end has acknowledged that byte; if it has not sent anything yet, the packet is not the end of what a
+    /// program has written. Later ones are known by their position.
+    fn keeps_alive(&mut self, sender: usize, packet: &Packet<'_>) -> bool {
+        let Some(segment) = packet.segment else { return false };
+        if let (Some(other), Some(next)) = (self.directions.get_mut(1 - sender), segment.acknowledges) {
+            other.acknowledged = Some(next);
+        }
+        let Some(direction) = self.directions.get(sender) else { return false };
+        let next = segment.sequence.wrapping_add(1);
+        packet.payload.len() == 1
+            && packet.missing == 0
+            && !direction.tcp.has_begun()
+            && direction.acknowledged.map_or(!segment.pushes, |acknowledged| acknowledged == next)
+    }
+
     fn end(self, to: &mut impl Directions<Direction = T>) -> Result<()> {
-        for Direction { mut tcp, state } in self.directions {
+        for Direction { mut tcp, state, .. } in self.directions {
             if let State::Taken(mut taken) = state {
                 tcp.finish(|piece| to.take(&mut taken, piece))?;
                 to.end(taken)?;

@@ -45,7 +45,7 @@ pub enum Fault {
         /// Why they are no packet.
         why: &'static str,
     },
-    /// A line of a hex dump that does not go on where the one before ends.
+    /// A line of a hex dump that does not go on where the one before ends, or a line of strace that is not read.
     Line {
         /// What is wrong with it.
         why: String,

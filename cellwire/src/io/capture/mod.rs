@@ -59,6 +59,34 @@ pub enum Form {
     Strace,
 }
 
+/// Returns why an input that begins so is not read, with the command that makes a capture of it, if it is a known form of captures.
+pub fn unreadable(begin: &[u8]) -> Option<String> {
+    const PACKED: [(&[u8], &str, &str); 6] = [
+        (b"\x1F\x8B", "gzip", "gzip -dc"),
+        (b"\x28\xB5\x2F\xFD", "zstd", "zstd -dc"),
+        (b"\xFD7zXZ\0", "xz", "xz -dc"),
+        (b"BZh", "bzip2", "bzip2 -dc"),
+        (b"\x04\x22\x4D\x18", "lz4", "lz4 -dc"),
+        (b"PK\x03\x04", "zip", "unzip -p"),
+    ];
+    const OTHERS: [(&[u8], &str); 6] = [
+        (b"snoop\0\0\0", "snoop"),
+        (b"btsnoop\0", "btsnoop"),
+        (b"GMBU", "Network Monitor"),
+        (b"RTSS", "Network Monitor 1"),
+        (b"XCP\0", "NetXRay"),
+        (b"TRSNIFF data    \x1A", "DOS Sniffer"),
+    ];
+    let packed = PACKED.iter().find(|(magic, ..)| begin.starts_with(magic));
+    let packed = packed.map(|(_, name, command)| {
+        format!("the input is compressed with {name}: unpack it first, as in `{command} FILE | cellwire …`")
+    });
+    packed.or_else(|| {
+        let (_, name) = OTHERS.iter().find(|(magic, _)| begin.starts_with(magic))?;
+        Some(format!("the input is a capture of {name}: convert it with `editcap -F pcapng FILE OUT.pcapng`"))
+    })
+}
+
 /// The two ends of a flow, the sender first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Flow {
@@ -116,6 +144,10 @@ pub struct Segment {
     pub opens: bool,
     /// This end accepts the connection that the other one opens.
     pub accepts: bool,
+    /// The sequence number of the next byte that this end expects, if the segment has one.
+    pub acknowledges: Option<u32>,
+    /// The sender has nothing more to send at this time.
+    pub pushes: bool,
 }
 
 /// A piece of a flow.
@@ -279,6 +311,8 @@ fn transport(
                 sequence: tcp.sequence_number().wrapping_add(u32::from(tcp.syn())),
                 opens: tcp.syn(),
                 accepts: tcp.syn() && tcp.ack(),
+                acknowledges: tcp.ack().then(|| tcp.acknowledgment_number()),
+                pushes: tcp.psh(),
             };
             // What comes with a reset is a text for people, if anything.
             let payload = if tcp.rst() { &[] } else { tcp.payload() };

@@ -52,6 +52,11 @@ impl Reassembly {
         started.first != sequence
     }
 
+    /// Returns whether the position of the first byte is known.
+    pub fn has_begun(&self) -> bool {
+        self.started.is_some()
+    }
+
     /// Takes a segment, `cut` bytes of which the capture has cut off; `take` gets what is now in order.
     ///
     /// # Errors

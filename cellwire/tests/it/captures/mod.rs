@@ -174,6 +174,30 @@ fn what_overlaps_is_read_once() {
     assert_eq!(read_tcp([segment(0, 5), segment(20, 30), segment(3, 25), segment(28, 36)]), "c1 c2 c3");
 }
 
+/// A packet of one byte before the next one, of a connection whose beginning the capture lacks.
+#[test]
+fn a_keep_alive_before_the_first_data_is_not_data() {
+    const PUSH: u8 = 8;
+    let data = |n: u8| tcp(CLIENT, SERVER, 1000, ACK | PUSH, &request(n));
+    let keep_alive = |flags| tcp(CLIENT, SERVER, 999, ACK | flags, &[0]);
+    assert_eq!(read_tcp([keep_alive(0), keep_alive(0), data(1)]), "c1");
+    let acknowledges = |next: u32| {
+        let mut segment = tcp(SERVER, CLIENT, 5000, ACK, &[]);
+        segment[8..12].copy_from_slice(&next.to_be_bytes());
+        segment
+    };
+    assert_eq!(read_tcp([acknowledges(1000), keep_alive(PUSH), data(1)]), "c1");
+    // A byte that is sent alone.
+    let [first, rest] = [&request(1)[..1], &request(1)[1..]].map(<[u8]>::to_vec);
+    let rest = tcp(CLIENT, SERVER, 1001, ACK | PUSH, &rest);
+    for flags in [0, PUSH] {
+        let first = tcp(CLIENT, SERVER, 1000, ACK | flags, &first);
+        assert_eq!(read_tcp([acknowledges(1000), first, rest.clone()]), "c1");
+    }
+    let first = tcp(CLIENT, SERVER, 1000, ACK | PUSH, &first);
+    assert_eq!(read_tcp([first, rest]), "c1");
+}
+
 #[test]
 fn what_is_missing_is_a_line() {
     let mut segments = connection(1..=3);

@@ -77,6 +77,72 @@ fn a_dump_is_read_in_both_directions() {
     assert!(code == Some(2) && said.contains("the input is not a hex dump"), "{said}");
 }
 
+/// The dumps of `hexdump`, `od` and `xxd`: read as the same bytes, or refused.
+#[test]
+fn the_dumps_of_other_programs_are_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, text] = ["data", "dump.txt"].map(|name| folder.path().join(name));
+    // The squeezed line of `*` is 16 bytes of three registers.
+    fs::write(&data, [request(1), request(2), request(3), request(4), request(5)].concat()).unwrap();
+    let bytes = "dump bytes with";
+    for (program, refused) in [
+        ("hexdump -C", None),
+        ("od -t x1", None),
+        ("od -A d -t x1", None),
+        ("od -A x -t x1z", None),
+        ("xxd", None),
+        ("xxd -g 1 -c 8", None),
+        ("hexdump", Some("line 1: words of two or four bytes, whose byte order the dump does not show")),
+        ("hexdump -x", Some("line 1: words of two")),
+        ("hexdump -b", Some("line 1: a dump of octal or decimal numbers or of characters")),
+        ("hexdump -c", Some("line 1: a dump of octal")),
+        ("hexdump -d", Some("line 1: a dump of octal")),
+        ("od", Some("line 1: a dump of octal")),
+        ("od -x", Some("line 1: words of two")),
+        ("od -t x4", Some("line 1: words of two")),
+        ("od -t u1", Some("line 1: a dump of octal")),
+        ("xxd -b", Some("line 1: a dump of bits")),
+        ("xxd -e", Some("line 1: words of two")),
+    ] {
+        let mut words_of = program.split(' ');
+        let mut command = Command::new(words_of.next().unwrap());
+        let Ok(output) = command.args(words_of).arg(&data).output() else {
+            eprintln!("skipped: there is no {program}");
+            continue;
+        };
+        fs::write(&text, output.stdout).unwrap();
+        match refused {
+            None => assert_eq!(words("", &text), "c1 c2 c3 c4 c5", "{program}"),
+            Some(why) => {
+                for command in
+                    ["decode fanuc-hmi-modbus", "identify", "decode fanuc-hmi-modbus --format hexdump"]
+                {
+                    let (lines, code, said) = cellwire(command, &text);
+                    assert_eq!((lines.as_str(), code), ("", Some(2)), "{program}: {said}");
+                    assert!(said.contains(why) && said.contains(bytes), "{program}: {said}");
+                }
+            }
+        }
+    }
+    fs::write(&text, "12:00:00.5 IP 10.0.0.1.5 > 10.0.0.2.502: Flags [P.]\n\t0x0000:  4500 0028\n").unwrap();
+    let (_, code, said) = cellwire("decode fanuc-hmi-modbus", &text);
+    assert!(code == Some(2) && said.contains("write them to a file with `tcpdump -w`"), "{said}");
+}
+
+#[test]
+fn a_compressed_capture_is_refused_with_the_command_that_unpacks_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("day.pcap.gz");
+    fs::write(&file, b"\x1F\x8B\x08\0\0\0\0\0\0\x03packed").unwrap();
+    for command in ["decode fanuc-hmi-modbus", "decode fanuc-hmi-modbus --format pcap", "identify"] {
+        let (_, code, said) = cellwire(command, &file);
+        assert!(
+            code == Some(2) && said.contains("compressed with gzip: unpack it first, as in `gzip -dc"),
+            "{said}"
+        );
+    }
+}
+
 #[test]
 fn text2pcap_reads_the_same_of_a_dump() {
     if Command::new("text2pcap").arg("--version").output().is_err() {
@@ -117,7 +183,7 @@ fn a_program_is_read_through_strace() {
             os.write(end, bytes([0, n, 0, 0, 0, 5, 1, 3, 2, 0, n]))\n    \
             os.read(port, 5)\n    \
             os.read(port, 100)\n";
-    for notation in ["-xx -y", "-x", "-tt -f", "-ttt -xx"] {
+    for notation in ["-xx -y", "-x", "-tt -f", "-ttt -xx", "-f -tt -xx -yy", "-i -y", "-n -r"] {
         let mut command = Command::new("strace");
         command.args(notation.split(' ')).args(["-s", "4096", "-e", "trace=read,write,openat,close", "-o"]);
         let status = command.arg(&trace).args(["python3", "-c", script]).status().unwrap();
@@ -129,5 +195,15 @@ fn a_program_is_read_through_strace() {
         let port: String = port.chars().take_while(char::is_ascii_digit).collect();
         let read = words(&format!("--format strace --fd {port}"), &trace);
         assert_eq!(read, "c1 s1 c2 s2 c3 s3", "{notation}: {text}");
+        // Only the pseudo-terminal is likely to be a line, and its other end, which sends as a client.
+        if notation.contains("-y") {
+            let (lines, _, said) = cellwire("decode fanuc-hmi-modbus --format strace", &trace);
+            let is_of_line = |line: &&str| {
+                line.contains(&format!("descriptor {port}\""))
+                    || line.contains(&format!("descriptor {port} "))
+            };
+            assert_eq!(lines.lines().filter(is_of_line).count(), 6, "{notation}: {lines} {said}");
+            assert!(lines.lines().count() < 12, "{notation}: {lines}");
+        }
     }
 }

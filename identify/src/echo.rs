@@ -11,7 +11,8 @@ const ENOUGH: usize = 2;
 
 /// The streams without what came back to the end that sent it, if the line returns what one of two ends sends.
 ///
-/// It needs the times of both. A conversation of which nothing else would be left is none: some answers are equal to what they answer.
+/// It needs the times of both. Some answers are equal to what they answer: what comes back is followed by an answer at least every second
+/// time.
 pub(crate) fn without_echo(streams: &[Stream]) -> Option<Vec<Stream>> {
     let [first, second] = streams else { return None };
     let cleaned = |sent, received| Some(without(received, &returned(sent, received)?));
@@ -26,20 +27,22 @@ pub(crate) fn without_echo(streams: &[Stream]) -> Option<Vec<Stream>> {
 fn returned(sent: &Stream, received: &Stream) -> Option<Vec<Range<usize>>> {
     let ([sent_bytes], [bytes]) = (sent.parts.as_slice(), received.parts.as_slice()) else { return None };
     let ends = sent.arrivals.iter().skip(1).map(|(begin, _)| *begin).chain([sent_bytes.len()]);
-    let (mut found, mut from) = (Vec::new(), 0);
+    let (mut found, mut from, mut answered, mut is_open) = (Vec::new(), 0, 0, false);
     for ((begin, at), end) in sent.arrivals.iter().zip(ends) {
         let piece = sent_bytes.get(*begin..end)?;
         let arrived = received.arrivals.iter().find(|(_, arrived)| arrived > at);
         let Some((place, _)) = arrived else { break };
+        answered += usize::from(is_open && from < *place);
         let place = from.max(*place);
-        if bytes.get(place..).is_some_and(|rest| rest.starts_with(piece)) {
+        is_open = bytes.get(place..).is_some_and(|rest| rest.starts_with(piece));
+        if is_open {
             from = place + piece.len();
             found.push(place..from);
         }
     }
-    let length: usize = found.iter().map(ExactSizeIterator::len).sum();
+    answered += usize::from(is_open && from < bytes.len());
     let is_echo = found.len() >= ENOUGH && found.len() * 10 >= sent.arrivals.len() * OF_TEN;
-    (is_echo && length < bytes.len()).then_some(found)
+    (is_echo && answered * 2 >= found.len()).then_some(found)
 }
 
 /// A stream of one part without these bytes.

@@ -82,7 +82,7 @@ struct DrawArgs {
     /// The picture
     #[arg(value_name = "FILE.svg")]
     file: PathBuf,
-    /// Skip elements that a pen cannot draw, such as text or clips; each is reported
+    /// Skip elements that a pen cannot draw, such as text or masks; each is reported
     #[arg(long, display_order = 0)]
     allow: bool,
     #[command(flatten)]

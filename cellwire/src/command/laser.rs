@@ -44,9 +44,10 @@ enum Command {
 /// program.values) are refused without --allow not-carried. docs/files.md lists the words without an effect, and everything refused.
 ///
 /// SVG: strokes are cut in their true size, in mm. X and Y are 0 at the lower left corner of the page; Y points up. The width and the
-/// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Text,
-/// images, clips, shapes without a stroke, translucent strokes and lines outside of the page are refused by name. DXF drawings are
-/// converted first, by docs/dxf-to-svg.py.
+/// height of the <svg> need a unit of length (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). Clips
+/// are applied. Text, images, masks, shapes without a stroke, translucent strokes, lines outside of the page, and all that the reader
+/// does not understand are refused by name: docs/troubleshooting.md has the list. DXF drawings are converted first, by
+/// docs/dxf-to-svg.py.
 ///
 /// Prints one line of JSON for each frame: the instructions that the controller has queued. A journal beside the program records the
 /// outcome of every instruction; after any interruption the same command resumes. If it is unknown whether

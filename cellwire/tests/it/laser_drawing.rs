@@ -222,12 +222,12 @@ fn what_cannot_be_cut_is_named_and_left_out_where_that_is_allowed() {
     let line = r#"<path d="M0 80 h 10" stroke="red"/>"#;
     let expected = path(&page(line));
     for (body, named) in [
-        (r#"<rect width="9" height="9"/>"#, "1 unstroked shape"),
-        (r#"<rect width="9" height="9"/><circle r="9"/>"#, "2 unstroked shapes"),
-        (r#"<text x="5" y="5" stroke="red">A</text>"#, "1 text"),
-        (r#"<image href="x.png" width="9" height="9"/>"#, "1 image"),
-        (r#"<path d="M5 5 h 9" stroke="red" stroke-opacity=".5"/>"#, "1 translucent stroke"),
-        (r#"<g opacity=".5"><path d="M5 5 h 9" stroke="red"/></g>"#, "1 translucent group"),
+        (r#"<rect width="9" height="9"/>"#, "1 unstroked shape (line 1)"),
+        (r#"<rect width="9" height="9"/><circle r="9"/>"#, "2 unstroked shapes (line 1)"),
+        (r#"<text x="5" y="5" stroke="red">A</text>"#, "1 text (line 1)"),
+        (r#"<image href="x.png" width="9" height="9"/>"#, "1 image (line 1)"),
+        (r#"<path d="M5 5 h 9" stroke="red" stroke-opacity=".5"/>"#, "1 translucent stroke (line 1)"),
+        (r#"<g opacity=".5"><path d="M5 5 h 9" stroke="red"/></g>"#, "1 translucent group (line 1)"),
     ] {
         let drawing = page(&format!("{line}{body}"));
         assert_eq!(
@@ -272,4 +272,145 @@ fn lines_outside_of_the_page_are_not_cut_unasked() {
     // The edge of the page is on it.
     let edge = page(r#"<rect width="100" height="80" fill="none" stroke="red"/>"#);
     assert_eq!(path(&edge).len(), 5);
+}
+
+/// The cuts of a drawing of one line that is 100 mm long, as its beginning and its end.
+fn cuts(body: &str) -> Vec<[f64; 2]> {
+    let found = path(&page(&format!(r#"<g fill="none" stroke="red">{body}</g>"#)));
+    found.windows(2).filter(|pair| pair[1].0).map(|pair| [pair[0].1[0], pair[1].1[0]]).collect()
+}
+
+#[test]
+fn clips_are_applied() {
+    let line = r#"<path clip-path="url(#c)" d="M0 40 h 100"/>"#;
+    let far = r#"<clipPath id="d"><rect x="40" width="60" height="80"/></clipPath>"#;
+    for (clip, expected) in [
+        (r#"<clipPath id="c"><rect x="20" width="30" height="80"/></clipPath>"#, vec![[20.0, 50.0]]),
+        (r#"<clipPath id="c"><rect width="100" height="80"/></clipPath>"#, vec![[0.0, 100.0]]),
+        // A line along the edge of a clip is half visible.
+        (r#"<clipPath id="c"><rect y="40" x="10" width="50" height="9"/></clipPath>"#, vec![[10.0, 60.0]]),
+        (
+            r#"<clipPath id="c"><rect width="10" height="80"/><rect x="50" width="10" height="80"/></clipPath>"#,
+            vec![[0.0, 10.0], [50.0, 60.0]],
+        ),
+        (
+            r#"<clipPath id="c"><path clip-rule="evenodd" d="M10 0H90V80H10ZM30 10V70H60V10Z"/></clipPath>"#,
+            vec![[10.0, 30.0], [60.0, 90.0]],
+        ),
+        (
+            r#"<clipPath id="c" clip-path="url(#d)"><rect x="20" width="30" height="80"/></clipPath>"#,
+            vec![[40.0, 50.0]],
+        ),
+        (
+            r#"<clipPath id="c"><rect x="20" width="30" height="80" clip-path="url(#d)"/></clipPath>"#,
+            vec![[40.0, 50.0]],
+        ),
+    ] {
+        let body = format!(r#"{far}{clip}{line}<path d="M0 0 h 1"/>"#);
+        let mut found = cuts(&body);
+        assert_eq!(found.pop(), Some([0.0, 1.0]), "{clip}");
+        let is_near = |(found, expected): (&[f64; 2], &[f64; 2])| distance(*found, *expected) < 1e-3;
+        assert!(
+            found.len() == expected.len() && found.iter().zip(&expected).all(is_near),
+            "{clip}: {found:?}"
+        );
+    }
+    let symbol = |overflow: &str| {
+        let symbol = format!(
+            r##"<symbol id="s" viewBox="0 0 10 10"{overflow}><path d="M-5 5 h 20"/></symbol><use href="#s" x="20" width="40" height="40"/>"##
+        );
+        cuts(&symbol)
+    };
+    let found = [symbol(""), symbol(r#" overflow="visible""#)].map(|cuts| (cuts.len(), cuts[0]));
+    let [(1, hidden), (1, visible)] = found else { panic!("{found:?}") };
+    assert!(distance(hidden, [20.0, 60.0]) < 1e-2 && distance(visible, [0.0, 80.0]) < 1e-2, "{found:?}");
+}
+
+#[test]
+fn what_the_reader_omits_is_named_with_its_line() {
+    for (body, named) in [
+        (
+            r#"<path style="transform:matrix(1 0 0 1 9 9)" d="M0 0h9"/>"#,
+            "the style property `transform` (line 2)",
+        ),
+        (r#"<style>path{d:none;x:9px}</style>"#, "the style property `x` (line 1)"),
+        (r#"<path transform="move(9)" d="M0 0h9"/>"#, "Failed to parse transform value: 'move(9)' (line 2)"),
+        (r#"<style>@media print{path{stroke:none}}</style>"#, "The @media rule is not supported. Skipped"),
+        (r##"<use href="other.svg#a"/>"##, "`use` that refers to `other.svg#a` (line 2)"),
+        (r##"<path clip-path="url(#x)" d="M0 0h9"/>"##, "`clip-path` that refers to `#x` (line 2)"),
+        (r#"<rect x="1foo" width="9" height="9"/>"#, "Failed to parse x value: '1foo' (line 2)"),
+        (r#"<rect x="1em" width="9" height="9"/>"#, "1 length in the size of a font (line 2)"),
+        (r#"<rect width="-9" height="9"/>"#, "Rect has an invalid 'width' value. Skipped (line 2)"),
+        (r#"<path d="M0 0h9 v9 x"/>"#, "Error during path parsing: unexpected data at position 11 (line 2)"),
+        (r#"<path stroke-linecap="round" d="M50 50h0"/>"#, "1 dot (line 2)"),
+        (
+            r#"<path pathLength="9" stroke-dasharray="1" d="M0 0h9"/>"#,
+            "dashes with `pathLength` or `vector-effect` (line 2)",
+        ),
+        (r#"<flowRoot/>"#, "<flowRoot> (line 2)"),
+        (
+            r#"<svg x="50" viewBox="0 0 10 10"><path d="M-4 5h9"/></svg>"#,
+            "nested `svg` without a width or height (line 2)",
+        ),
+        (r#"<path d="M0 0h9"><animate/></path>"#, "1 animation (line 2)"),
+        (
+            r##"<path id="a" d="M0 0h9"/><path id="a" d="M0 0h9"/><use href="#a"/>"##,
+            "`use` that refers to `a`, which several elements are called, (line 2)",
+        ),
+    ] {
+        let drawing = page(&format!("<g fill=\"none\" stroke=\"red\"><path d=\"M0 0h9\"/>\n{body}</g>"));
+        let refused = read(&drawing, false).unwrap_err();
+        assert!(
+            refused.contains(&format!("has {named}")) || refused.contains(&format!(", {named}")),
+            "{body}: {refused}"
+        );
+        let warnings = read(&drawing, true).unwrap().warnings;
+        assert!(warnings[0].starts_with("is cut without "), "{warnings:?}");
+    }
+    for hidden in [
+        r#"<style>.h{display:none}</style><text class="h">a</text>"#,
+        r#"<switch><foreignObject requiredExtensions="x"/><path d="M0 0h9"/><text>a</text></switch>"#,
+        r#"<text><tspan display="none">a</tspan></text>"#,
+        r#"<g style="background-color:white;-inkscape-x:1;font-size:3px"/>"#,
+    ] {
+        path(&page(&format!("<g fill=\"none\" stroke=\"red\"><path d=\"M0 0h9\"/>{hidden}</g>")));
+    }
+}
+
+#[test]
+fn encodings_are_read_or_refused_by_name() {
+    let drawing = page(r#"<path d="M0 80 h 10" stroke="red"/>"#);
+    let folder = tempfile::tempdir().unwrap();
+    let Settings { host, mapping } = Settings::at_baud(115_200);
+    let read = |name: &str, data: Vec<u8>| {
+        let file = folder.path().join(name);
+        fs::write(&file, data).unwrap();
+        Program::read(&file, &mapping, &host, false).map_err(|error| error.to_string())
+    };
+    let wide = |unit: fn(u16) -> [u8; 2]| {
+        [0xFEFF].into_iter().chain(drawing.encode_utf16()).flat_map(unit).collect()
+    };
+    for data in [wide(u16::to_le_bytes), wide(u16::to_be_bytes)] {
+        assert_same(&steps(&read("part.svg", data).unwrap()), &path(&drawing));
+    }
+    for name in ["part.svg", "part.svgz"] {
+        let refused = read(name, vec![0x1F, 0x8B, 8]).unwrap_err();
+        assert!(
+            refused.ends_with("is compressed (SVGZ): unpack it with `gzip -dc FILE.svgz > FILE.svg`"),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn coordinates_far_from_the_page_are_refused_at_once() {
+    for body in [
+        r#"<path d="M0 0 C 1e30 1 2 3e30 4 5 A 1e20 1 0 0 0 1e19 5" stroke="red"/>"#,
+        r#"<path d="M0 0 L 1e39 5" stroke="red"/>"#,
+        r#"<rect width="1e30" height="1" stroke="red" stroke-dasharray="1"/>"#,
+        r#"<g transform="scale(1e5)"><g transform="scale(1e5)"><path d="M0 0h9" stroke="red"/></g></g>"#,
+    ] {
+        let refused = read(&page(body), false).unwrap_err();
+        assert!(refused.contains("has lines beyond 100 sheets: check the view box"), "{refused}");
+    }
 }

@@ -65,7 +65,7 @@ fn a_dry_run_says_and_draws_what_would_happen() {
     let text = format!("{path}<text>hello</text>");
     let (code, _, said, _) = dry_run("part.svg", &drawing(&text), &[]);
     assert_eq!(code, Some(2));
-    assert!(said.contains("has 1 text: convert them to paths"), "{said}");
+    assert!(said.contains("has 1 text (line 1): convert them to paths"), "{said}");
 }
 
 #[test]

@@ -80,6 +80,9 @@ fn replies_that_are_equal_to_requests_are_no_echo() {
     let writes = exchanges(true);
     assert!(!judged(&conversation(&writes, None)).settings.contains_key("echo"));
     assert_eq!(judged(&conversation(&writes, Some(true))).settings["echo"], true);
+    let mut changed = writes;
+    changed[5][1][4] ^= 1;
+    assert!(!judged(&conversation(&changed, None)).settings.contains_key("echo"));
     let one = &exchanges(false)[1..2];
     assert!(!judged(&conversation(one, Some(true))).settings.contains_key("echo"));
 }

@@ -175,7 +175,8 @@ impl End for Workstation {
 
     fn write(&mut self, _now: Duration, Enquiry: Enquiry, out: &mut [u8]) -> Option<(usize, Input)> {
         *out.first_mut()? = ENQ;
-        self.echo.sent(&[ENQ], true);
+        // Noise may be one byte like it.
+        self.echo.sent(&[ENQ], false);
         Some((1, Input::Sent))
     }
 }

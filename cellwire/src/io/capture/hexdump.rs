@@ -280,7 +280,7 @@ impl Dump {
         let length = to.saturating_sub(*self.next());
         let last = self.last.len() as u64;
         ensure!(length <= MAX_REPEATED, "line {number}: more than {MAX_REPEATED} repeated bytes");
-        if last == 0 || length % last != 0 {
+        if last == 0 || !length.is_multiple_of(last) {
             let why =
                 format!("the line * before it does not repeat the line before that to the offset {to:x}");
             return take(Found::Fault(number, Fault::Line { why }));

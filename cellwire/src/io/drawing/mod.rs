@@ -1,8 +1,12 @@
 //! Pictures for machines that draw lines: an SVG file to lines, and lines to an SVG file.
 
 mod arcs;
+mod check;
+mod clips;
+mod findings;
 mod paths;
 mod reader;
+mod warnings;
 
 use std::fs::File;
 use std::io::Read;
@@ -71,7 +75,7 @@ impl Picture {
     }
 
     /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not. What the file shows and a pen cannot
-    /// follow, such as text and clips, is named: it is left out where that is allowed.
+    /// follow, such as text and masks, is named: it is left out where that is allowed.
     ///
     /// # Errors
     /// When the file cannot be read, is not an SVG file, has no lines, has what is not to be left out, or is larger than any machine draws.
@@ -82,16 +86,17 @@ impl Picture {
             .with_context(|| format!("cannot read the drawing {}", path.display()))?;
         refuse_dxf(path, &data)?;
         let read = Self::from_svg(&data, sheet, allow);
-        let (picture, left_out) =
+        let (picture, warnings) =
             read.map_err(|error| anyhow!("the drawing {} {error:#}", path.display()))?;
-        if !left_out.is_empty() {
-            remark(&format!("warning: the drawing {} without {left_out}", path.display()));
+        for warning in warnings {
+            remark(&format!("warning: the drawing {} {warning}", path.display()));
         }
         Ok(picture)
     }
 
-    /// The picture, and what is left out of it.
-    fn from_svg(data: &[u8], sheet: Point, allow: bool) -> Result<(Self, String)> {
+    /// Returns the picture, and warnings of the parts that are not drawn as the file shows them. A warning continues a sentence that begins
+    /// with the name of the drawing.
+    fn from_svg(data: &[u8], sheet: Point, allow: bool) -> Result<(Self, Vec<String>)> {
         let drawing = Drawing::read(data, Tool::Pen)?;
         let left_out = &drawing.left_out;
         ensure!(
@@ -108,7 +113,7 @@ impl Picture {
         let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
         let on_sheet =
             |p: CurvePoint| Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) };
-        drawing.lines(placed, visible, TOLERANCE * 100.0, |_, from, to| {
+        let is_cut_off = drawing.lines(placed, visible, TOLERANCE * 100.0, |_, from, to| {
             pen.go(on_sheet(from), false);
             pen.go(on_sheet(to), true);
             ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
@@ -116,7 +121,14 @@ impl Picture {
         })?;
         pen.trim();
         ensure!(!pen.lines.is_empty(), "has no outlines to draw: convert text to paths first");
-        Ok((Self { lines: pen.lines, sheet }, drawing.left_out))
+        let mut warnings = Vec::new();
+        if !left_out.is_empty() {
+            warnings.push(format!("is drawn without {left_out}"));
+        }
+        if is_cut_off {
+            warnings.push("is cut off at the edge of its page".to_owned());
+        }
+        Ok((Self { lines: pen.lines, sheet }, warnings))
     }
 
     /// How many of the lines are drawn.

@@ -1,159 +1,211 @@
-//! The outlines of a drawing as a pen follows them, and what of a drawing it cannot.
+//! The outlines of a drawing as a tool follows them, and the parts of a drawing that it cannot follow.
 
-use std::collections::{BTreeMap, HashSet};
+use std::rc::Rc;
 
 use anyhow::{Result, ensure};
-use kurbo::{Affine, BezPath, PathEl, Point, Shape as _};
-use usvg::roxmltree::{Document, Node};
+use kurbo::{Affine, BezPath, PathEl, Point, Rect, Shape as _, Size};
 use usvg::tiny_skia_path::PathSegment;
 
-use super::reader::Tool;
+use super::clips::Clip;
+use super::findings::Findings;
+use super::reader::{MAX_SHEETS, Tool};
 use super::{MAX_LINES, arcs};
 
-/// Outlines in pixels of the page, and what else the drawing shows.
-pub(super) struct Outlines {
+/// The size, in pixels of CSS, below which an outline is a dot.
+const DOT: f64 = 0.004;
+
+/// The shapes of all clips.
+const MAX_CLIP_SHAPES: u32 = 100_000;
+
+/// An outline in pixels of the page, and its clip.
+#[derive(Debug)]
+pub(super) struct Outline {
     pub(super) path: BezPath,
-    tool: Tool,
-    others: BTreeMap<&'static str, usize>,
+    pub(super) clip: Option<Rc<Clip>>,
 }
 
-impl Outlines {
-    /// Those of a drawing, dashes as lines of their own. Invisible elements have none.
+/// The outlines of a drawing.
+pub(super) struct Outlines<'f, 'a> {
+    pub(super) all: Vec<Outline>,
+    findings: &'f mut Findings<'a>,
+    tool: Tool,
+    page: Size,
+    /// Whether the dashes of the drawing may differ from those in the tree.
+    scales_dashes: bool,
+    /// The number of shapes that further clips may have.
+    clip_shapes: u32,
+}
+
+/// The group that is visited: its identifier or that of an outer group, transform and clip.
+#[derive(Clone)]
+struct Place<'t> {
+    id: &'t str,
+    placed: Affine,
+    clip: Option<Rc<Clip>>,
+}
+
+impl<'f, 'a> Outlines<'f, 'a> {
+    /// Reads the outlines of a drawing, dashes as separate lines. Invisible elements have no outlines.
     ///
     /// # Errors
-    /// When its dashes are more than any machine draws.
-    pub(super) fn of(document: &Document<'_>, tree: &usvg::Tree, tool: Tool) -> Result<Self> {
-        let mut outlines = Self { path: BezPath::new(), tool, others: BTreeMap::new() };
-        outlines.texts(document);
-        outlines.group(tree.root())?;
-        Ok(outlines)
+    /// When its dashes are more than any machine draws, or it has lines far beyond the page.
+    pub(super) fn of(
+        tree: &usvg::Tree,
+        tool: Tool,
+        scales_dashes: bool,
+        findings: &'f mut Findings<'a>,
+    ) -> Result<Vec<Outline>> {
+        let page = Size::new(tree.size().width().into(), tree.size().height().into());
+        let mut outlines =
+            Self { all: Vec::new(), findings, tool, page, scales_dashes, clip_shapes: MAX_CLIP_SHAPES };
+        outlines.group(tree.root(), &Place { id: "", placed: Affine::IDENTITY, clip: None })?;
+        Ok(outlines.all)
     }
 
-    /// What else the drawing shows, in words.
-    pub(super) fn left_out(&self) -> String {
-        let named = self.others.iter().map(|(what, count)| match count {
-            1 => format!("1 {what}"),
-            count => format!("{count} {what}s"),
-        });
-        named.collect::<Vec<_>>().join(", ")
-    }
-
-    fn add(&mut self, what: &'static str) {
-        *self.others.entry(what).or_default() += 1;
-    }
-
-    /// What is in the file and not in its tree.
-    fn texts(&mut self, document: &Document<'_>) {
-        let href = |node: Node<'_, '_>| {
-            let target = node.attributes().find(|attribute| attribute.name() == "href")?;
-            target.value().strip_prefix('#').map(ToOwned::to_owned)
-        };
-        let used: HashSet<String> =
-            document.descendants().filter(|node| node.tag_name().name() == "use").filter_map(href).collect();
-        for node in document.descendants() {
-            let what = match node.tag_name().name() {
-                "text"
-                    if node
-                        .descendants()
-                        .any(|node| node.is_text() && !node.text().unwrap_or("").trim().is_empty()) =>
-                {
-                    "text"
-                }
-                "image" => "image",
-                "foreignObject" => "foreign object",
-                _ => continue,
-            };
-            let is_hidden = |node: Node<'_, '_>| {
-                let style = node.attribute("style").unwrap_or("").replace(' ', "");
-                let is = |name: &str, value: &str| {
-                    node.attribute(name) == Some(value) || style.contains(&format!("{name}:{value}"))
-                };
-                is("display", "none") || is("visibility", "hidden") || is("opacity", "0")
-            };
-            let stores = ["defs", "symbol", "clipPath", "mask", "pattern", "marker"];
-            let is_stored = node.ancestors().any(|node| stores.contains(&node.tag_name().name()));
-            let is_used =
-                node.ancestors().any(|node| node.attribute("id").is_some_and(|id| used.contains(id)));
-            if !node.ancestors().any(is_hidden) && (!is_stored || is_used) {
-                self.add(what);
-            }
-        }
-    }
-
-    fn group(&mut self, group: &usvg::Group) -> Result<()> {
+    fn group(&mut self, group: &usvg::Group, outer: &Place<'_>) -> Result<()> {
         if group.opacity().get() == 0.0 {
             return Ok(());
         }
+        let id = if group.id().is_empty() { outer.id } else { group.id() };
         if self.tool == Tool::Laser && group.opacity().get() < 1.0 {
-            self.add("translucent group");
+            self.findings.add_at("translucent group", self.nearest(group, id));
             return Ok(());
         }
-        // The clip of a drawing to its own view box is that of the sheet.
-        for (is, what) in [
-            (group.clip_path().is_some(), "clip"),
-            (group.mask().is_some(), "mask"),
-            (!group.filters().is_empty(), "filter"),
-        ] {
-            if is {
-                self.add(what);
-            }
+        if group.mask().is_some() {
+            self.findings.add_at("mask", self.nearest(group, id));
         }
+        if !group.filters().is_empty() {
+            self.findings.add_at("filter", self.nearest(group, id));
+        }
+        let placed = outer.placed * affine(group.transform());
+        let clip = match group.clip_path() {
+            Some(clip) => Some(Rc::new(Clip::new(clip, placed, outer.clip.clone(), &mut self.clip_shapes))),
+            None => outer.clip.clone(),
+        };
+        ensure!(self.clip_shapes > 0, "has clips of more than {MAX_CLIP_SHAPES} shapes");
+        let place = Place { id, placed, clip };
         for node in group.children() {
             match node {
-                usvg::Node::Group(inner) => self.group(inner)?,
-                usvg::Node::Path(path) if path.is_visible() => self.path(path)?,
+                usvg::Node::Group(inner) => self.group(inner, &place)?,
+                usvg::Node::Path(path) if path.is_visible() => self.path(path, &place)?,
                 usvg::Node::Path(_) | usvg::Node::Image(_) | usvg::Node::Text(_) => {}
             }
         }
         Ok(())
     }
 
-    fn path(&mut self, path: &usvg::Path) -> Result<()> {
+    /// Returns the identifier of the first element in a group, of which the reader may have made the group.
+    fn nearest<'t>(&self, group: &'t usvg::Group, id: &'t str) -> &'t str {
+        match group.children() {
+            [usvg::Node::Path(path)] if group.id().is_empty() && !path.id().is_empty() => path.id(),
+            _ => id,
+        }
+    }
+
+    fn path(&mut self, path: &usvg::Path, place: &Place<'_>) -> Result<()> {
         let stroke = path.stroke().filter(|stroke| stroke.opacity().get() > 0.0);
         let fill = path.fill().filter(|fill| fill.opacity().get() > 0.0);
-        let outline = arcs::refine(path.data().segments().map(element));
+        let id = if path.id().is_empty() { place.id } else { path.id() };
+        let whole = bez_path(path);
+        // The reader makes a shape of the property `background-color`, which no viewer draws as one.
+        let is_background = id.is_empty() && stroke.is_none();
+        if is_background || (stroke.is_none() && (fill.is_none() || !has_area(&whole))) {
+            return Ok(());
+        }
+        let furthest = MAX_SHEETS * self.page.width.max(self.page.height);
+        let is_near = |p: Point| p.x.abs() <= furthest && p.y.abs() <= furthest;
+        ensure!(
+            (place.placed * &whole).elements().iter().flat_map(points).all(is_near),
+            "has lines beyond {MAX_SHEETS} sheets: check the view box"
+        );
+        let outline = arcs::refine(whole.into_iter());
         match (self.tool, stroke) {
-            // A fill without an area shows nothing.
-            (_, None) if fill.is_none() || !has_area(&outline) => return Ok(()),
             (Tool::Laser, None) => {
-                self.add("unstroked shape");
+                self.findings.add_at("unstroked shape", id);
                 return Ok(());
             }
-            (Tool::Laser, Some(stroke)) if stroke.opacity().get() < 1.0 => {
-                self.add("translucent stroke");
+            (Tool::Laser, Some(stroke)) if is_translucent(stroke) => {
+                self.findings.add_at("translucent stroke", id);
                 return Ok(());
             }
             _ => {}
+        }
+        if stroke.is_none_or(|stroke| stroke.linecap() != usvg::LineCap::Butt)
+            && self.has_dot(&(place.placed * &outline))
+        {
+            self.findings.add_at("dot", id);
         }
         let dashes = stroke.and_then(|stroke| Some((stroke.dasharray()?, stroke.dashoffset())));
         let outline = match dashes {
             None => outline,
             Some((dashes, offset)) => {
+                if self.scales_dashes {
+                    self.findings.add_at("dashes with `pathLength` or `vector-effect`", id);
+                }
                 let dashes: Vec<f64> = dashes.iter().map(|dash| f64::from(*dash)).collect();
                 let (way, period) = (outline.perimeter(1.0), dashes.iter().sum::<f64>());
                 #[expect(clippy::cast_precision_loss, reason = "a limit")]
                 let most = MAX_LINES as f64;
                 ensure!(way <= period * most, "has more than {MAX_LINES} dashes");
                 if dashes.iter().step_by(2).any(|dash| *dash == 0.0) {
-                    self.add("line of dots");
+                    self.findings.add_at("line of dots", id);
                 }
-                kurbo::dash(outline.elements().iter().copied(), offset.into(), &dashes).collect()
+                let offset = f64::from(offset).rem_euclid(period);
+                kurbo::dash(outline.elements().iter().copied(), offset, &dashes).collect()
             }
         };
-        let usvg::Transform { sx, kx, ky, sy, tx, ty } = path.abs_transform();
-        let placed = Affine::new([sx, ky, kx, sy, tx, ty].map(f64::from)) * outline;
-        self.path.extend(placed);
+        let outline = place.placed * outline;
+        if stroke.is_none() && place.clip.is_some() {
+            self.findings.add_at("clipped fill", id);
+        }
+        self.all.push(Outline { path: outline, clip: place.clip.clone() });
         Ok(())
+    }
+
+    /// Returns whether a part of an outline is too small to be a line.
+    fn has_dot(&self, outline: &BezPath) -> bool {
+        let page = Rect::from_origin_size(Point::ZERO, self.page);
+        let least = DOT.max(2e-5 * self.page.width.max(self.page.height));
+        let mut parts = outline.elements().split(|element| matches!(element, PathEl::MoveTo(_)));
+        let mut starts = outline.elements().iter().filter(|element| matches!(element, PathEl::MoveTo(_)));
+        // Elements before the first start do not exist.
+        parts.next();
+        parts.zip(&mut starts).any(|(part, start)| {
+            let Some(start) = start.end_point() else { return false };
+            !part.is_empty()
+                && page.contains(start)
+                && part.iter().flat_map(points).all(|point| point.distance(start) < least)
+        })
     }
 }
 
-/// Whether a part of it has three places.
+/// Returns whether a stroke is not opaque everywhere.
+fn is_translucent(stroke: &usvg::Stroke) -> bool {
+    let stops = match stroke.paint() {
+        usvg::Paint::Color(_) => &[],
+        usvg::Paint::LinearGradient(gradient) => gradient.stops(),
+        usvg::Paint::RadialGradient(gradient) => gradient.stops(),
+        usvg::Paint::Pattern(_) => return true,
+    };
+    stroke.opacity().get() < 1.0 || stops.iter().any(|stop| stop.opacity().get() < 1.0)
+}
+
+/// Returns whether a part of the path has three points.
 fn has_area(path: &BezPath) -> bool {
     path.elements().split(|element| matches!(element, PathEl::MoveTo(_))).any(|part| {
         let curves = part.iter().any(|element| matches!(element, PathEl::QuadTo(..) | PathEl::CurveTo(..)));
         let lines = part.iter().filter(|element| matches!(element, PathEl::LineTo(_))).count();
         curves || lines > 1
     })
+}
+
+pub(super) fn affine(transform: usvg::Transform) -> Affine {
+    let usvg::Transform { sx, kx, ky, sy, tx, ty } = transform;
+    Affine::new([sx, ky, kx, sy, tx, ty].map(f64::from))
+}
+
+pub(super) fn bez_path(path: &usvg::Path) -> BezPath {
+    path.data().segments().map(element).collect()
 }
 
 fn element(segment: PathSegment) -> PathEl {
@@ -165,4 +217,14 @@ fn element(segment: PathSegment) -> PathEl {
         PathSegment::CubicTo(a, b, p) => PathEl::CurveTo(point(a), point(b), point(p)),
         PathSegment::Close => PathEl::ClosePath,
     }
+}
+
+fn points(element: &PathEl) -> impl Iterator<Item = Point> + use<> {
+    let points = match *element {
+        PathEl::MoveTo(a) | PathEl::LineTo(a) => [Some(a), None, None],
+        PathEl::QuadTo(a, b) => [Some(a), Some(b), None],
+        PathEl::CurveTo(a, b, c) => [Some(a), Some(b), Some(c)],
+        PathEl::ClosePath => [None; 3],
+    };
+    points.into_iter().flatten()
 }

@@ -3,12 +3,14 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
-use kurbo::{Affine, BezPath, CubicBez, PathEl, Point, Rect, Size};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use kurbo::{Affine, CubicBez, Line, PathEl, Point, Rect, Size};
 use usvg::roxmltree::{Document, Node, ParsingOptions};
 
-use super::arcs;
-use super::paths::Outlines;
+use super::check::Check;
+use super::findings::{Findings, with_ids};
+use super::paths::{Outline, Outlines};
+use super::{arcs, warnings};
 
 /// The bytes of the largest file that is read.
 pub(super) const MAX_BYTES: u64 = 32 << 20;
@@ -19,7 +21,12 @@ const MAX_DEPTH: u32 = 256;
 /// The sides of a view box, in its own units.
 const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
 /// No curve goes further than this many sheets.
-const MAX_SHEETS: f64 = 100.0;
+pub(super) const MAX_SHEETS: f64 = 100.0;
+
+/// The distance from the edge of a clip within which lines are visible, as a share of the sheet.
+const EDGE: f64 = 1e-5;
+/// The comparisons of lines with edges of clips, for each outline.
+const MAX_COMPARISONS: usize = 20_000_000;
 
 /// The machine that follows the outlines of a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,9 +44,9 @@ pub struct Drawing {
     pub page: Size,
     /// Whether the file gives both sides of its page in a unit of length: mm, cm, in, pt or pc.
     pub is_physical: bool,
-    /// The visible elements that the tool cannot follow, as text; empty if it follows every element.
+    /// The parts that the tool does not follow as a viewer shows them, as text with their lines in the file; empty if it follows all.
     pub left_out: String,
-    path: BezPath,
+    outlines: Vec<Outline>,
 }
 
 impl Drawing {
@@ -50,17 +57,27 @@ impl Drawing {
     /// with the name of the drawing.
     pub fn read(data: &[u8], tool: Tool) -> Result<Self> {
         ensure!(data.len() as u64 <= MAX_BYTES, "is larger than {} MiB", MAX_BYTES >> 20);
-        let text = core::str::from_utf8(data).context("is not an SVG file: its text is not UTF-8")?;
-        let document =
-            Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
-                .context("is not an SVG file")?;
-        let elements = Elements::new(&document).count(document.root_element(), 0);
+        let text = text(data)?;
+        let original = parse(&text)?;
+        let elements = Elements::new(&original).count(original.root_element(), 0);
         ensure!(
             elements <= MAX_ELEMENTS,
             "has more than {MAX_ELEMENTS} elements, including those repeated by `use`, or is nested deeper than {MAX_DEPTH}"
         );
-        let tree = usvg::Tree::from_xmltree(&document, &options()).context("is not an SVG file")?;
-        let outlines = Outlines::of(&document, &tree, tool)?;
+        let text = with_ids(&original);
+        let document = parse(&text)?;
+        let mut findings = Findings::new(&document);
+        let scales_dashes = Check::run(&document, &mut findings)?;
+        let (tree, warnings) = warnings::collect(|| usvg::Tree::from_xmltree(&document, &options()))?;
+        for warning in &warnings {
+            findings.add_warning(warning);
+        }
+        let tree = tree.map_err(|error| match error {
+            usvg::Error::InvalidSize => {
+                anyhow!("has a page without an area: check the width, the height and the view box")
+            }
+            error => anyhow!(error).context("is not an SVG file"),
+        })?;
         let page = Size::new(tree.size().width().into(), tree.size().height().into());
         ensure!(
             VIEW_BOX.contains(&page.width) && VIEW_BOX.contains(&page.height),
@@ -74,14 +91,15 @@ impl Drawing {
             let length = document.root_element().attribute(*side).unwrap_or_default().trim_end();
             ["mm", "cm", "in", "pt", "pc"].iter().any(|unit| length.ends_with(unit))
         });
-        Ok(Self { page, is_physical, left_out: outlines.left_out(), path: outlines.path })
+        let outlines = Outlines::of(&tree, tool, scales_dashes, &mut findings)?;
+        Ok(Self { page, is_physical, left_out: findings.text(), outlines })
     }
 
     /// Passes each line of the outlines to `line`, with the number of its outline, from 1. Lines are placed on the sheet, are
     /// within `tolerance` of their curve, and end at the edge of `visible`. Returns whether any of them goes beyond that edge.
     ///
     /// # Errors
-    /// When a curve leads far beyond the sheet; the errors of `line`.
+    /// When a clip has too many edges; the errors of `line`.
     pub fn lines(
         &self,
         placed: Affine,
@@ -89,49 +107,95 @@ impl Drawing {
         tolerance: f64,
         mut line: impl FnMut(u64, Point, Point) -> Result<()>,
     ) -> Result<bool> {
-        let mut path = self.path.clone();
-        path.apply_affine(placed);
-        let furthest = MAX_SHEETS * visible.width().max(visible.height());
-        let is_near = |p: Point| p.x.abs() <= furthest && p.y.abs() <= furthest;
-        ensure!(
-            path.elements().iter().flat_map(points).all(is_near),
-            "has lines beyond {MAX_SHEETS} sheets: check the view box"
-        );
-        let (mut outline, mut start, mut last, mut is_cut_off) = (0, Point::ZERO, Point::ZERO, false);
-        for element in path.elements() {
-            let curve = match *element {
-                PathEl::MoveTo(to) => {
-                    (outline, start, last) = (outline + 1, to, to);
-                    continue;
-                }
-                PathEl::ClosePath => PathEl::LineTo(start),
-                curve => curve,
-            };
-            let (from, mut outcome) = (last, Ok(()));
-            let mut step = |to: Point| {
-                let from = core::mem::replace(&mut last, to);
-                let shown = within(from, to, visible);
-                is_cut_off |= shown != Some((from, to));
-                if let (Some((from, to)), Ok(())) = (shown, &outcome) {
-                    outcome = line(outline, from, to);
-                }
-            };
-            let chords = match curve {
-                PathEl::CurveTo(a, b, to) => arcs::chords(CubicBez::new(from, a, b, to), tolerance),
-                _ => None,
-            };
-            match chords {
-                Some(chords) => chords.for_each(&mut step),
-                None => kurbo::flatten([PathEl::MoveTo(from), curve], tolerance, |part| {
-                    if let PathEl::LineTo(to) = part {
-                        step(to);
+        let (mut number, mut is_cut_off) = (0, false);
+        for Outline { path, clip } in &self.outlines {
+            // A stroke along the edge of a clip is visible.
+            let edge = visible.width().max(visible.height()) * EDGE;
+            let region = clip.as_ref().map(|clip| clip.region(placed, tolerance / 10.0, edge));
+            let mut path = path.clone();
+            path.apply_affine(placed);
+            let (mut start, mut last, mut comparisons) = (Point::ZERO, Point::ZERO, 0);
+            for element in path.elements() {
+                let curve = match *element {
+                    PathEl::MoveTo(to) => {
+                        (number, start, last) = (number + 1, to, to);
+                        continue;
                     }
-                }),
+                    PathEl::ClosePath => PathEl::LineTo(start),
+                    curve => curve,
+                };
+                let (from, mut outcome) = (last, Ok(()));
+                let mut step = |to: Point| {
+                    let from = core::mem::replace(&mut last, to);
+                    if outcome.is_err() {
+                        return;
+                    }
+                    let mut show = |from, to| {
+                        let shown = within(from, to, visible);
+                        is_cut_off |= shown != Some((from, to));
+                        if let (Some((from, to)), Ok(())) = (shown, &outcome) {
+                            outcome = line(number, from, to);
+                        }
+                    };
+                    match &region {
+                        None => show(from, to),
+                        Some(_) if comparisons > MAX_COMPARISONS => {
+                            outcome = Err(anyhow!(
+                                "has a clip with too many edges: apply it in the drawing program"
+                            ));
+                        }
+                        Some(region) => {
+                            let parts = region.visible(Line::new(from, to), show);
+                            comparisons += parts * region.edges();
+                        }
+                    }
+                };
+                let chords = match curve {
+                    PathEl::CurveTo(a, b, to) => arcs::chords(CubicBez::new(from, a, b, to), tolerance),
+                    _ => None,
+                };
+                match chords {
+                    Some(chords) => chords.for_each(&mut step),
+                    None => kurbo::flatten([PathEl::MoveTo(from), curve], tolerance, |part| {
+                        if let PathEl::LineTo(to) = part {
+                            step(to);
+                        }
+                    }),
+                }
+                outcome?;
             }
-            outcome?;
         }
         Ok(is_cut_off)
     }
+}
+
+/// Returns the text of an SVG file, in UTF-8 or UTF-16.
+fn text(data: &[u8]) -> Result<String> {
+    ensure!(
+        !data.starts_with(&[0x1F, 0x8B]),
+        "is compressed (SVGZ): unpack it with `gzip -dc FILE.svgz > FILE.svg`"
+    );
+    let units = |unit: fn([u8; 2]) -> u16| {
+        data.chunks_exact(2)
+            .skip(1)
+            .map(move |it| unit([it.first().copied().unwrap_or(0), it.last().copied().unwrap_or(0)]))
+    };
+    let wide: Option<Vec<u16>> = match data {
+        [0xFF, 0xFE, ..] => Some(units(u16::from_le_bytes).collect()),
+        [0xFE, 0xFF, ..] => Some(units(u16::from_be_bytes).collect()),
+        _ => None,
+    };
+    match wide {
+        Some(units) => String::from_utf16(&units).context("is not an SVG file: its text is not UTF-16"),
+        None => {
+            core::str::from_utf8(data).map(str::to_owned).context("is not an SVG file: its text is not UTF-8")
+        }
+    }
+}
+
+fn parse(text: &str) -> Result<Document<'_>> {
+    let options = ParsingOptions { allow_dtd: true, ..Default::default() };
+    Document::parse_with_options(text, options).context("is not an SVG file")
 }
 
 /// Refuses a DXF drawing, which is recognised by its name or its first bytes.
@@ -200,16 +264,6 @@ impl<'a, 'input> Elements<'a, 'input> {
         self.counted.insert(node, count);
         count
     }
-}
-
-fn points(element: &PathEl) -> impl Iterator<Item = Point> + use<> {
-    let points = match *element {
-        PathEl::MoveTo(a) | PathEl::LineTo(a) => [Some(a), None, None],
-        PathEl::QuadTo(a, b) => [Some(a), Some(b), None],
-        PathEl::CurveTo(a, b, c) => [Some(a), Some(b), Some(c)],
-        PathEl::ClosePath => [None; 3],
-    };
-    points.into_iter().flatten()
 }
 
 /// The part of a line that is visible.

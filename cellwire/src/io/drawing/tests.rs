@@ -42,28 +42,29 @@ fn dashes_are_lines_and_what_nobody_sees_is_none() {
         drawn(r#"<path d="M280 10 L 310 10 L 310 50 L 280 50" stroke="red"/>"#),
         [[280, 10, 297, 10], [297, 50, 280, 50]]
     );
+    let beyond = picture_text(r#"<path d="M280 10 L 310 10" stroke="red"/>"#);
+    let (_, warnings) = Picture::from_svg(beyond.as_bytes(), A4, false).unwrap();
+    assert_eq!(warnings, ["is cut off at the edge of its page"]);
 }
 
 #[test]
 fn what_a_pen_cannot_follow_is_named_and_left_out_where_that_is_allowed() {
-    let clip = r##"<clipPath id="c"><rect width="5" height="5"/></clipPath><g clip-path="url(#c)"><path d="M0 1 L 9 1" stroke="red"/></g>"##;
     let mask = r##"<mask id="m"><rect width="5" height="5" fill="white"/></mask><g mask="url(#m)"><path d="M0 1 L 9 1" stroke="red"/></g>"##;
     for (body, named) in [
-        (r#"<text x="5" y="5">A</text><text>B</text>"#, "2 texts"),
-        (r##"<defs><text id="t">A</text></defs><use href="#t"/>"##, "1 text"),
-        (r#"<image href="x.png" width="9" height="9"/>"#, "1 image"),
-        (clip, "1 clip"),
-        (mask, "1 mask"),
+        (r#"<text x="5" y="5">A</text><text>B</text>"#, "2 texts (line 1)"),
+        (r##"<defs><text id="t">A</text></defs><use href="#t"/>"##, "1 text (line 1)"),
+        (r#"<image href="x.png" width="9" height="9"/>"#, "1 image (line 1)"),
+        (mask, "1 mask (line 1)"),
         (
             r#"<path d="M0 5 L 9 5" stroke="red" stroke-linecap="round" stroke-dasharray="0 2"/>"#,
-            "1 line of dots",
+            "1 line of dots (line 1)",
         ),
     ] {
         let text = picture_text(&format!("{LINE}{body}"));
         let refused = Picture::from_svg(text.as_bytes(), A4, false).unwrap_err().to_string();
         assert!(refused.starts_with(&format!("has {named}: convert them to paths")), "{refused}");
-        let (picture, left_out) = Picture::from_svg(text.as_bytes(), A4, true).unwrap();
-        assert_eq!(left_out, named);
+        let (picture, warnings) = Picture::from_svg(text.as_bytes(), A4, true).unwrap();
+        assert_eq!(warnings, [format!("is drawn without {named}")]);
         assert!(picture.strokes() >= 1);
     }
     for nothing in [
@@ -139,7 +140,7 @@ fn no_drawing_is_too_large_to_be_refused() {
     assert!(tiny.starts_with("has a view box of 0.0"), "{tiny}");
     let far = r#"<path d="M0 0 C 1e30 1 2 3e30 4 5 A 1e20 1 0 0 0 1e19 5" stroke="red"/>"#;
     let far = error(&svg(r#"viewBox="0 0 297 210""#, far));
-    assert_eq!(far, "has lines beyond 100 sheets: check the view box");
+    assert_eq!(far, "has lines beyond 100 sheets: check the view box and the coordinates in line 1");
     let mut body = String::from(r#"<g id="a0"><path d="M0 0 L 9 9" stroke="red"/></g>"#);
     for level in 1..40 {
         let below = level - 1;
@@ -159,5 +160,5 @@ fn a_drawing_opens_no_other_file() {
     let other = folder.path().join("other.svg");
     std::fs::write(&other, picture_text(r#"<path d="M0 0 L 9 9" stroke="red"/>"#)).unwrap();
     let image = format!(r#"<image href="{}" width="9" height="9"/>"#, other.display());
-    assert!(format!("{:#}", picture(&image).unwrap_err()).contains("has 1 image: "));
+    assert!(format!("{:#}", picture(&image).unwrap_err()).contains("has 1 image (line 1): "));
 }

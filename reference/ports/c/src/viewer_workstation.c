@@ -183,7 +183,7 @@ size_t viewer_workstation_transmit(struct viewer_workstation *station, uint64_t 
     station->again_from = after(now, station->config.pause);
     station->missed_from = after(now, station->config.stale_after);
     out[0] = VAL2_VIEWER_REQUEST;
-    line_echo_sent(&station->echo, station->sent, out, 1, true);
+    line_echo_sent(&station->echo, station->sent, out, 1, false);
     return 1;
 }
 

@@ -40,7 +40,7 @@ impl Program {
         let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
         let program = match kind.as_str() {
             "csv" => csv::read(&input::decode(file, data)?, mapping).map(Self::of),
-            kind if kind == "svg" || is_markup(&data) => {
+            kind if ["svg", "svgz"].contains(&kind) || is_markup(&data) => {
                 let read = svg::read(&data, mapping, allow);
                 let (instructions, warnings) =
                     read.map_err(|error| anyhow!("the drawing {} {error:#}", file.display()))?;

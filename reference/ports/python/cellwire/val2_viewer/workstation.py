@@ -145,7 +145,7 @@ class Workstation(Session):
         self.again_from = after(now, self.config.pause)
         self.missed_from = after(now, self.config.stale_after)
         request = bytes([ENQ])
-        self.echo.sent(request, True)
+        self.echo.sent(request, False)
         return request
 
     def deadline(self) -> int | None:

@@ -111,7 +111,7 @@ export class Workstation implements Session<WorkstationEvent> {
     if (this.request.phase !== "due" || this.hold !== null || !this.hasRoom()) return null;
     this.request = { phase: "waiting", againFrom: now + this.config.pause, missedFrom: now + this.config.stale_after };
     const asked = Uint8Array.of(REQUEST);
-    this.echo.sent(asked, true);
+    this.echo.sent(asked, false);
     return asked;
   }
 

@@ -41,10 +41,10 @@ pub(super) enum Format {
     /// its lines have "flow" and "from". Missing data is a line with "error": a gap, a truncated packet, incomplete
     /// fragments. At a USB adapter, --from is the computer's end
     Pcap,
-    /// A hex dump as text2pcap reads it: an offset and bytes; the direction by `O` and `I`, or by indentation as in Wireshark.
-    /// --from is the end of `O`, or of the lines that are not indented
+    /// A hex dump as text2pcap reads it: an offset and bytes, not words; the direction by `O` and `I`, or by indentation as in
+    /// Wireshark. --from is the end of `O`, or of the leftmost lines
     Hexdump,
-    /// Output of strace: `strace -f -tt -xx -y -s 4096 -e trace=read,write …`; --from is the end of the traced program
+    /// Output of strace: `strace -f -tt -xx -y -s 4096 -e trace=%desc,%network …`; --from is the end of the traced program
     Strace,
     /// A file written by --trace: lines have "from" and "at", the seconds of the trace; --from is the end that wrote it
     Trace,

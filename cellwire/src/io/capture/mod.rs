@@ -3,7 +3,7 @@
 //!
 //! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
 //! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
-//! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]).
+//! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]). A hex dump is held whole, up to 256 MB.
 
 mod blocks;
 pub mod connections;

@@ -56,10 +56,15 @@ pub(super) fn read(
 /// Returns whether a text begins as a dump: a line with bytes has an offset of four digits or more, 0 in the first, and the end of the
 /// previous one in the next. So does a dump that is refused for the form of its bytes.
 pub fn is_dump(text: &str) -> bool {
-    if refused(text).is_some() {
-        return true;
-    }
     let found: Vec<Row> = rows(text).map(|(_, row)| row).take(3).collect();
+    if refused(text).is_some() {
+        // Plain hex may have words, too. The offsets of od and hexdump have six or seven digits, those of xxd a colon.
+        let begins = |first: &Row| {
+            let has_offset = first.has_colon || first.widest == 2 || matches!(first.offset.len(), 6 | 7);
+            has_offset && first.at(16) == Some(0)
+        };
+        return found.first().is_none_or(begins);
+    }
     let Some(first) = found.first() else { return false };
     // With as many digits in each offset, the second line begins a packet, goes on, or is the other end's.
     first.offset.len() >= 4
@@ -413,6 +418,16 @@ mod tests {
         );
         assert_eq!(refused("00000000: 00000002 00010203  ........\n"), Some(1));
         assert_eq!(refused("00000000: 6162 6364  badc\n"), Some(1));
+    }
+
+    #[test]
+    fn plain_hex_is_no_dump() {
+        for text in ["0103 0000 000a c5cd\n", "8405  1234 abcd\n", "00000000 41424344 00000000\n"] {
+            assert!(!is_dump(text), "{text}");
+        }
+        for text in ["0000000 0103 0a00\n0000004\n", "00000000: 0103 000a  ....\n", "00000000  01 03\n"] {
+            assert!(is_dump(text), "{text}");
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-"""drawings.py FOLDER: converts DXF drawings with docs/dxf-to-svg.py, and compares what `laser run` makes of them with their sizes in mm."""
+"""drawings.py FOLDER: converts DXF drawings with docs/dxf-to-svg.py, and compares what `run laser` makes of them with their sizes in mm."""
 
 import json
 import os
@@ -26,7 +26,7 @@ def convert(name, unit, draw):
 def check(name, unit, expected, draw):
     target, done = convert(name, unit, draw)
     assert done.returncode == 0, done.stderr
-    run = [os.environ["CELLWIRE"], "laser", "run", target, "--dry-run"]
+    run = [os.environ["CELLWIRE"], "run", "laser", target, "--dry-run"]
     output = subprocess.run(run, capture_output=True, text=True)
     assert output.returncode == 0, output.stderr
     found = json.loads(output.stdout)["mm"]

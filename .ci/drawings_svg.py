@@ -1,4 +1,4 @@
-"""drawings_svg.py FOLDER: compares the lines of SVG drawings, as `laser run` cuts them, with the pictures of `rsvg-convert`.
+"""drawings_svg.py FOLDER: compares the lines of SVG drawings, as `run laser` cuts them, with the pictures of `rsvg-convert`.
 
 A drawing is compared, or refused with a text. Every dark pixel of one picture must be near a dark pixel of the other.
 """
@@ -129,7 +129,7 @@ REFUSED = {
 
 def laser(file, *more):
     plan = FOLDER / "plan.svg"
-    run = [CELLWIRE, "laser", "run", file, "--dry-run", "--draw", plan, "--set", "program.tolerance=0.02", *more]
+    run = [CELLWIRE, "run", "laser", file, "--dry-run", "--picture", plan, "--set", "program.tolerance=0.02", *more]
     return plan, subprocess.run(run, capture_output=True, text=True)
 
 

@@ -1,4 +1,4 @@
-"""Converts a DXF drawing to SVG in its true size, for `cellwire laser run`.
+"""Converts a DXF drawing to SVG in its true size, for `cellwire run laser`.
 
     python3 dxf-to-svg.py part.dxf part.svg
 

@@ -74,8 +74,8 @@ def process(command, kind):
 
 def ask(place, kind, requests):
     text = "".join(json.dumps({"unit": 1, **request}) + "\n" for request in requests)
-    command = [cellwire, "modbus", place, "--baud", "115200", "--timeout", "3000"]
-    command += ["--framing", "rtu"] if kind == "rtu-over-tcp" else []
+    command = [cellwire, "modbus", "send", place, "--baud", "115200", "--set", "timeout=3000ms"]
+    command += ["--set", "framing=rtu"] if kind == "rtu-over-tcp" else []
     done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=120)
     replies = [json.loads(line) for line in done.stdout.splitlines()]
     status = 6 if any("exception" in reply for reply in replies) else 0

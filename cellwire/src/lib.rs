@@ -15,8 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, capture, decode, demo, encode, extcap, fanuc, identify, kawasaki, laser, ls, manual, mma, modbus,
-    ports, replay, settings, simulate, tap, vectors,
+    alter, capture, decode, demo, encode, extcap, fanuc, identify, ls, manual, modbus, ports, replay, run,
+    settings, simulate, tap, vectors,
 };
 use self::io::drive::Lost;
 use self::io::files;
@@ -67,10 +67,8 @@ enum Command {
     Modbus(modbus::Args),
     Ports(ports::Args),
     Fanuc(fanuc::Args),
-    Kawasaki(kawasaki::Args),
-    Laser(laser::Args),
+    Run(run::Args),
     Ls(ls::Args),
-    Mma(mma::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
     Completions(manual::Completions),
@@ -96,10 +94,8 @@ pub fn main() -> ExitCode {
         Command::Modbus(args) => modbus::run(&args),
         Command::Ports(args) => ports::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
-        Command::Kawasaki(args) => kawasaki::run(&args),
-        Command::Laser(args) => laser::run(&args),
+        Command::Run(args) => run::run(&args),
         Command::Ls(args) => ls::run(&args),
-        Command::Mma(args) => mma::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
@@ -149,10 +145,10 @@ fn command_line() -> clap::Command {
         }
     }
     let settings: [(&str, &str, Settings); 9] = [
-        ("kawasaki", "draw", kawasaki::settings),
-        ("kawasaki", "run", kawasaki::settings),
-        ("laser", "run", laser::settings),
-        ("mma", "run", mma::settings),
+        ("run", "kawasaki", || run::settings("kawasaki")),
+        ("run", "laser", || run::settings("laser")),
+        ("run", "mma", || run::settings("mma")),
+        ("modbus", "send", modbus::settings),
         ("modbus", "scan", modbus::settings),
         ("modbus", "poll", modbus::settings),
         ("fanuc", "log", fanuc::settings),
@@ -163,9 +159,6 @@ fn command_line() -> clap::Command {
     {
         command =
             command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings())));
-    }
-    if named("modbus") {
-        command = command.mut_subcommand("modbus", |it| with_settings(it, &modbus::settings()));
     }
     command
 }

@@ -15,6 +15,8 @@ use crate::shadow::MakeShadow;
 pub struct Link {
     /// The crate's name.
     pub name: &'static str,
+    /// The name in commands.
+    pub short: &'static str,
     /// What it is, in one line.
     pub about: &'static str,
     /// The names of the sides that send messages; the first is the default.
@@ -157,13 +159,13 @@ type GuessValues = fn(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Valu
 type MakeCodec = fn(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;
 
 impl Link {
-    /// The link of this name.
+    /// The link of this name, or whose crate has it.
     ///
     /// # Errors
     /// When there is none.
     pub fn by_name(name: &str) -> Result<&'static Self> {
-        LINKS.iter().find(|link| link.name == name).with_context(|| {
-            let names: Vec<&str> = LINKS.iter().map(|link| link.name).collect();
+        LINKS.iter().find(|link| [link.short, link.name].contains(&name)).with_context(|| {
+            let names: Vec<&str> = LINKS.iter().map(|link| link.short).collect();
             format!("no link is called {name}; the links are {}", names.join(", "))
         })
     }

@@ -220,7 +220,7 @@ def modbus_server(scene):
     for command in ({"unit": 1, "function": 1, "address": 0, "quantity": 3},):
         request += json.dumps(command) + "\n"
     wait_for(lambda: is_listening(port), LIMIT)
-    tool = scene.tool("modbus", f"127.0.0.1:{port}", text=request)
+    tool = scene.tool("modbus", "send", f"127.0.0.1:{port}", text=request)
     check(tool.ends() == 0, "the tool's client has failed")
     replies = [json.loads(line) for line in tool.lines]
     check(replies[0]["registers"] == [14, 21, 28] and replies[2]["bits"] == [False, True, False], f"{replies}")
@@ -329,7 +329,7 @@ def kawasaki_pc(scene):
 def kawasaki_robot(scene):
     port = scene.port()
     jobs = scene.file("jobs.csv", "kind,x1,y1,x2,y2\n" + "".join(f"1,{x},0,{x + 1},0\n" for x in range(30)))
-    tool = scene.tool("kawasaki", "run", jobs, "--listen", f"127.0.0.1:{port}")
+    tool = scene.tool("run", "kawasaki", jobs, "--listen", f"127.0.0.1:{port}")
     program = scene.program(1, ("9105", str(port)))
     check(tool.ends() == 0, "the tool's PC has failed")
     program.prints("'order_over'.*'executed': 30")
@@ -347,7 +347,7 @@ def laser_controller(scene):
     program = scene.program(1, ("4001", str(port)))
     wait_for(lambda: is_listening(port), LIMIT)
     part = scene.file("part.csv", "word,x,y,z,a,b,length\n" + "".join(f"cut,{x},0,0,0,0,{x}\n" for x in range(20)))
-    tool = scene.tool("laser", "run", part, "--port", f"127.0.0.1:{port}")
+    tool = scene.tool("run", "laser", part, "--serial", f"127.0.0.1:{port}")
     check(tool.ends() == 0, "the tool's host has failed")
     program.prints("^{'word'", 20)
 
@@ -366,7 +366,7 @@ def mma_device(scene):
     wait_for(lambda: all(map(is_listening, ports)), LIMIT)
     part = "[[part]]\nplatform = [0.01, 0.0]\npick = [1.0, 20.0, 30.0, 0.0]\nplace = [1.0, -20.0, 30.0, 0.5]\n"
     task = scene.file("task.toml", f"[task]\nrobot_home = {home}\n{part}")
-    tool = scene.tool("mma", "run", "--task", task, "--robot", f"127.0.0.1:{ports[0]}", "--platform", f"127.0.0.1:{ports[1]}")
+    tool = scene.tool("run", "mma", task, "--robot", f"127.0.0.1:{ports[0]}", "--platform", f"127.0.0.1:{ports[1]}")
     check(tool.ends() == 0, "the tool's task has failed")
     robot.prints("'order': 'move', 'target': \\[1.0, -20.0, 30.0, 0.5\\]")
 

@@ -13,6 +13,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "toy-link",
+    short: "toy",
     about: "A link of lines",
     sides: &["host", "device"],
     sender: |is_client, _server_port| Some(if is_client { "host" } else { "device" }),

@@ -210,7 +210,7 @@ impl Kawasaki<'_> {
         Ok(())
     }
 
-    /// A job from its fields by their names, as in a table of `cellwire kawasaki run`.
+    /// A job from its fields by their names, as in a table of `cellwire run kawasaki`.
     fn job(&self, given: &Map<String, Json>) -> Result<AnyWork, String> {
         if let Some(name) = given.keys().find(|name| self.layout.place(name).is_none()) {
             let names: Vec<&str> = self.layout.fields().iter().map(|field| field.name.as_str()).collect();

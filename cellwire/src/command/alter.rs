@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, ensure};
 use cellwire_motion::latch::LatchConfig;
-use val2_alter::{Accumulation, Mode};
+use val2_alter::Accumulation;
 
 use super::settings::SetArgs;
 use crate::cell::operator::{self, Settings};
@@ -38,33 +38,15 @@ pub struct Args {
     /// The graphics workstation's port
     #[arg(long, value_name = "PORT")]
     viewer: Option<String>,
-    /// The baud rate of the robot's port [default: 38400]
-    #[arg(long, value_name = "N", value_parser = serial::baud_rate())]
-    robot_baud: Option<u32>,
-    /// The mode of the robot's ALTER instruction; other modes are refused [default: 23]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=31))]
-    mode: Option<u8>,
-    /// The baud rate of the ball's port [default: 9600]
-    #[arg(long, value_name = "N", value_parser = serial::baud_rate())]
-    ball_baud: Option<u32>,
     /// The baud rate of the workstation's port
     #[arg(long, value_name = "N", default_value_t = val2_viewer::timing::BAUD, value_parser = serial::baud_rate())]
     viewer_baud: u32,
-    /// The speed at full force, in percent of 100 mm/s and 30 °/s [default: 100]
-    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u16).range(1..=100))]
-    speed: Option<u16>,
-    /// The robot's program has a gripper subroutine: keys 1 and 2 of the ball close and open it
-    #[arg(long)]
-    clamp: bool,
     /// Require Enter before the hand moves the arm, each time it has rested; always on in non-cumulative modes
     #[arg(long)]
     confirm: bool,
-    /// The arm moves only while a key of the input is held
+    /// The arm moves only while a key of the input is held: the setting profile.hold_key
     #[arg(long)]
     hold_to_run: bool,
-    /// The key for --hold-to-run [default: 8]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=32))]
-    hold_key: Option<u8>,
     /// A TOML file with the input profile: dead zone, gain, filter, axes; see the settings of profile below
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
@@ -112,7 +94,7 @@ impl InputArgs {
 }
 
 impl Args {
-    /// The profile, over it the settings, and over these the options.
+    /// The profile, and over it the settings.
     fn settings(&self) -> Result<Settings> {
         let mut settings = Settings::default();
         if let Some(file) = &self.profile {
@@ -121,13 +103,6 @@ impl Args {
             settings.profile = settings::read("a profile", settings.profile, &given)?;
         }
         settings = settings::read("alter", settings, &self.set.read(&settings::list(settings))?)?;
-        let Settings { alter, polls, profile, .. } = &mut settings;
-        alter.baud = self.robot_baud.unwrap_or(alter.baud);
-        alter.mode = self.mode.map_or(alter.mode, Mode);
-        alter.subroutine |= self.clamp;
-        polls.baud = self.ball_baud.unwrap_or(polls.baud);
-        profile.speed = self.speed.unwrap_or(profile.speed);
-        profile.hold_key = self.hold_key.unwrap_or(profile.hold_key);
         settings.profile.limits = settings.alter.limits;
         Ok(settings)
     }
@@ -169,7 +144,9 @@ pub fn run(args: &Args) -> Result<bool> {
 mod tests {
     use clap::Parser;
 
-    use super::{Args, Mode};
+    use val2_alter::Mode;
+
+    use super::Args;
 
     #[derive(Parser)]
     struct Command {
@@ -178,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn an_option_overrides_the_files() {
+    fn a_setting_overrides_the_profile() {
         let folder = tempfile::tempdir().unwrap();
         let (profile, settings) = (folder.path().join("hand.toml"), folder.path().join("alter.toml"));
         std::fs::write(&profile, "speed = 20\nhold_key = 3").unwrap();
@@ -191,7 +168,7 @@ mod tests {
         let found = read(&[]);
         assert_eq!((found.profile.speed, found.profile.hold_key), (20, 3));
         assert_eq!((found.alter.mode, found.alter.baud), (Mode(5), 19_200));
-        let found = read(&["--speed", "5", "--mode", "23", "--robot-baud", "9600"]);
+        let found = read(&["--set", "profile.speed=5", "--set", "mode=23", "--set", "baud=9600"]);
         assert_eq!((found.profile.speed, found.profile.hold_key), (5, 3));
         assert_eq!((found.alter.mode, found.alter.baud), (Mode(23), 9600));
     }

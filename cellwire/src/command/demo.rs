@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::settings::SetArgs;
 use crate::cell::demo::{self, DemoOptions, MustFail};
-use crate::io::input::seconds;
+use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Lines;
 use crate::io::output::remark;
@@ -28,8 +28,8 @@ pub struct Args {
     #[arg(value_parser = link_parser())]
     links: Vec<&'static Link>,
     /// End each link after this time [default: each link's own short run]
-    #[arg(long, value_name = "N", value_parser = seconds(0.1..=1e6))]
-    seconds: Option<Duration>,
+    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(100)..=MOST))]
+    duration: Option<Duration>,
     /// Inject the faults that the link's transport can have
     #[arg(long)]
     faults: bool,
@@ -46,10 +46,10 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Write the result of the demo (one LINK only) as an SVG file: the drawing, the cut, the commanded motion, or the timeline of the
-    /// cell; for fanuc-hmi-modbus, plots, program and recording in a folder
+    /// cell; for fanuc, plots, program and recording in a folder
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
+    /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki only)
     #[arg(long, value_name = "FILE")]
     drawing: Option<PathBuf>,
     #[command(flatten)]
@@ -57,6 +57,9 @@ pub struct Args {
     #[command(flatten)]
     set: SetArgs,
 }
+
+/// The longest demo.
+const MOST: Duration = Duration::from_secs(1_000_000);
 
 /// Returns true when all checks of every link passed.
 pub fn run(args: &Args) -> Result<bool> {
@@ -70,19 +73,19 @@ pub fn run(args: &Args) -> Result<bool> {
         );
     }
     anyhow::ensure!(
-        args.drawing.is_none() || links.iter().all(|link| link.name == "kawasaki-msg"),
-        "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
+        args.drawing.is_none() || links.iter().all(|link| link.short == "kawasaki"),
+        "--drawing is for kawasaki alone: cellwire demo kawasaki --drawing FILE"
     );
     if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
         // Checked before the run: afterwards its result would be lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
-    let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.name));
+    let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.short));
     let settings = args.set.read(&known)?;
     interrupt::handle()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
-        let progress = progress_line(link.name, args.json);
+        let progress = progress_line(link.short, args.json);
         let at = progress.clone();
         interrupt::before_exit(move || {
             if !at.is_finished() {
@@ -90,12 +93,12 @@ pub fn run(args: &Args) -> Result<bool> {
                 at.finish_and_clear();
                 remark(&format!(
                     "{}: interrupted at {done} of {of}; its devices were simulated, and have ended",
-                    link.name
+                    link.short
                 ));
             }
         });
         let options = DemoOptions {
-            seconds: args.seconds,
+            seconds: args.duration,
             faults: args.faults,
             seed: args.seed,
             out: args.out.clone(),
@@ -106,7 +109,7 @@ pub fn run(args: &Args) -> Result<bool> {
             lines: Lines::HERE,
             progress: progress.clone(),
         };
-        let report = demo::run(link.name, &options).map_err(|error| args.set.located(error))?;
+        let report = demo::run(link.short, &options).map_err(|error| args.set.located(error))?;
         progress.finish_and_clear();
         let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
         all &= report.is_good() && (report.is_in_time() || !check_times);

@@ -126,7 +126,7 @@ impl Conversation {
                 let known = link.traces.iter().find(|(known, _)| known == name);
                 known
                     .map(|(_, sides)| *sides)
-                    .with_context(|| format!("`{name}` is not an end of {}", link.name))?
+                    .with_context(|| format!("`{name}` is not an end of {}", link.short))?
             }
         };
         let [first, second] = sides;
@@ -152,7 +152,7 @@ impl Conversation {
             (_, true) => Ok([second, first]),
             _ => bail!(
                 "the capture has no end `{named}` of {}: use --as {}",
-                link.name,
+                link.short,
                 names.join(" or --as ")
             ),
         }

@@ -9,11 +9,11 @@ use serde_json::{Map, Value};
 use crate::cell::{demo, operator};
 use crate::io::input;
 use crate::io::output::remark;
-use crate::io::tcp::{ConnectArgs, Dialing};
+use crate::io::tcp::{ConnectArgs, Dialing, MAX_PAUSE};
 use crate::links::DEVICES;
-use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ViewSettings, client_settings};
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
+use cellwire_links::{LINKS, Link};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]
@@ -115,7 +115,7 @@ impl Configure for ConnectSettings {
         let Self { pause } = self;
         let about =
             "the pause between each new connection, or the opened serial port, and the first byte sent";
-        fields.time(CONNECT_PAUSE, Duration::ZERO..=Duration::from_secs(60), about, pause);
+        fields.time(CONNECT_PAUSE, Duration::ZERO..=MAX_PAUSE, about, pause);
     }
 }
 
@@ -173,20 +173,19 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
 /// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after
 /// `decode`, `encode` and `demo`; after the first two its sides as well.
 pub fn help(command: &str, arguments: &[String]) -> String {
-    let named = |name: &str| arguments.iter().any(|argument| argument == name);
-    let link = LINKS.iter().find(|link| named(link.name));
+    let link = arguments.iter().find_map(|argument| Link::by_name(argument).ok());
     let found = match command {
         "alter" => Some(("alter", settings::list(operator::Settings::default()))),
         "simulate" => DEVICES
             .iter()
             .find(|device| arguments.iter().any(|argument| device.is_called(argument)))
             .map(|it| (it.name, (it.settings)())),
-        "demo" => link.map(|link| (link.name, demo::settings(link.name))),
-        _ => link.map(|link| (link.name, (link.settings)())),
+        "demo" => link.map(|link| (link.short, demo::settings(link.short))),
+        _ => link.map(|link| (link.short, (link.settings)())),
     };
     let sides = match (command, link) {
         ("decode" | "encode", Some(link)) => {
-            format!("Sides of {}, for --from: {}\n\n", link.name, link.sides.join(", "))
+            format!("Sides of {}, for --from: {}\n\n", link.short, link.sides.join(", "))
         }
         _ => String::new(),
     };

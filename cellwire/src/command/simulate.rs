@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use serde_json::Value;
 
 use super::settings::SetArgs;
-use crate::io::input::seconds;
+use crate::io::input::time;
+use crate::io::interrupt;
+use crate::io::output::{self, EventArgs};
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
-use crate::io::{interrupt, output};
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
 
@@ -31,21 +31,17 @@ pub struct Args {
     device: &'static Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
-    /// fanuc: the LS file that the robot runs (setting `program`)
-    #[arg(long, value_name = "FILE.LS")]
-    program: Option<String>,
-    /// fanuc: the listing of $SNPX_ASG, which maps variables to holding registers (setting `assignments`)
-    #[arg(long, value_name = "FILE")]
-    assignments: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
-    /// Disconnect a client after this many seconds without a byte in either direction; 0: never
-    #[arg(long, value_name = "N", default_value = "600", value_parser = seconds(0.0..=1e6))]
+    /// Disconnect a client after this time without a byte in either direction, or `never`
+    #[arg(long, value_name = "TIME", default_value = "600s", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
     idle_timeout: Duration,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
     set: SetArgs,
+    #[command(flatten)]
+    events: EventArgs,
 }
 
 #[derive(Debug, clap::Args)]
@@ -70,18 +66,14 @@ pub fn run(args: &Args) -> Result<bool> {
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
-    let mut settings = args.set.read(&(args.device.settings)())?;
-    for (name, value) in [("program", &args.program), ("assignments", &args.assignments)] {
-        if let Some(value) = value {
-            settings.insert(name.into(), Value::from(value.as_str()));
-        }
-    }
+    let settings = args.set.read(&(args.device.settings)())?;
+    args.events.choose();
     output::never_wait()?;
     interrupt::handle()?;
     let options = SimulateOptions {
         endpoint,
         dialing: args.connect.dialing(Duration::ZERO),
-        idle_timeout: (!args.idle_timeout.is_zero()).then_some(args.idle_timeout),
+        idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,
     };

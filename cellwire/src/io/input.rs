@@ -13,14 +13,24 @@ use anyhow::{Context, Result};
 use crate::io::bell::Bell;
 use crate::io::interrupt;
 
-/// The parser of a time in seconds, within a range.
-pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
+/// The parser of a time within a range, such as `5s` or `250ms`; `never` is the most of a range without an end.
+pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
     move |text| {
-        let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
-        if !range.contains(&seconds) {
-            return Err(format!("give between {} and {} seconds", range.start(), range.end()));
+        let time = match text {
+            "0" => Ok(Duration::ZERO),
+            "never" => Ok(Duration::MAX),
+            _ => humantime::parse_duration(text),
+        };
+        let time = time.map_err(|_| "it is not a time with its unit, such as 250ms or 1.5s".to_owned())?;
+        if range.contains(&time) {
+            return Ok(time);
         }
-        Ok(Duration::from_secs_f64(seconds))
+        let show = |time: &Duration| humantime::format_duration(*time).to_string().replace(' ', "");
+        let (least, most) = (show(range.start()), show(range.end()));
+        Err(match *range.end() {
+            Duration::MAX => format!("give {least} at least, or `never`"),
+            _ => format!("give between {least} and {most}"),
+        })
     }
 }
 

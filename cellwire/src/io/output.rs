@@ -1,6 +1,7 @@
-//! What the tool prints: JSON lines on standard output, remarks on standard error.
+//! What the tool prints: lines of JSON, or for people at a terminal, on standard output; remarks on standard error.
 
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, IsTerminal as _, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -8,6 +9,7 @@ use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 
 use crate::io::outlet::Outlet;
+use crate::io::plain;
 use cellwire_links::json;
 
 /// Returns whether an error is that standard output is closed.
@@ -44,13 +46,35 @@ pub fn finish() {
     OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
 }
 
-/// Prints one line of JSON and flushes it, so that a script can read it while the tool runs.
+/// How a command prints what happens.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct EventArgs {
+    /// Lines of JSON at a terminal too, as always in a pipe
+    #[arg(long)]
+    json: bool,
+}
+
+/// Whether [`log`] prints lines for people.
+static IS_FOR_PEOPLE: AtomicBool = AtomicBool::new(false);
+
+impl EventArgs {
+    /// From now on [`log`] prints lines for people if standard output is a terminal, or of JSON.
+    pub fn choose(self) {
+        IS_FOR_PEOPLE.store(!self.json && io::stdout().is_terminal(), Ordering::Relaxed);
+    }
+}
+
+/// Prints one line and flushes it, so that a script can read it while the tool runs: of JSON, or for people.
 ///
 /// # Errors
 /// When standard output is closed.
 pub fn log(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
-    json::write(line, &mut bytes)?;
+    if IS_FOR_PEOPLE.load(Ordering::Relaxed) {
+        bytes.extend(printable(&plain::line(line)).bytes());
+    } else {
+        json::write(line, &mut bytes)?;
+    }
     bytes.push(b'\n');
     if let Some([out, _]) = OUTLETS.get() {
         return out.put(&bytes).context(Unwritten);

@@ -1,5 +1,6 @@
 //! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
 
+use core::ops::RangeInclusive;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use std::time::Duration;
 use anyhow::{Result, anyhow};
 use socket2::SockRef;
 
-use crate::io::input::seconds;
+use crate::io::input::time;
 use crate::io::listener;
 use crate::io::output::remark;
 
@@ -78,15 +79,19 @@ impl Dialing {
     }
 }
 
+/// How long a connection may take to open.
+const TIMEOUTS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
+/// The longest pause before the first byte.
+pub const MAX_PAUSE: Duration = Duration::from_secs(60);
+
 /// The options for opening connections.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct ConnectArgs {
-    /// Connection timeout in seconds
-    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
+    /// The longest wait for a connection
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = time(TIMEOUTS))]
     connect_timeout: Duration,
-    /// Pause between each new connection, or the opened serial port, and the first byte sent, in seconds, for devices that lose
-    /// earlier bytes [default: 0]
-    #[arg(long, value_name = "N", value_parser = seconds(0.0..=60.0))]
+    /// Wait between a new connection and the first byte, for devices that lose what comes sooner
+    #[arg(long, value_name = "TIME", value_parser = time(Duration::ZERO..=MAX_PAUSE))]
     connect_pause: Option<Duration>,
 }
 

@@ -16,6 +16,7 @@ use crate::io::priority::{self, Rank};
 use crate::io::serial::PtyLink;
 use crate::io::tcp::{self, Dialing};
 use crate::io::trace::TraceArgs;
+use cellwire_links::Link;
 use cellwire_links::settings::Setting;
 
 /// A simulated end of a link.
@@ -23,7 +24,7 @@ use cellwire_links::settings::Setting;
 pub struct Device {
     /// Its name on the command line.
     pub name: &'static str,
-    /// Its link, where that has no other device: another name.
+    /// Its link, where that has no other device: another name, and so is that of the link's crate.
     pub link: Option<&'static str>,
     /// What it is, in one line.
     pub about: &'static str,
@@ -36,7 +37,13 @@ pub struct Device {
 impl Device {
     /// Whether it has this name, or its link has and no other device.
     pub fn is_called(&self, name: &str) -> bool {
-        self.name == name || self.link == Some(name)
+        self.name == name || self.aliases().any(|alias| alias == name)
+    }
+
+    /// Its other names.
+    pub fn aliases(&self) -> impl Iterator<Item = &'static str> + use<> {
+        let link = self.link.and_then(|link| Link::by_name(link).ok());
+        link.into_iter().flat_map(|link| [link.short, link.name])
     }
 }
 

@@ -32,7 +32,7 @@ pub static DEVICES: [Device; 9] = [
 
 /// The parser of LINK on the command line.
 pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
-    let names = LINKS.iter().map(|link| PossibleValue::new(link.name).help(link.about));
+    let names = LINKS.iter().map(|link| PossibleValue::new(link.short).alias(link.name).help(link.about));
     PossibleValuesParser::new(names).try_map(|name| Link::by_name(&name))
 }
 
@@ -48,6 +48,6 @@ pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
 pub fn device_parser() -> impl TypedValueParser<Value = &'static Device> {
     let names = DEVICES
         .each_ref()
-        .map(|device| PossibleValue::new(device.name).aliases(device.link).help(device.about));
+        .map(|device| PossibleValue::new(device.name).aliases(device.aliases()).help(device.about));
     PossibleValuesParser::new(names).try_map(|name| device_by_name(&name))
 }

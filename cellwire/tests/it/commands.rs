@@ -90,16 +90,16 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
             "over UDP the robot sends first: use --connect",
         ),
         ("simulate mma-robot --pty x", "use --listen"),
-        ("simulate ball --listen 0 --idle-timeout NaN", "give between 0 and 1000000 seconds"),
+        ("simulate ball --listen 0 --idle-timeout NaN", "such as 250ms"),
         ("simulate ball --listen 0 --idle-timeout -1", "-1"),
         ("simulate ball --listen 0 --trace 0", "1..=10000000"),
         ("simulate ball --listen 0 --trace-dir /no/such/folder", "there is no such folder"),
         ("simulate ball --listen 0 --set baud=0", "50"),
         ("demo nonsense", "[possible values: kawasaki-msg, val2-alter"),
-        ("demo --seconds NaN", "give between 0.1 and 1000000 seconds"),
-        ("demo --seconds 1e300", "give between 0.1 and 1000000 seconds"),
-        ("demo --seconds -1", "-1"),
-        ("demo --seconds 0", "give between 0.1 and 1000000 seconds"),
+        ("demo --for NaN", "such as 250ms"),
+        ("demo --for 1e300s", "such as 250ms"),
+        ("demo --for -1", "-1"),
+        ("demo --for 0", "give between 0.1 and 1000000 seconds"),
         ("demo --seed -1", "-1"),
         ("demo --out x.svg", "--out needs one LINK"),
         ("demo --must-fail lost", "--must-fail needs one LINK"),
@@ -108,7 +108,7 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
         ("demo isra-ball --drawing x.svg", "--drawing is for kawasaki-msg alone"),
         ("demo isra-ball --out /no/such/folder/x.svg", "there is no folder /no/such/folder"),
         ("demo val2-alter --set baud=1e99", "baud"),
-        ("modbus", "<SERVER>"),
+        ("modbus send", "<SERVER>"),
         ("modbus nonsense", "nonsense"),
         ("fanuc log", "<"),
         ("fanuc evaluate", "<"),
@@ -233,7 +233,7 @@ fn every_demo_can_fail_and_says_why() {
         ("fanuc-hmi-modbus --must-fail limit", "the source measured"),
     ];
     in_threes(&failing, |(demo, failure)| {
-        let (code, out, said) = run(cellwire(&format!("demo {demo} --seconds 2 --json")));
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --for 2s --json")));
         assert_eq!(code, Some(1), "{demo}: {out} {said}");
         let report: Value = serde_json::from_str(&out).unwrap();
         assert_eq!(report["ok"], false, "{demo}");
@@ -242,7 +242,7 @@ fn every_demo_can_fail_and_says_why() {
     });
     let late = ["kawasaki-msg", "laser-eb90", "val2-alter", "isra-ball", "fanuc-hmi-modbus"];
     in_threes(&late, |demo| {
-        let (code, out, said) = run(cellwire(&format!("demo {demo} --must-fail late --seconds 1")));
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --must-fail late --for 1s")));
         assert_eq!(code, Some(1), "{demo}: {said}");
         assert!(out.contains("over budget: ") && out.contains("the budget 0 µs"), "{demo}: {out}");
     });
@@ -259,7 +259,7 @@ fn in_threes<T: Sync>(demos: &[T], run: impl Fn(&T) + Sync) {
 #[test]
 fn a_demo_that_loses_nothing_succeeds() {
     in_threes(&["kawasaki-msg", "laser-eb90", "mmacell-proto --set parts=5"], |demo| {
-        let (code, out, said) = run(cellwire(&format!("demo {demo} --seconds 2")));
+        let (code, out, said) = run(cellwire(&format!("demo {demo} --for 2s")));
         assert_eq!(code, Some(0), "{demo}: {out} {said}");
         assert!(out.ends_with("all checks passed\n\n"), "{demo}: {out}");
     });
@@ -270,7 +270,7 @@ fn every_demo_writes_what_it_promises() {
     let folder = tempfile::tempdir().unwrap();
     for link in LINKS {
         let out = folder.path().join(link).with_extension("svg");
-        let (code, _, said) = run(cellwire(&format!("demo {link} --seconds 2 --out {}", out.display())));
+        let (code, _, said) = run(cellwire(&format!("demo {link} --for 2s --out {}", out.display())));
         assert!(matches!(code, Some(0 | 1)), "{link}: {said}");
         let files = if link == "fanuc-hmi-modbus" {
             ["position", "position-errors", "orientation", "orientation-errors"]

@@ -245,7 +245,7 @@ fn a_second_client_of_a_serial_device_is_refused_and_the_first_is_served() {
 
 #[test]
 fn a_silent_client_is_disconnected_after_the_set_time_and_others_stay() {
-    let fanuc = Running::listening("fanuc --idle-timeout 5");
+    let fanuc = Running::listening("fanuc --idle-timeout 5s");
     let (mut silent, mut busy) = (fanuc.connect(), fanuc.connect());
     exchange(&mut silent).unwrap();
     let waiting = thread::spawn(move || ends(&mut silent));
@@ -257,10 +257,10 @@ fn a_silent_client_is_disconnected_after_the_set_time_and_others_stay() {
     assert!(waiting.join().unwrap(), "the silent client stays");
     assert!(begin.elapsed() > Duration::from_secs(3), "{:?}", begin.elapsed());
 
-    let never = Running::listening("fanuc --idle-timeout 0");
+    let never = Running::listening("fanuc --idle-timeout never");
     let mut silent = never.connect();
     for device in ["ball", "mma-robot"] {
-        let mut simulator = Running::listening(&format!("{device} --idle-timeout 0.5"));
+        let mut simulator = Running::listening(&format!("{device} --idle-timeout 500ms"));
         assert!(ends(&mut simulator.connect()), "{device} keeps a silent client");
         simulator.line("--idle-timeout");
     }
@@ -269,7 +269,7 @@ fn a_silent_client_is_disconnected_after_the_set_time_and_others_stay() {
 
 #[test]
 fn a_client_that_does_not_read_is_stuck_and_disconnected() {
-    let mut fanuc = Running::listening("fanuc --idle-timeout 1");
+    let mut fanuc = Running::listening("fanuc --idle-timeout 1s");
     let mut stuck = fanuc.connect();
     let requests: Vec<u8> = (0..1000).flat_map(read_register).collect();
     stuck.set_write_timeout(Some(Duration::from_secs(1))).unwrap();
@@ -280,7 +280,7 @@ fn a_client_that_does_not_read_is_stuck_and_disconnected() {
 #[test]
 fn without_a_descriptor_new_clients_are_refused_and_old_ones_stay() {
     for device in ["fanuc", "mma-robot", "ball", "kawasaki-pc"] {
-        let arguments = format!("simulate {device} --listen 127.0.0.1:0 --idle-timeout 0");
+        let arguments = format!("simulate {device} --listen 127.0.0.1:0 --idle-timeout never");
         let mut simulator = Running::start(limited("-n 24", &arguments));
         let mut first = simulator.connect();
         if device == "fanuc" {

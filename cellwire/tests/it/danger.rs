@@ -270,7 +270,7 @@ fn a_robot_that_comes_back_while_the_ball_is_pushed_moves_nothing() {
 }
 
 fn key_released() -> Option<Stopped> {
-    let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
+    let rig = Rig::new(23, &["--hold-to-run", "--set", "profile.hold_key=8"]);
     rig.ball.hold(0x80);
     rig.controller.start(23);
     rig.push_until(FAST);
@@ -286,7 +286,7 @@ fn key_released() -> Option<Stopped> {
 #[test]
 fn hold_to_run_moves_only_while_the_key_is_held() {
     in_real_time(|| {
-        let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
+        let rig = Rig::new(23, &["--hold-to-run", "--set", "profile.hold_key=8"]);
         rig.controller.start(23);
         rig.arm();
         let since = rig.controller.now();
@@ -347,7 +347,7 @@ fn another_mode_is_refused_and_both_are_named() {
             rig.controller.wait("the refusal", 0, |cycle| *cycle == Cycle::Start(0xFF));
             rig.terminal.wait_for(&format!("the robot has mode {mode}, expected 23"));
         }
-        let rig = Rig::new(22, &["--mode", "22"]);
+        let rig = Rig::new(22, &["--set", "mode=22"]);
         rig.controller.start(22);
         rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
     });
@@ -357,7 +357,7 @@ fn another_mode_is_refused_and_both_are_named() {
 #[test]
 fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
     in_real_time(|| {
-        let mut rig = Rig::new(23, &["--robot-baud", "19200"]);
+        let mut rig = Rig::new(23, &["--set", "baud=19200"]);
         // Before anything moves, in text and on the screen; there in the head, where no message takes its place.
         let advice = "19200 baud, mode 23: only 3 of 6 axes fit a reply";
         assert!(rig.stderr().contains(&format!("warning: {advice}")), "{}", rig.stderr());
@@ -377,13 +377,13 @@ fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
         rig.wait_for_exit();
         drop(rig);
         // Where all fit, nothing is said.
-        let rig = Rig::new(19, &["--robot-baud", "19200", "--mode", "19"]);
+        let rig = Rig::new(19, &["--set", "baud=19200", "--set", "mode=19"]);
         assert!(!rig.terminal.text().contains("axes fit") && !rig.stderr().contains("axes fit"));
     });
 }
 
 fn slow_line() -> Option<Stopped> {
-    let rig = Rig::moving(23, &["--robot-baud", "19200"], FAST);
+    let rig = Rig::moving(23, &["--set", "baud=19200"], FAST);
     let cause = rig.controller.now();
     rig.terminal.press(b" ");
     rig.stopped(cause)
@@ -392,7 +392,7 @@ fn slow_line() -> Option<Stopped> {
 /// What an offset changes in the 40 cycles after its input was lost.
 fn offset_held() -> Option<Stopped> {
     // At full speed, and far from where the hand is.
-    let rig = Rig::moving(22, &["--mode", "22"], 500);
+    let rig = Rig::moving(22, &["--set", "mode=22"], 500);
     let cause = rig.controller.now();
     rig.ball.pull();
     rig.controller.pass(60);
@@ -416,7 +416,7 @@ fn offset_held() -> Option<Stopped> {
 #[test]
 fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
     in_real_time(|| {
-        let rig = Rig::moving(22, &["--mode", "22"], 1000);
+        let rig = Rig::moving(22, &["--set", "mode=22"], 1000);
         rig.ball.pull();
         rig.terminal.wait_for("INPUT LOST");
         rig.controller.pass(20);

@@ -128,7 +128,7 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
     std::fs::create_dir_all(folder.0.join("backup/old")).unwrap();
     folder.write("backup/A.LS", b"/PROG  A\n/MN\n   1:J P[1] 5% FINE ;\n   2:J P[1] 5% FINE ;\n/POS\nP[1]{GP1:UF:0,UT:1,J1=0 deg};\nP[2]{GP1:UF:0,UT:1,J1=0 deg};\n/END\n");
     folder.write("backup/notes.txt", b"no program");
-    let output = folder.run("ls backup");
+    let output = folder.run("ls list backup");
     assert_eq!(
         (output.status.code(), out(&output)),
         (
@@ -137,7 +137,7 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
         )
     );
     folder.write("backup/old/B.ls", b"/PROG  B\n/MN\n   1:J P[1] FINE ;\n");
-    let output = folder.run("ls backup");
+    let output = folder.run("ls list backup");
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
         out(&output).lines().skip(1).collect::<Vec<_>>(),
@@ -150,7 +150,7 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
     let output = folder.run("ls check backup");
     assert_eq!(output.status.code(), Some(1));
     assert!(out(&output).contains("backup/old/B.ls:4:1: error: expected `/END`\n"), "{}", out(&output));
-    assert_eq!(folder.run("ls backup/notes.txt").status.code(), Some(1));
+    assert_eq!(folder.run("ls list backup/notes.txt").status.code(), Some(1));
 }
 
 #[test]
@@ -223,17 +223,17 @@ fn make_refuses_what_no_robot_or_this_one_cannot_do() {
     folder.write("any.csv", b"0,0,0,0,0,0,0\n0.1,0,0,0,0,0,500\n");
     for (arguments, message) in [
         (
-            "far.csv --robot slow.json",
+            "far.csv --limits slow.json",
             "far.csv: J1 is 171.000° at 2.000 s: the robot's range is -10° to 170°",
         ),
         (
-            "fast.csv --robot slow.json",
+            "fast.csv --limits slow.json",
             "fast.csv: J6 moves at 50°/s until 0.100 s: the robot's limit is 20°/s",
         ),
         ("any.csv", "any.csv: J6 moves at 5000°/s until 0.100 s: the robot's limit is 2000°/s"),
         ("nan.csv", "nan.csv: line 2, column 7: expected a number such as `-108.435`"),
         ("back.csv", "back.csv: line 3, column 1: expected a time later than the previous one"),
-        ("fast.csv --robot still.json", "still.json: J2: min must be below max, and speed above 0"),
+        ("fast.csv --limits still.json", "still.json: J2: min must be below max, and speed above 0"),
     ] {
         let output = folder.run(&format!("ls make {arguments} --mode time --step 0.5"));
         assert_eq!(
@@ -242,7 +242,7 @@ fn make_refuses_what_no_robot_or_this_one_cannot_do() {
             "{arguments}"
         );
     }
-    let output = folder.run("ls make fast.csv --mode time --step 0.5 --robot none.json");
+    let output = folder.run("ls make fast.csv --mode time --step 0.5 --limits none.json");
     assert!(
         err(&output).starts_with("error: none.json: line 1, column 13: expected {\"joints\""),
         "{}",
@@ -346,7 +346,7 @@ fn controller(order: WordOrder) -> String {
 fn log_finds_the_word_order_and_writes_the_telemetry() {
     for (order, name) in [(WordOrder::LowFirst, "low_first"), (WordOrder::HighFirst, "high_first")] {
         let folder = Folder::new(name);
-        let output = folder.run(&format!("fanuc log {} --csv run.csv --seconds 1 --json", controller(order)));
+        let output = folder.run(&format!("fanuc log {} --csv run.csv --for 1s --json", controller(order)));
         assert_eq!(output.status.code(), Some(0), "{}", err(&output));
         let object: Value = serde_json::from_str(out(&output)).unwrap();
         assert_eq!(object["word_order"], name);
@@ -374,7 +374,7 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
     let folder = Folder::new("contradicted");
     let address = controller(WordOrder::LowFirst);
     let log = |order: &str| {
-        folder.run(&format!("fanuc log {address} --csv run.csv --seconds 0.3 --word-order {order}"))
+        folder.run(&format!("fanuc log {address} --csv run.csv --for 300ms --word-order {order}"))
     };
     let warning = "warning: the life counter indicates word order \"low_first\": these values are wrong\n";
     let wrong = log("high-first");
@@ -395,7 +395,7 @@ fn log_reports_a_refused_connection() {
 #[test]
 fn a_log_is_compared_with_its_trajectory() {
     let folder = Folder::new("evaluate");
-    let demo = folder.run("demo fanuc-hmi-modbus --seconds 5 --out made --json");
+    let demo = folder.run("demo fanuc-hmi-modbus --for 5s --out made --json");
     let report: Value = serde_json::from_str(out(&demo)).unwrap();
     let output = folder.run("fanuc evaluate made/trajectory.csv made/recording.csv --out plots --json");
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
@@ -434,7 +434,7 @@ fn a_log_is_compared_with_its_trajectory() {
     assert_eq!(output.status.code(), Some(1));
     assert!(err(&output).starts_with("error: no delay found: the best fit within ±10 s"), "{}", err(&output));
     assert!(!out(&output).contains("error of the position"), "{}", out(&output));
-    assert_eq!(folder.run("fanuc evaluate made/trajectory.csv late.csv --within 40").status.code(), Some(0));
+    assert_eq!(folder.run("fanuc evaluate made/trajectory.csv late.csv --within 40s").status.code(), Some(0));
     let swapped = folder.run("fanuc evaluate made/trajectory.csv made/trajectory.csv");
     assert!(err(&swapped).contains("the first line has no column time_s"), "{}", err(&swapped));
 }

@@ -1,4 +1,4 @@
-//! `cellwire ls run` and `cellwire simulate fanuc --program`: programs that run, seen in their paths and over Modbus.
+//! `cellwire ls run` and `cellwire simulate fanuc --set program=FILE`: programs that run, seen in their paths and over Modbus.
 
 use std::process::Output;
 use std::thread;
@@ -106,9 +106,9 @@ fn a_robot_follows_its_program_around_corners_and_stops_where_it_says_fine() {
 #[test]
 fn what_only_a_program_uses_is_refused_without_one() {
     let folder = Folder::new("without");
-    for (setting, name) in [("--assignments A.txt", "assignments"), ("--set repeat=true", "repeat")] {
+    for (setting, name) in [("--set assignments=A.txt", "assignments"), ("--set repeat=true", "repeat")] {
         let output = folder.run(&format!("simulate fanuc --listen 127.0.0.1:0 {setting}"));
-        let expected = format!("error: {name} has no effect without a program: give --program FILE.LS\n");
+        let expected = format!("error: {name} has no effect without a program: give --set program=FILE.LS\n");
         assert_eq!((err(&output), output.status.code()), (expected.as_str(), Some(2)));
     }
 }
@@ -219,7 +219,7 @@ fn what_a_robot_cannot_do_is_an_alarm_with_its_line() {
     }
     // A program without an end is given its time, however little it does.
     folder.write("LOOP.LS", &program("LOOP", "LBL[1]\nJMP LBL[1]", &[]));
-    let output = folder.run("ls run LOOP.LS --seconds 5");
+    let output = folder.run("ls run LOOP.LS --for 5s");
     assert_eq!(output.status.code(), Some(1));
     assert!(err(&output).contains("error: the program still runs after 5 s, in LOOP:"), "{}", err(&output));
     assert_eq!(folder.run("ls run NONE.LS").status.code(), Some(2));
@@ -262,7 +262,10 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
     folder.write("asg.txt", ASSIGNMENTS);
     let (file, listing) = (folder.0.join("CELL.LS"), folder.0.join("asg.txt"));
     let (file, listing) = (file.to_str().unwrap(), listing.to_str().unwrap());
-    let simulator = Simulator::start("127.0.0.1:0", &["--program", file, "--assignments", listing]);
+    let simulator = Simulator::start(
+        "127.0.0.1:0",
+        &["--set", &format!("program={file}"), "--set", &format!("assignments={listing}")],
+    );
     let address = simulator.address.as_str();
     let read = |kind: &str, at: u16| {
         let output = folder.run(&format!("fanuc read {address} {kind} --address {at} --size 10"));
@@ -319,10 +322,10 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
         {"min":-70,"max":205,"speed":520},{"min":-190,"max":190,"speed":550},{"min":-125,"max":125,"speed":545},
         {"min":-360,"max":360,"speed":1000}]}"#);
     let file = folder.0.join("LINE.LS");
-    let simulator = Simulator::start("127.0.0.1:0", &["--program", file.to_str().unwrap()]);
+    let simulator = Simulator::start("127.0.0.1:0", &["--set", &format!("program={}", file.display())]);
     thread::sleep(Duration::from_secs(1));
     let output = folder
-        .run(&format!("fanuc log {} --csv run.csv --seconds 2 --robot robot.json --json", simulator.address));
+        .run(&format!("fanuc log {} --csv run.csv --for 2s --limits robot.json --json", simulator.address));
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     let table = folder.read("run.csv");
     let column = |row: &str, n: usize| row.split(',').nth(n).unwrap().parse::<f64>().unwrap();
@@ -335,21 +338,21 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
     assert!((fastest - 200.0).abs() < 1.0, "{fastest} mm/s");
     // What cannot begin is refused, with a reason.
     for (arguments, message) in [
-        ("simulate fanuc --listen 127.0.0.1:0 --program NONE.LS", "error: cannot read NONE.LS"),
+        ("simulate fanuc --listen 127.0.0.1:0 --set program=NONE.LS", "error: cannot read NONE.LS"),
         (
-            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --assignments NONE",
+            "simulate fanuc --listen 127.0.0.1:0 --set program=LINE.LS --set assignments=NONE",
             "error: cannot read NONE",
         ),
         (
-            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --assignments LINE.LS",
+            "simulate fanuc --listen 127.0.0.1:0 --set program=LINE.LS --set assignments=LINE.LS",
             "error: LINE.LS: there is no assignment",
         ),
         (
-            "simulate fanuc --listen 127.0.0.1:0 --program LINE.LS --set inputs=XX[1]:0-",
+            "simulate fanuc --listen 127.0.0.1:0 --set program=LINE.LS --set inputs=XX[1]:0-",
             "error: inputs=XX[1]:0- is not INPUT:FROM-TO",
         ),
         (
-            "simulate kawasaki-pc --listen 127.0.0.1:0 --program LINE.LS",
+            "simulate kawasaki-pc --listen 127.0.0.1:0 --set program=LINE.LS",
             "error: kawasaki-pc has no setting `program`",
         ),
     ] {

@@ -34,7 +34,7 @@ fn every_fault_of_a_robot_is_marked_counted_and_ends_the_log_with_5() {
     let simulator = Simulator::start("127.0.0.1:0", &["--set", faults]);
     let address = &simulator.address;
     let output =
-        folder.run(&format!("fanuc log {address} --csv run.csv --seconds 8.5 --robot robot.json --json"));
+        folder.run(&format!("fanuc log {address} --csv run.csv --for 8500ms --limits robot.json --json"));
     assert_eq!(output.status.code(), Some(5), "{}", err(&output));
     let (report, table) = (object(&output), folder.read("run.csv"));
     let expected = ["nan", "infinite", "denormal", "quaternion", "unreachable", "standstill", "restarted"];
@@ -70,14 +70,14 @@ fn a_sound_robot_is_not_blamed() {
     folder.write("robot.json", ROBOT);
     let simulator = Simulator::start("127.0.0.1:0", &[]);
     let output = folder.run(&format!(
-        "fanuc log {} --csv run.csv --seconds 1.5 --robot robot.json --json",
+        "fanuc log {} --csv run.csv --for 1500ms --limits robot.json --json",
         simulator.address
     ));
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     assert_eq!((&object(&output)["implausible"], notes(&folder.read("run.csv"))), (&json!(0), vec![]));
     // By an arm that is too short for the circle, all of it is out of reach.
     let output = folder.run(&format!(
-        "fanuc log {} --csv run.csv --seconds 0.5 --robot robot.json --arm 0,100,0,100,0 --json",
+        "fanuc log {} --csv run.csv --for 500ms --limits robot.json --arm 0,100,0,100,0 --json",
         simulator.address
     ));
     let report = object(&output);
@@ -112,7 +112,7 @@ fn a_robot_that_restarts_is_connected_to_again_and_the_recording_says_so() {
 fn a_log_that_ends_without_a_connection_ends_with_3() {
     let folder = Folder::new("gone");
     let simulator = Simulator::start("127.0.0.1:0", &[]);
-    let log = ["fanuc", "log", &simulator.address, "--csv", "run.csv", "--seconds", "4"];
+    let log = ["fanuc", "log", &simulator.address, "--csv", "run.csv", "--for", "4s"];
     let mut log = folder.command(&log).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     wait_for(|| rows(&folder) > 20);
     drop(simulator);
@@ -127,7 +127,7 @@ fn a_controller_that_answers_no_more_counts_as_gone() {
     let address = listener.local_addr().unwrap().to_string();
     // It takes every connection and every byte, as a network does whose robot is off.
     thread::spawn(move || listener.incoming().map(Result::unwrap).collect::<Vec<_>>());
-    let output = folder.run(&format!("fanuc log {address} --csv run.csv --seconds 7 --json"));
+    let output = folder.run(&format!("fanuc log {address} --csv run.csv --for 7s --json"));
     let report = object(&output);
     assert!(report["disconnected"].as_u64().unwrap() >= 1, "{report}");
     assert!(folder.read("run.csv").contains("reconnected after"));
@@ -162,7 +162,7 @@ fn the_block_may_be_elsewhere_and_be_read_less_often_than_it_is_written() {
         }
     });
     let output = folder.run(&format!(
-        "fanuc log {address} --csv run.csv --seconds 2 --period 20 --poll 100 --address 100 --json"
+        "fanuc log {address} --csv run.csv --for 2s --period 20ms --poll 100ms --address 100 --json"
     ));
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     let report = object(&output);
@@ -173,7 +173,7 @@ fn the_block_may_be_elsewhere_and_be_read_less_often_than_it_is_written() {
     let table = folder.read("run.csv");
     let last: f64 = table.lines().last().unwrap().split(',').next().unwrap().parse().unwrap();
     assert!((1.0..=2.2).contains(&last), "{last}");
-    let output = folder.run(&format!("fanuc log {address} --csv other.csv --seconds 1"));
+    let output = folder.run(&format!("fanuc log {address} --csv other.csv --for 1s"));
     assert_eq!(output.status.code(), Some(1));
     assert!(err(&output).contains("no samples"), "{}", err(&output));
 }
@@ -182,7 +182,7 @@ fn the_block_may_be_elsewhere_and_be_read_less_often_than_it_is_written() {
 fn a_counter_that_does_not_count_is_telemetry_that_cannot_be() {
     let folder = Folder::new("still");
     let simulator = Simulator::start("127.0.0.1:0", &["--set", "faults=standstill:0-1000"]);
-    let log = format!("fanuc log {} --csv run.csv --poll 1 --seconds 60", simulator.address);
+    let log = format!("fanuc log {} --csv run.csv --poll 1ms --for 60s", simulator.address);
     let output = folder.run(&log);
     assert_eq!(output.status.code(), Some(5), "{}", err(&output));
     assert!(err(&output).contains("error: the life counter does not count (it reads "), "{}", err(&output));

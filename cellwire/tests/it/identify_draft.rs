@@ -98,7 +98,7 @@ fn work(folder: &Path, name: &str, orders: usize, client: &str, robot: &str) {
         let table = path(&format!("{name}-{order}.csv"));
         fs::write(&table, &jobs).unwrap();
         let number = format!("order={}", 700 + order);
-        let run = ["kawasaki", "run", &table, "--settings", client, "--listen", &listens, "--set", &number];
+        let run = ["run", "kawasaki", &table, "--settings", client, "--listen", &listens, "--set", &number];
         let run = Tool::start(&run);
         run.line()["listen"].as_str().unwrap().clone_into(&mut listens);
         working.get_or_insert_with(|| {
@@ -203,8 +203,17 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
         tap.event("closed");
         tap.event("closed");
         let journal = path(&format!("{name}.journal"));
-        let run =
-            ["laser", "run", &path("part.csv"), "--journal", &journal, "--port", &taps, "--settings", words];
+        let run = [
+            "run",
+            "laser",
+            &path("part.csv"),
+            "--journal",
+            &journal,
+            "--serial",
+            &taps,
+            "--settings",
+            words,
+        ];
         let run = run.into_iter().chain(set("baud=115200 longest_frame=1 max_pause=0 batch=3"));
         let run = Tool::start(&run.collect::<Vec<_>>());
         let ended = run.event("ended");

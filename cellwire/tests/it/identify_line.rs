@@ -87,7 +87,7 @@ fn the_rate_of_a_line_is_found_and_then_its_link() {
         [(19_200, 8, None, "8N1"), (4800, 7, Some(false), "7E1"), (57_600, 7, Some(true), "7O1")]
     {
         let device = Device::start(Format { baud, data_bits, odd, stop_bits: 1 }, poses());
-        let (settings, said) = lines(&device, "--listen-for 8s");
+        let (settings, said) = lines(&device, "--for 8s");
         assert_eq!(settings["likely"], 1, "{settings}");
         assert_eq!(
             (&settings["lines"][0]["baud"], &settings["lines"][0]["mode"]),
@@ -102,7 +102,7 @@ fn the_rate_of_a_line_is_found_and_then_its_link() {
 #[test]
 fn an_interrupt_ends_with_what_is_known() {
     let device = Device::start(Format { baud: 9600, data_bits: 8, odd: None, stop_bits: 2 }, poses());
-    let mut command = cellwire(&format!("identify --serial {} --listen-for 10m", device.name));
+    let mut command = cellwire(&format!("identify --serial {} --for 10m", device.name));
     let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     thread::sleep(Duration::from_secs(8));
     let pid = rustix::process::Pid::from_child(&child);
@@ -116,7 +116,7 @@ fn an_interrupt_ends_with_what_is_known() {
 #[test]
 fn a_silent_port_and_a_file_are_no_line() {
     let device = Device::start(Format { baud: 9600, data_bits: 8, odd: None, stop_bits: 1 }, vec![vec![]]);
-    let (code, _, said) = run(cellwire(&format!("identify --serial {} --listen-for 1s", device.name)));
+    let (code, _, said) = run(cellwire(&format!("identify --serial {} --for 1s", device.name)));
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("nothing was received on /dev/pts/"), "{said}");
     let (code, _, said) = run(cellwire("identify --serial ./Cargo.toml"));

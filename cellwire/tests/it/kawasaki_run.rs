@@ -55,7 +55,7 @@ impl Cell {
     /// The arguments of a client that listens.
     pub(crate) fn arguments(&self, more: &[&str]) -> Vec<String> {
         let (file, plant) = (self.text("pallet.csv"), plant("pallet"));
-        let mut args = vec!["kawasaki", "run", &file, "--settings", &plant, "--set", self.carrier];
+        let mut args = vec!["run", "kawasaki", &file, "--settings", &plant, "--set", self.carrier];
         args.extend(["--listen", &self.address]);
         args.extend(more);
         args.into_iter().map(str::to_owned).collect()
@@ -105,7 +105,7 @@ fn a_table_is_executed_once() {
     for carrier in [TCP, UDP] {
         let mut cell = Cell::new(carrier, 700);
         let out = cell.text("outcomes.csv");
-        let run = cell.run(&["--out", &out]);
+        let run = cell.run(&["--outcomes", &out]);
         let _robot = cell.robot(&["job_time=0", "queue=40"]);
         let first = run.event("done");
         assert_eq!((&first["first"], &first["lines"][0]), (&1.into(), &2.into()));
@@ -135,7 +135,7 @@ impl Cell {
     /// A client that cannot begin.
     fn run_refused(&self, more: &[&str]) -> (Option<i32>, String) {
         let (file, plant) = (self.text("pallet.csv"), plant("pallet"));
-        let mut args = vec!["kawasaki", "run", &file, "--settings", &plant, "--listen", "127.0.0.1:0"];
+        let mut args = vec!["run", "kawasaki", &file, "--settings", &plant, "--listen", "127.0.0.1:0"];
         args.extend(more);
         Tool::start(&args).end()
     }
@@ -167,7 +167,7 @@ fn a_run_that_is_killed_goes_on_and_nothing_is_lost_or_repeated() {
 fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
     for carrier in [TCP, UDP] {
         let mut cell = Cell::new(carrier, 300);
-        let brief = ["--robot-timeout", "1", "--set", "silence=1s"];
+        let brief = ["--robot-timeout", "1s", "--set", "silence=1s"];
         let run = cell.run(&brief);
         let robot = cell.robot(&["job_time=5ms", "queue=50"]);
         for _ in 0..3 {
@@ -282,9 +282,9 @@ fn two_runs_at_once_are_refused() {
 #[test]
 fn without_a_robot_it_does_not_begin() {
     let mut cell = Cell::new(TCP, 5);
-    let (code, said) = cell.run(&["--robot-timeout", "0.3"]).end();
+    let (code, said) = cell.run(&["--robot-timeout", "300ms"]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("no robot connected within 0.3 s: see --robot-timeout"), "{said}");
+    assert!(said.contains("no robot connected within 300ms: see --robot-timeout"), "{said}");
 }
 
 /// Others that send to the socket: bytes that are no message, the messages of a robot that is another one.
@@ -334,11 +334,11 @@ fn a_robot_may_listen() {
         "reconnect_delay=50ms",
     ]);
     let address = robot.line()["listen"].as_str().unwrap().to_owned();
-    let run = Tool::start(&["kawasaki", "run", &file, "--settings", &plant, "--connect", &address]);
+    let run = Tool::start(&["run", "kawasaki", &file, "--settings", &plant, "--connect", &address]);
     finish(run, 60);
     cell.assert_executed_once();
     let (code, said) =
-        Tool::start(&["kawasaki", "run", &file, "--connect", &address, "--set", UDP, "--again"]).end();
+        Tool::start(&["run", "kawasaki", &file, "--connect", &address, "--set", UDP, "--again"]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("j1"), "{said}");
 }
@@ -366,7 +366,7 @@ fn a_drawing_is_drawn_in_any_plant_whose_jobs_are_lines() {
         let (plan, drawn, record) = (path("plan.svg"), path("drawn.svg"), path("record.csv"));
         let common = ["--settings", &plant, "--set", carrier];
         let file = path("square.svg");
-        let draw = ["kawasaki", "draw", &file, "--draw", &plan, "--again"];
+        let draw = ["run", "kawasaki", &file, "--picture", &plan, "--again"];
         let dry = Tool::start(&[&draw[..], &["--dry-run"], &common].concat());
         assert_eq!(dry.line()["jobs"], 6);
         assert_eq!(dry.end().0, Some(0));
@@ -391,12 +391,12 @@ fn a_drawing_is_drawn_in_any_plant_whose_jobs_are_lines() {
     // Jobs that are no lines cannot be drawn.
     let pallet = plant("pallet");
     let file = path("square.svg");
-    let (code, said) = Tool::start(&["kawasaki", "draw", &file, "--settings", &pallet, "--dry-run"]).end();
+    let (code, said) = Tool::start(&["run", "kawasaki", &file, "--settings", &pallet, "--dry-run"]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("the plant's jobs are not lines"), "{said}");
     // Nor what the robot does not reach.
     let (code, said) =
-        Tool::start(&["kawasaki", "draw", &file, "--set", "bounds.max.x=30000", "--dry-run"]).end();
+        Tool::start(&["run", "kawasaki", &file, "--set", "bounds.max.x=30000", "--dry-run"]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("line 2: field 'x2' is 32880, not from -9999999 to 30000"), "{said}");
 }

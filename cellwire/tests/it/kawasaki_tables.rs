@@ -1,4 +1,4 @@
-//! `cellwire kawasaki run`: tables and plants that are refused, each with its lines.
+//! `cellwire run kawasaki`: tables and plants that are refused, each with its lines.
 
 use std::fs;
 use std::process::Command;
@@ -11,8 +11,8 @@ fn dry_run(table: &str, plant: &str) -> (Option<i32>, String) {
     fs::write(&settings, plant).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_cellwire"))
         .args([
-            "kawasaki",
             "run",
+            "kawasaki",
             file.to_str().unwrap(),
             "--dry-run",
             "--settings",

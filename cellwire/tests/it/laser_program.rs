@@ -1,4 +1,4 @@
-//! The programs of `cellwire laser run`: what a dry run reads, draws and refuses.
+//! The programs of `cellwire run laser`: what a dry run reads, draws and refuses.
 
 use std::fs;
 use std::process::Command;
@@ -14,7 +14,7 @@ fn dry_run(name: &str, program: &str, more: &[&str]) -> (Option<i32>, String, St
     let (file, drawing) = (folder.path().join(name), folder.path().join("plan.svg"));
     fs::write(&file, program).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_cellwire"))
-        .args(["laser", "run", file.to_str().unwrap(), "--dry-run", "--draw", drawing.to_str().unwrap()])
+        .args(["run", "laser", file.to_str().unwrap(), "--dry-run", "--picture", drawing.to_str().unwrap()])
         .args(more)
         .output()
         .unwrap();
@@ -135,7 +135,7 @@ fn values_that_the_words_of_the_plant_do_not_carry_are_refused() {
     let file = folder.path().join("part.nc");
     fs::write(&file, "M3\nG1 X1 F100\n").unwrap();
     let run = Command::new(env!("CARGO_BIN_EXE_cellwire"))
-        .args(["laser", "run", file.to_str().unwrap(), "--port", "nowhere"])
+        .args(["run", "laser", file.to_str().unwrap(), "--serial", "nowhere"])
         .output()
         .unwrap();
     let said = String::from_utf8(run.stderr).unwrap();

@@ -1,4 +1,4 @@
-//! `cellwire laser run` against `cellwire simulate laser`: both the real binary, on a pseudo-terminal.
+//! `cellwire run laser` against `cellwire simulate laser`: both the real binary, on a pseudo-terminal.
 
 use core::fmt::Write as _;
 use core::time::Duration;
@@ -59,7 +59,7 @@ impl Cell {
     /// The arguments of a run.
     pub(crate) fn arguments(&self, program: &Path, more: &[&str]) -> Vec<String> {
         let port = self.path("laser");
-        let mut args = vec!["laser", "run", program.to_str().unwrap(), "--port", port.to_str().unwrap()];
+        let mut args = vec!["run", "laser", program.to_str().unwrap(), "--serial", port.to_str().unwrap()];
         args.extend(["--set", "baud=115200", "--set", "answer_timeout=2s"]);
         args.extend(FRESH);
         args.extend(more);
@@ -86,7 +86,7 @@ fn a_program_is_run_once() {
     let cell = Cell::new(&[]);
     let program = cell.program(50);
     let out = cell.path("outcomes.csv");
-    let run = cell.run(&program, &["--out", out.to_str().unwrap()]);
+    let run = cell.run(&program, &["--outcomes", out.to_str().unwrap()]);
     let first = run.line();
     assert_eq!((&first["event"], &first["first"], &first["count"]), (&"done".into(), &1.into(), &7.into()));
     assert_eq!(first["lines"], serde_json::json!([2, 8]));

@@ -216,10 +216,10 @@ fn a_port_that_vanishes_under_a_client_is_a_lost_connection() {
     fs::write(&program, "cut,1,2,3,4,5,6\n".repeat(50)).unwrap();
     let (requests, program) = (requests.display(), program.display());
     for (arguments, count) in [
-        (format!("modbus PORT {requests} --timeout 2000"), 8),
-        ("modbus poll PORT holding:0-3 --seconds 5 --timeout 2000".to_owned(), 8),
-        ("modbus scan PORT --timeout 2000".to_owned(), 8),
-        (format!("laser run {program} --port PORT --set answer_timeout=2s"), 11),
+        (format!("modbus send PORT {requests} --set timeout=2000ms"), 8),
+        ("modbus poll PORT holding:0-3 --for 5s --set timeout=2000ms".to_owned(), 8),
+        ("modbus scan PORT --set timeout=2000ms".to_owned(), 8),
+        (format!("run laser {program} --serial PORT --set answer_timeout=2s"), 11),
     ] {
         let (device, path) = Pty::new();
         let mut device = device.raw();

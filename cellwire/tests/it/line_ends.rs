@@ -11,13 +11,13 @@ const LS: &str = include_str!("../../../reference/ls/minimal.ls");
 
 /// The command, its file, what is in it, and whether it is a text that people write with an editor.
 const READ: [(&str, &str, &str, bool); 13] = [
-    ("kawasaki run --dry-run", "jobs.csv", "# a remark\nkind,x1,y1,x2,y2\n1,0,0,1,10\n\n1,0,0,2,10\n", true),
-    ("kawasaki run --dry-run", "bad.csv", "kind,x1,y1,x2,y2\n1,0,0,1,10\n1,0,0,x,10\n", true),
-    ("laser run --dry-run", "a.csv", "# x\nword,x,y,z,a,b,length\ncut,1,2,3,4,5,6\ncut,2,2,3,4,5,6\n", true),
-    ("laser run --dry-run", "bad.csv", "cut,1,2\nfold,1,2\n", true),
-    ("laser run --dry-run", "a.nc", "%\nG21 G90\nM3\nG1 X20 (c)\nY20 ; end\nM30\n", true),
-    ("laser run --dry-run", "bad.nc", "G0 X1\nG41 X2\n", true),
-    ("laser run --dry-run", "a.svg", SVG, true),
+    ("run kawasaki --dry-run", "jobs.csv", "# a remark\nkind,x1,y1,x2,y2\n1,0,0,1,10\n\n1,0,0,2,10\n", true),
+    ("run kawasaki --dry-run", "bad.csv", "kind,x1,y1,x2,y2\n1,0,0,1,10\n1,0,0,x,10\n", true),
+    ("run laser --dry-run", "a.csv", "# x\nword,x,y,z,a,b,length\ncut,1,2,3,4,5,6\ncut,2,2,3,4,5,6\n", true),
+    ("run laser --dry-run", "bad.csv", "cut,1,2\nfold,1,2\n", true),
+    ("run laser --dry-run", "a.nc", "%\nG21 G90\nM3\nG1 X20 (c)\nY20 ; end\nM30\n", true),
+    ("run laser --dry-run", "bad.nc", "G0 X1\nG41 X2\n", true),
+    ("run laser --dry-run", "a.svg", SVG, true),
     ("decode isra-ball --format hex", "a.hex", "# t\n01 02 # c\n03\n", false),
     (
         "decode isra-ball --format trace",

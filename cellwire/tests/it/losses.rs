@@ -64,14 +64,14 @@ fn a_server_that_vanishes_is_an_error_of_its_own() {
         }
     });
     let request = br#"{"unit":1,"function":3,"address":0,"quantity":1}"#;
-    let (status, _, said) = with_input(&mut cellwire(&["modbus", &address]), request);
+    let (status, _, said) = with_input(&mut cellwire(&["modbus", "send", &address]), request);
     assert_eq!(status.code(), Some(3), "{said}");
     assert!(said.starts_with("error: line 1: "), "{said}");
 
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("run.csv");
     fs::write(&csv, "an earlier run\n").unwrap();
-    let args = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--seconds", "4"];
+    let args = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--for", "4s"];
     let (code, _, said) = run(&mut cellwire(&args));
     assert_eq!(code, Some(3), "{said}");
     assert_eq!(fs::read_to_string(&csv).unwrap(), "an earlier run\n");

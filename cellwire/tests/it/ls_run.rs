@@ -119,7 +119,7 @@ fn what_does_not_end_says_what_it_waits_for_or_where_it_goes_around() {
     let comes = folder.run("ls run A.LS --inputs DI[3]:20-21");
     assert_eq!(comes.status.code(), Some(0), "{}", err(&comes));
     folder.write("A.LS", &program("A", "LBL[1]\nWAIT .10(sec)\nJMP LBL[1]", &[]));
-    let output = folder.run("ls run A.LS --seconds 5");
+    let output = folder.run("ls run A.LS --for 5s");
     assert!(err(&output).contains("still runs after 5 s, in A:"), "{}", err(&output));
     assert!(err(&output).contains(": it has jumped to LBL[1] of A 49 times\n"), "{}", err(&output));
 }
@@ -131,7 +131,7 @@ fn a_robot_that_does_not_reach_is_named_and_a_path_needs_none() {
     let output = folder.run("ls run A.LS");
     let alarm = "the robot cannot reach X 2500.0 Y 0.0 Z 150.0 mm in that orientation: it is an LR Mate 200iD, since no other is described";
     assert!(out(&output).contains(alarm), "{}", out(&output));
-    assert!(err(&output).contains("help: --robot FILE describes the robot, "), "{}", err(&output));
+    assert!(err(&output).contains("help: --limits FILE describes the robot, "), "{}", err(&output));
     folder.write("B.LS", &program("B", "J P[1] 50% FINE", &[2500.0]));
     let nowhere = folder.run("ls run B.LS");
     assert!(err(&nowhere).ends_with("\n0.000 s, 0.0 mm\n"), "{}", err(&nowhere));

@@ -1,4 +1,4 @@
-//! `cellwire mma run` against simulated devices: the real binary at both ends, over TCP.
+//! `cellwire run mma` against simulated devices: the real binary at both ends, over TCP.
 
 use core::fmt::Write as _;
 use core::time::Duration;
@@ -75,7 +75,7 @@ impl Cell {
     /// The arguments of a run.
     pub(crate) fn arguments(&self, parts: usize, more: &[&str]) -> Vec<String> {
         let task = self.task(parts);
-        let mut args = vec!["mma", "run", "--task", task.to_str().unwrap()];
+        let mut args = vec!["run", "mma", task.to_str().unwrap()];
         args.extend(["--robot", &self.robot.address, "--platform", &self.platform.address]);
         args.extend(more);
         args.into_iter().map(str::to_owned).collect()
@@ -86,7 +86,7 @@ impl Cell {
 fn every_part_is_placed_once() {
     let cell = Cell::new(1000);
     let out = cell.path("parts.csv");
-    let run = cell.run(3, &["--out", out.to_str().unwrap()]);
+    let run = cell.run(3, &["--outcomes", out.to_str().unwrap()]);
     for part in 1..=3 {
         assert_eq!(run.event("placed")["part"], part);
     }
@@ -206,9 +206,8 @@ fn a_robot_that_refuses_to_move_is_a_question() {
     ]);
     let ready = refusing.lines.recv_timeout(PATIENCE).unwrap();
     let mut run = Tool::start(&[
-        "mma",
         "run",
-        "--task",
+        "mma",
         task.to_str().unwrap(),
         "--robot",
         ready["listen"].as_str().unwrap(),
@@ -260,9 +259,8 @@ fn a_periphery_in_lines_of_text_sees_the_parts() {
     let task = cell.path("task.toml");
     fs::write(&task, "parts = 2\n").unwrap();
     let mut run = Tool::start(&[
-        "mma",
         "run",
-        "--task",
+        "mma",
         task.to_str().unwrap(),
         "--robot",
         &cell.robot.address,
@@ -302,7 +300,7 @@ fn a_dry_run_draws_and_a_task_that_is_wrong_is_refused() {
     let (task, drawing) = (folder.path().join("task.toml"), folder.path().join("plan.svg"));
     let dry = |text: &str| {
         fs::write(&task, text).unwrap();
-        let args = ["mma", "run", "--task", task.to_str().unwrap(), "--dry-run", "--draw"];
+        let args = ["run", "mma", task.to_str().unwrap(), "--dry-run", "--picture"];
         let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(args).arg(&drawing).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         (output.status.code(), text(output.stdout), text(output.stderr))

@@ -70,7 +70,8 @@ fn after_a_cut_reply_the_next_good_one_is_not_lost() {
                     }
                 }
             });
-            let arguments = [&address, "--framing", framing, "--timeout", "700"];
+            let arguments =
+                ["send", &address, "--set", &format!("framing={framing}"), "--set", "timeout=700ms"];
             let output = ask(&arguments, &READ.repeat(3));
             let found = lines(&output);
             assert_eq!(found.len(), 3, "{framing} {kept}: {}", err(&output));
@@ -116,7 +117,7 @@ fn a_reply_that_comes_before_its_request_is_not_its_reply() {
         let _ = stream.read(&mut request);
     });
     let mut child = Command::new(env!("CARGO_BIN_EXE_cellwire"))
-        .args(["modbus", &address])
+        .args(["modbus", "send", &address])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -153,7 +154,7 @@ fn each_request_has_its_line_when_the_connection_is_lost() {
             }
             stream.read_exact(&mut request).unwrap();
         });
-        let output = ask(&[&address], &READ.repeat(4));
+        let output = ask(&["send", &address], &READ.repeat(4));
         let mut expected = vec!["none"; served];
         expected.extend([LOST].into_iter().chain(vec![NOT_SENT; 3 - served]));
         assert_eq!(failures(&output), expected, "{}", err(&output));
@@ -166,7 +167,7 @@ fn each_request_has_its_line_when_the_connection_is_lost() {
         stream.write_all(&reply_to(&request, request[1], 7)[..5]).unwrap();
         let _ = stream.read(&mut request);
     });
-    let output = ask(&[&address, "--timeout", "300"], &READ.repeat(3));
+    let output = ask(&["send", &address, "--set", "timeout=300ms"], &READ.repeat(3));
     assert_eq!(failures(&output), [CUT, NOT_SENT, NOT_SENT], "{}", err(&output));
     assert_eq!(output.status.code(), Some(3));
     // While a write is read back.
@@ -177,7 +178,7 @@ fn each_request_has_its_line_when_the_connection_is_lost() {
         stream.read_exact(&mut request).unwrap();
     });
     let write = "{\"unit\":1,\"function\":6,\"address\":10,\"value\":3}\n";
-    let output = ask(&["--confirm", &address], &write.repeat(2));
+    let output = ask(&["send", "--confirm", &address], &write.repeat(2));
     let found = lines(&output);
     assert_eq!((&found[0]["confirmed"], &found[0]["holds"]), (&json!(false), &json!(LOST)), "{found:?}");
     assert_eq!((found.len(), &found[1]["failed"]), (2, &json!(NOT_SENT)), "{found:?}");
@@ -210,7 +211,7 @@ fn a_serial_line_has_parity_and_stop_bits_and_loses_no_reply_after_a_cut_one() {
         }
         settings
     });
-    let arguments = [&path, "--baud", "9600", "--parity", "odd", "--stop-bits", "2", "--timeout", "300"];
+    let arguments = ["send", &path, "--baud", "9600", "--mode", "8O2", "--set", "timeout=300ms"];
     let output = ask(&arguments, &READ.repeat(3));
     let found = lines(&output);
     assert!(found[0]["failed"].is_string(), "{found:?}");
@@ -266,7 +267,7 @@ fn a_scan_finds_the_units_that_reply_with_whatever() {
     struct Empty;
     impl Registers for Empty {}
     let address = serve(unit(3), || Empty);
-    let arguments = ["scan", &address, "--framing", "rtu", "--units", "1-5", "--timeout", "300"];
+    let arguments = ["scan", &address, "--set", "framing=rtu", "--units", "1-5", "--set", "timeout=300ms"];
     let output = ask(&arguments, "");
     assert_eq!(
         lines(&output),
@@ -275,7 +276,8 @@ fn a_scan_finds_the_units_that_reply_with_whatever() {
         err(&output)
     );
     assert_eq!(output.status.code(), Some(0));
-    let output = ask(&["scan", &address, "--framing", "rtu", "--units", "4-5", "--timeout", "100"], "");
+    let output =
+        ask(&["scan", &address, "--set", "framing=rtu", "--units", "4-5", "--set", "timeout=100ms"], "");
     assert_eq!((output.status.code(), err(&output).trim_end().ends_with("no unit replied")), (Some(1), true));
 }
 
@@ -300,18 +302,18 @@ fn a_write_is_confirmed_by_what_the_server_holds_afterwards() {
                   {\"unit\":1,\"function\":5,\"address\":20,\"value\":true}\n\
                   {\"unit\":1,\"function\":22,\"address\":1003,\"and\":65280,\"or\":5}\n\
                   {\"unit\":1,\"function\":23,\"address\":0,\"quantity\":1,\"write_address\":1100,\"values\":[9,9]}\n";
-    let output = ask(&["--confirm", &simulator.address], writes);
+    let output = ask(&["send", "--confirm", &simulator.address], writes);
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     let found = lines(&output);
     assert_eq!(found.len(), 6);
     assert!(found.iter().all(|reply| reply["confirmed"] == true), "{found:?}");
     let reads = "{\"unit\":1,\"function\":3,\"address\":1000,\"quantity\":4}\n";
-    assert_eq!(lines(&ask(&["--confirm", &simulator.address], reads))[0].get("confirmed"), None, "no write");
+    assert_eq!(lines(&ask(&["send", "--confirm", &simulator.address], reads))[0].get("confirmed"), None, "no write");
     // A server that forgets.
     let address = serve(ServerConfig::tcp(), || Forgetful);
     let writes = "{\"unit\":1,\"function\":16,\"address\":1,\"values\":[1,2]}\n\
                   {\"unit\":1,\"function\":6,\"address\":1,\"value\":240}\n";
-    let output = ask(&["--confirm", &address], writes);
+    let output = ask(&["send", "--confirm", &address], writes);
     assert_eq!(output.status.code(), Some(1));
     let found = lines(&output);
     assert_eq!((&found[0]["confirmed"], &found[0]["holds"]), (&json!(false), &json!([240, 240])));
@@ -322,23 +324,23 @@ fn a_write_is_confirmed_by_what_the_server_holds_afterwards() {
 fn the_exit_status_names_what_went_wrong() {
     let simulator = Simulator::start("127.0.0.1:0", &[]);
     let beyond = "{\"unit\":1,\"function\":4,\"address\":65535,\"quantity\":1}\n";
-    let output = ask(&[&simulator.address], &format!("{beyond}{READ}"));
+    let output = ask(&["send", &simulator.address], &format!("{beyond}{READ}"));
     assert_eq!(output.status.code(), Some(6), "{}", err(&output));
     assert_eq!(lines(&output).len(), 2, "the requests after it are made all the same");
-    assert_eq!(ask(&[&simulator.address], READ).status.code(), Some(0));
-    assert_eq!(ask(&[&simulator.address], "nonsense\n").status.code(), Some(2));
+    assert_eq!(ask(&["send", &simulator.address], READ).status.code(), Some(0));
+    assert_eq!(ask(&["send", &simulator.address], "nonsense\n").status.code(), Some(2));
     // A server that is silent, and one that hangs up.
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = silent.local_addr().unwrap().to_string();
-    let output = ask(&[&address, "--timeout", "100"], READ);
+    let output = ask(&["send", &address, "--set", "timeout=100ms"], READ);
     assert_eq!(output.status.code(), Some(1));
     drop(silent);
-    assert_eq!(ask(&[&address], READ).status.code(), Some(2), "nobody listens");
+    assert_eq!(ask(&["send", &address], READ).status.code(), Some(2), "nobody listens");
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     thread::spawn(move || listener.incoming().map_while(Result::ok).for_each(drop));
-    assert_eq!(ask(&[&address], READ).status.code(), Some(3));
-    let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).arg("modbus").output().unwrap();
+    assert_eq!(ask(&["send", &address], READ).status.code(), Some(3));
+    let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(["modbus", "send"]).output().unwrap();
     assert_eq!(output.status.code(), Some(2), "a server is needed");
 }
 
@@ -347,8 +349,16 @@ fn a_poll_prints_what_changes_and_survives_a_restart() {
     let folder = Folder::new("poll");
     let first = Simulator::start("127.0.0.1:0", &[]);
     let address = first.address.clone();
-    let poll =
-        ["modbus", "poll", &address, "holding:1000-1199", "coils:7", "holding:16447-16448", "--every", "20"];
+    let poll = [
+        "modbus",
+        "poll",
+        &address,
+        "holding:1000-1199",
+        "coils:7",
+        "holding:16447-16448",
+        "--every",
+        "20ms",
+    ];
     let mut poll = folder.command(&poll).stdout(Stdio::piped()).spawn().unwrap();
     let (sender, receiver) = std::sync::mpsc::channel::<Value>();
     let out = poll.stdout.take().unwrap();
@@ -370,7 +380,7 @@ fn a_poll_prints_what_changes_and_survives_a_restart() {
     let refused = next();
     assert_eq!((&refused["table"], refused["failed"].is_string()), (&json!("holding"), true));
     let write = "{\"unit\":1,\"function\":6,\"address\":1150,\"value\":5}\n";
-    assert_eq!(ask(&[&address], write).status.code(), Some(0));
+    assert_eq!(ask(&["send", &address], write).status.code(), Some(0));
     assert_eq!(next(), json!({"table": "holding", "address": 1150, "was": 1151, "is": 5}));
     drop(first);
     assert_eq!(next()["event"], "disconnected");
@@ -403,7 +413,7 @@ fn a_device_that_closes_at_once_is_seldom_connected_to() {
     thread::spawn(move || {
         listener.incoming().map_while(Result::ok).for_each(|_closed| sender.send(()).unwrap())
     });
-    let poll = ["modbus", "poll", &address, "holding:0-3", "--every", "20", "--seconds", "4"];
+    let poll = ["modbus", "poll", &address, "holding:0-3", "--every", "20ms", "--for", "4s"];
     let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(poll).output().unwrap();
     assert!(!output.status.success());
     let births = births.try_iter().count();
@@ -434,7 +444,8 @@ fn a_connection_that_is_refused_to_its_own_reconnect_is_tried_again() {
         request
     });
     let request = "{\"unit\":9,\"function\":3,\"address\":0,\"quantity\":1}\n";
-    let output = ask(&[&address, "--framing", "rtu", "--timeout", "200"], &request.repeat(2));
+    let output =
+        ask(&["send", &address, "--set", "framing=rtu", "--set", "timeout=200ms"], &request.repeat(2));
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.lines().nth(1).is_some_and(|line| line.contains("[42]")), "{text}");
     assert_eq!(server.join().unwrap()[..2], [9, 3]);
@@ -481,7 +492,7 @@ fn an_exception_with_a_wrong_length_costs_neither_the_timeout_nor_the_connection
         let requests = [10, 30, 12, 31, 14]
             .map(|address| format!("{{\"unit\":1,\"function\":3,\"address\":{address},\"quantity\":1}}\n"));
         let begin = Instant::now();
-        let output = ask(&[&address, "--timeout", "20000"], &requests.concat());
+        let output = ask(&["send", &address, "--set", "timeout=20000ms"], &requests.concat());
         assert!(begin.elapsed() < Duration::from_secs(20), "{rest:?}");
         let refused = "the reply is malformed: exception 2 (illegal data address) for function 3 with the length field 4, \
                        not 3 (at byte 4)";
@@ -497,7 +508,7 @@ fn an_exception_with_a_wrong_length_costs_neither_the_timeout_nor_the_connection
         let count = || connections.load(std::sync::atomic::Ordering::Relaxed);
         assert_eq!(count(), 1, "{rest:?}");
 
-        let scan = ["scan", &address, "--ranges", "--to", "40", "--timeout", "20000"];
+        let scan = ["scan", &address, "--ranges", "--to", "40", "--set", "timeout=20000ms"];
         let output = ask(&scan, "");
         assert_eq!(
             lines(&output),
@@ -506,12 +517,12 @@ fn an_exception_with_a_wrong_length_costs_neither_the_timeout_nor_the_connection
             err(&output)
         );
         assert_eq!(count(), 2, "{rest:?}");
-        let output = ask(&["scan", &address, "--units", "1-2", "--timeout", "20000"], "");
+        let output = ask(&["scan", &address, "--units", "1-2", "--set", "timeout=20000ms"], "");
         let exception = "exception 2 (illegal data address)";
         let units = [1, 2].map(|unit| json!({"unit": unit, "reply": exception}));
         assert_eq!((lines(&output), count()), (units.to_vec(), 3));
         let poll =
-            ["poll", &address, "holding:30", "holding:10-11", "--seconds", "0.2", "--timeout", "20000"];
+            ["poll", &address, "holding:30", "holding:10-11", "--for", "200ms", "--set", "timeout=20000ms"];
         let output = ask(&poll, "");
         let found = lines(&output);
         assert_eq!((&found[0]["failed"], &found[1]["values"]), (&json!(refused), &json!([0, 1])));
@@ -534,7 +545,7 @@ fn a_scan_goes_on_after_a_malformed_reply() {
         reply.extend(vec![0; usize::from(2 * quantity)]);
         reply
     });
-    let output = ask(&["scan", &address, "--ranges", "--to", "9", "--timeout", "20000"], "");
+    let output = ask(&["scan", &address, "--ranges", "--to", "9", "--set", "timeout=20000ms"], "");
     let found = lines(&output);
     assert_eq!(
         found.last(),
@@ -569,7 +580,7 @@ fn a_timeout_names_what_came_in_place_of_the_reply() {
     ];
     for (answer, instead, remark) in cases {
         let (address, _) = answering(answer);
-        let output = ask(&[&address, "--timeout", "300"], READ);
+        let output = ask(&["send", &address, "--set", "timeout=300ms"], READ);
         assert_eq!(lines(&output), [json!({"failed": format!("{NONE}; received instead: {instead}")})]);
         assert!(err(&output).contains(remark), "{}", err(&output));
     }
@@ -582,7 +593,7 @@ fn a_timeout_names_what_came_in_place_of_the_reply() {
         stream.write_all(&of_unit_9).unwrap();
         let _ = stream.read(&mut request);
     });
-    let output = ask(&[&address, "--framing", "rtu", "--timeout", "700"], READ);
+    let output = ask(&["send", &address, "--set", "framing=rtu", "--set", "timeout=700ms"], READ);
     let instead = "a reply (unit 9, function 3): unit 9 answers a request to unit 1";
     assert_eq!(lines(&output), [json!({"failed": format!("{NONE}; received instead: {instead}")})]);
 }
@@ -614,21 +625,21 @@ fn the_first_byte_is_sent_after_the_pause_of_a_connection() {
     let settings = folder.0.join("modbus.toml");
     let settings = settings.to_str().unwrap();
     let pauses: [&[&str]; 4] = [
-        &["--connect-pause", "0.4"],
+        &["--connect-pause", "400ms"],
         &["--set", "connect_pause=400ms"],
         &["--settings", settings],
-        &["--set", "connect_pause=0s", "--connect-pause", "0.4"],
+        &["--set", "connect_pause=0s", "--connect-pause", "400ms"],
     ];
     for pause in pauses {
-        let output = ask(&[&[&address, "--timeout", "5000"], pause].concat(), READ);
+        let output = ask(&[&["send", &address, "--set", "timeout=5000ms"], pause].concat(), READ);
         assert_eq!(lines(&output)[0]["registers"], json!([7, 7]), "{pause:?}: {}", err(&output));
     }
     let none: [&[&str]; 2] = [&[], &["--settings", settings, "--connect-pause", "0"]];
     for pause in none {
-        let output = ask(&[&[&address, "--timeout", "1000"], pause].concat(), READ);
+        let output = ask(&[&["send", &address, "--set", "timeout=1000ms"], pause].concat(), READ);
         assert!(lines(&output)[0]["failed"].is_string(), "{pause:?}");
     }
-    let output = ask(&[&address, "--set", "connect_pause=2min"], READ);
+    let output = ask(&["send", &address, "--set", "connect_pause=2min"], READ);
     assert_eq!(output.status.code(), Some(2), "{}", err(&output));
     assert!(err(&output).contains("connect_pause"), "{}", err(&output));
 }

@@ -57,7 +57,7 @@ fn a_recording_that_cannot_be_written_ends_with_its_file_and_the_error() {
     let mut command = Command::new("bash");
     // Four times 1024 bytes.
     command.args(["-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
-    command.args(["fanuc", "log", &robot.address(), "--seconds", "60", "--csv", file.to_str().unwrap()]);
+    command.args(["fanuc", "log", &robot.address(), "--for", "60s", "--csv", file.to_str().unwrap()]);
     let output = command.stdin(Stdio::null()).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(7), "{said}");

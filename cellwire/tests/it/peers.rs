@@ -29,7 +29,7 @@ fn assert_moves_on(faults: Faults, args: &[&str]) {
 #[test]
 fn a_packet_that_is_missing_disarms_nothing() {
     in_real_time(|| {
-        let slow: &[&str] = &["--robot-baud", "19200"];
+        let slow: &[&str] = &["--set", "baud=19200"];
         let none = Faults::default();
         assert_moves_on(Faults { of: 4, old: 1, ..none }, slow);
         assert_moves_on(Faults { of: 8, old: 1, ..none }, &[]);

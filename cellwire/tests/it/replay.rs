@@ -95,7 +95,7 @@ fn a_robot_that_is_played_draws_with_another_order() {
     let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9\" height=\"9\"><path d=\"M0 0L9 0L9 9\" fill=\"none\" stroke=\"black\"/></svg>";
     fs::write(&picture, svg).unwrap();
     let draw = || {
-        let command = format!("kawasaki draw {} --again --listen 127.0.0.1:0", picture.display());
+        let command = format!("run kawasaki {} --again --listen 127.0.0.1:0", picture.display());
         Running::start(cellwire(&command))
     };
     let mut pc = draw();
@@ -122,7 +122,7 @@ fn a_robot_that_is_played_draws_with_another_order() {
     assert_ne!(last["values"], 0, "{last}");
     // As it was, it is another's.
     let pc = draw();
-    let verbatim = format!("kawasaki-msg --as robot --verbatim --patience 0.2 --connect {}", pc.address());
+    let verbatim = format!("kawasaki-msg --as robot --verbatim --patience 200ms --connect {}", pc.address());
     let (last, status) = ended(replay(&verbatim, &capture));
     assert_eq!(status, Some(1), "{last}");
 }
@@ -159,7 +159,7 @@ fn departures_are_said_message_by_message() {
     let (_folder, capture) = recorded.capture(4);
     for pace in ["turns", "answers", "times"] {
         let mut player = replay(
-            &format!("fanuc-hmi-modbus --as server --pace {pace} --listen 127.0.0.1:0 --patience 0.3"),
+            &format!("fanuc-hmi-modbus --as server --pace {pace} --listen 127.0.0.1:0 --patience 300ms"),
             &capture,
         );
         let mut client = player.connect();
@@ -181,7 +181,7 @@ fn departures_are_said_message_by_message() {
     }
     // Nothing comes.
     let begin = Instant::now();
-    let player = replay("fanuc-hmi-modbus --as server --listen 127.0.0.1:0 --patience 0.2", &capture);
+    let player = replay("fanuc-hmi-modbus --as server --listen 127.0.0.1:0 --patience 200ms", &capture);
     let client: TcpStream = player.connect();
     client.shutdown(std::net::Shutdown::Write).unwrap();
     let (last, status) = ended(player);

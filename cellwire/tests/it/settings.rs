@@ -95,7 +95,7 @@ fn help_lists_the_settings_with_values_and_defaults() {
     assert!(
         help(&["encode", "val2-alter", "--help"]).contains("Sides of val2-alter, for --from: robot, host")
     );
-    for command in [&["modbus"][..], &["modbus", "scan"], &["modbus", "poll"]] {
+    for command in [&["modbus", "send"][..], &["modbus", "scan"], &["modbus", "poll"]] {
         let text = help(&[command, &["--help"]].concat());
         for line in ["  any_unit = false    (true or false)", "  silence = ", "  stall = "] {
             assert!(text.contains(line), "{command:?} {line}\n{text}");
@@ -218,7 +218,7 @@ fn every_command_of_a_link_takes_what_identify_writes() {
             "fanuc-hmi-modbus",
             vec![
                 "simulate fanuc --listen nowhere",
-                "modbus 127.0.0.1:1",
+                "modbus send 127.0.0.1:1",
                 "modbus scan 127.0.0.1:1",
                 "modbus poll 127.0.0.1:1 coils:0",
                 "fanuc read 127.0.0.1:1 real --address 0",
@@ -226,24 +226,24 @@ fn every_command_of_a_link_takes_what_identify_writes() {
                 &format!("fanuc log 127.0.0.1:1 --csv {csv}"),
             ],
         ),
-        ("laser-eb90", vec!["simulate laser --listen nowhere", &format!("laser run {paths} --dry-run")]),
+        ("laser-eb90", vec!["simulate laser --listen nowhere", &format!("run laser {paths} --dry-run")]),
         (
             "mmacell-proto",
             vec![
                 "simulate mma-robot --listen nowhere",
                 "simulate mma-platform --listen nowhere",
-                &format!("mma run --task {task} --dry-run"),
+                &format!("run mma {task} --dry-run"),
             ],
         ),
     ] {
         let mut commands: Vec<String> = commands.iter().map(|it| (*it).to_owned()).collect();
         if link == "kawasaki-msg" {
-            commands.push(format!("kawasaki run {jobs} --dry-run"));
+            commands.push(format!("run kawasaki {jobs} --dry-run"));
         }
         commands.extend(["decode", "encode"].map(|command| format!("{command} {link}")));
         commands.extend([
             format!("tap {link} --listen nowhere --connect nowhere"),
-            format!("demo {link} --seconds 0.5"),
+            format!("demo {link} --for 500ms"),
         ]);
         let file = path("found.toml");
         fs::write(&file, found(Link::by_name(link).unwrap())).unwrap();
@@ -285,7 +285,7 @@ fn the_clients_of_modbus_are_set_too() {
     let address = unit_9();
     let ask = |args: &[&str]| {
         let request = r#"{"unit":1,"function":3,"address":0,"quantity":1}"#;
-        cellwire(&[&["modbus", &address], args].concat(), request)
+        cellwire(&[&["modbus", "send", &address], args].concat(), request)
     };
     let (code, out, _) = ask(&["--set", "timeout=300ms"]);
     assert_eq!(code, Some(1), "{out}");

@@ -129,7 +129,7 @@ fn a_central_controller_and_both_its_devices_are_not_complained_about() {
     std::fs::write(path("task.toml"), task.to_owned() + &(0..5).map(part).collect::<String>()).unwrap();
     let (robot, platform) = (taps[0].0.address(), taps[1].0.address());
     let (status, lines, error) = run(cellwire(&format!(
-        "mma run --task {} --robot {robot} --platform {platform}",
+        "run mma {} --robot {robot} --platform {platform}",
         path("task.toml").display()
     )));
     assert_eq!(status, Some(0), "{error}");

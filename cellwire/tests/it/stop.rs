@@ -289,7 +289,7 @@ fn a_stop_has_a_limit() {
 #[test]
 fn a_demo_that_is_interrupted_says_how_far_it_was() {
     for (input, signal) in [(Input::Null, "-TERM"), (Input::Terminal, "-INT"), (Input::Session, "-HUP")] {
-        let run = Run::start(&["demo", "laser-eb90", "--seconds", "60"].map(str::to_owned), input);
+        let run = Run::start(&["demo", "laser-eb90", "--for", "60s"].map(str::to_owned), input);
         thread::sleep(Duration::from_secs(2));
         run.0.signal(signal);
         let said = ended_at_once(run);
@@ -327,7 +327,8 @@ fn a_request_in_flight_gets_its_reply_and_the_next_is_not_sent() {
         let file = folder.path().join("writes.jsonl");
         let write = |value| format!("{{\"unit\":1,\"function\":6,\"address\":4,\"value\":{value}}}\n");
         fs::write(&file, [write(7), write(8)].concat()).unwrap();
-        let args = ["modbus", "--timeout", "4000", &server, file.to_str().unwrap()].map(str::to_owned);
+        let args =
+            ["modbus", "send", "--set", "timeout=4000ms", &server, file.to_str().unwrap()].map(str::to_owned);
         let run = Run::start(&args, input);
         while requests.lock().unwrap().is_empty() {
             thread::sleep(Duration::from_millis(10));
@@ -340,7 +341,8 @@ fn a_request_in_flight_gets_its_reply_and_the_next_is_not_sent() {
     }
     // Without a request in flight it ends at once; a reply that does not come is awaited for five seconds.
     let (server, requests) = slow_server();
-    let mut run = Run::start(&["modbus", "--timeout", "60000", &server].map(str::to_owned), Input::Pipe);
+    let mut run =
+        Run::start(&["modbus", "send", "--set", "timeout=60000ms", &server].map(str::to_owned), Input::Pipe);
     thread::sleep(Duration::from_millis(500));
     let input = run.0.stdin.take(); // it does not end by itself
     run.0.signal("-INT");
@@ -348,7 +350,7 @@ fn a_request_in_flight_gets_its_reply_and_the_next_is_not_sent() {
     drop(input);
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
     let at = silent.local_addr().unwrap().to_string();
-    run = Run::start(&["modbus", "--timeout", "60000", &at].map(str::to_owned), Input::Pipe);
+    run = Run::start(&["modbus", "send", "--set", "timeout=60000ms", &at].map(str::to_owned), Input::Pipe);
     run.0.say("{\"unit\":1,\"function\":6,\"address\":4,\"value\":9}");
     let mut request = [0; 12];
     let (mut stream, _) = silent.accept().unwrap();
@@ -405,7 +407,7 @@ fn without_standard_input_a_program_is_finished() {
     }
 }
 
-/// Nobody sees what happens: `cellwire laser run … | head -1`.
+/// Nobody sees what happens: `cellwire run laser … | head -1`.
 #[test]
 fn a_run_whose_output_is_closed_stops_with_nothing_unknown() {
     let cell = laser_run::Cell::new(&["baud=9600"]);

@@ -17,6 +17,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "fanuc-hmi-modbus",
+    short: "fanuc",
     about: "FANUC's HMI Device Communication, Modbus",
     sides: &["client", "server"],
     sender: |is_client, _server_port| Some(if is_client { "client" } else { "server" }),

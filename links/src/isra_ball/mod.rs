@@ -14,6 +14,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "isra-ball",
+    short: "ball",
     about: "The ISRA Robot Command Teach Ball",
     sides: &["ball"],
     // The host polls.

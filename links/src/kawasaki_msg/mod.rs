@@ -20,6 +20,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "kawasaki-msg",
+    short: "kawasaki",
     about: "A Kawasaki robot and a PC",
     sides: &["pc", "robot"],
     // The robot opens the connection.

@@ -16,6 +16,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "laser-eb90",
+    short: "laser",
     about: "A laser machining robot, EB 90 frames",
     sides: &["host", "controller"],
     // Serial device servers listen: the robot is connected to one.

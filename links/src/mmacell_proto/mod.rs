@@ -14,6 +14,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "mmacell-proto",
+    short: "mma",
     about: "The MM&A micro-manipulation cell",
     sides: &["central", "robot", "platform"],
     sender: |is_client, server_port| match server_port {

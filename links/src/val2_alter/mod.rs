@@ -14,6 +14,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "val2-alter",
+    short: "alter",
     about: "VAL II ALTER on a Unimation MARK III",
     sides: &["robot", "host"],
     // Serial device servers listen: the robot is connected to one.

@@ -14,6 +14,7 @@ use crate::settings::{self, fields};
 /// The link.
 pub const LINK: Link = Link {
     name: "val2-viewer",
+    short: "viewer",
     about: "The graphics workstation that draws the robot of val2-alter",
     sides: &["host"],
     // The workstation polls.

@@ -26,43 +26,43 @@ struct Demo {
 /// Every demo, one for each link.
 static DEMOS: [Demo; 7] = [
     Demo {
-        link: "kawasaki-msg",
+        link: "kawasaki",
         must_fail: &[MustFail::Lost, MustFail::Repeated, MustFail::Late],
         run: kawasaki::demo,
         settings: || settings::list(kawasaki::Settings::default()),
     },
     Demo {
-        link: "val2-alter",
+        link: "alter",
         must_fail: &[MustFail::Lost, MustFail::Limit, MustFail::Late],
         run: teleop::robot,
         settings: || settings::list(teleop::RobotSettings::default()),
     },
     Demo {
-        link: "val2-viewer",
+        link: "viewer",
         must_fail: &[MustFail::Repeated],
         run: teleop::viewer,
         settings: || settings::list(teleop::ViewerSettings::default()),
     },
     Demo {
-        link: "isra-ball",
+        link: "ball",
         must_fail: &[MustFail::Lost, MustFail::Late],
         run: teleop::ball,
         settings: || settings::list(teleop::BallSettings::default()),
     },
     Demo {
-        link: "fanuc-hmi-modbus",
+        link: "fanuc",
         must_fail: &[MustFail::Lost, MustFail::Limit, MustFail::Late],
         run: fanuc::demo,
         settings: || settings::list(fanuc::Settings::default()),
     },
     Demo {
-        link: "laser-eb90",
+        link: "laser",
         must_fail: &[MustFail::Lost, MustFail::Repeated, MustFail::Late],
         run: laser::demo,
         settings: || settings::list(laser::Settings::default()),
     },
     Demo {
-        link: "mmacell-proto",
+        link: "mma",
         must_fail: &[MustFail::Lost, MustFail::Repeated],
         run: mma::demo,
         settings: || settings::list(mma::Settings::default()),

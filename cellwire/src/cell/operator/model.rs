@@ -353,7 +353,7 @@ impl Model {
             Policy::Accept if start.mode == self.mode => self.show(format!("start, mode {found}: accepted")),
             Policy::Accept => {
                 self.refused = Some(start.mode);
-                self.show(format!("start refused: the robot has mode {found}, expected {expected}: --mode"));
+                self.show(format!("start refused: the robot has mode {found}, expected {expected}"));
             }
             Policy::Refuse => self.show(format!("start, mode {found}: refused as configured")),
         }

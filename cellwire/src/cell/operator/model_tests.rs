@@ -67,7 +67,7 @@ fn a_start_in_another_mode_names_both() {
     let mut model = model();
     press(&mut model, KeyCode::Char('a'));
     model.take(MS, Notification::Start(Start::new(Mode(22), List::EMPTY)));
-    assert_eq!(last(&model), "start refused: the robot has mode 22, expected 23: --mode");
+    assert_eq!(last(&model), "start refused: the robot has mode 22, expected 23");
     assert_eq!(model.refused, Some(Mode(22)));
     model.take(MS, Notification::Start(Start::new(Mode(23), List::EMPTY)));
     assert_eq!((last(&model), model.refused), ("start, mode 23: accepted", None));

@@ -166,7 +166,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
 fn state(model: &Model) -> (&'static str, String, Color) {
     if let (Some(mode), true) = (model.refused, model.state == HostState::Idle) {
         let (mode, expected) = (mode.0, model.mode.0);
-        let why = format!("the robot has mode {mode}, expected {expected}: change it, or --mode {mode}");
+        let why = format!("the robot has mode {mode}, expected {expected}: change it, or --set mode={mode}");
         return ("START REFUSED", why, Color::Red);
     }
     if let Some(why) = model.lost.filter(|_| matches!(model.latch, Latch::Off(_))) {

@@ -30,7 +30,7 @@ pub(super) fn decode(args: &Args, reading: &Reading, input: Box<dyn Read>, out: 
     ensure!(
         found || !out.clean,
         "the capture has no TCP, UDP or serial bytes for {}{}",
-        args.codec.of.link.name,
+        args.codec.of.link.short,
         args.source.on_port()
     );
     Ok(())

@@ -48,7 +48,7 @@ fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
             let sides = link.sides.join(" or ");
             format!(
                 "`{name}` is not an end of {}: give the end that wrote the trace, --from {sides}",
-                link.name
+                link.short
             )
         });
     }

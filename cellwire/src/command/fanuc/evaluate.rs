@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use std::time::Duration;
+
 use anyhow::{Context, Result};
 
 use super::print;
@@ -9,11 +11,12 @@ use crate::cell::report::Report;
 use crate::cell::telemetry::plot;
 use crate::cell::telemetry::recording::{self, Comparison, ComparisonError};
 use crate::command::ls::ArmArgs;
+use crate::io::input::time;
 use crate::io::output::remark;
 
 /// Compares a log with the planned trajectory.
 ///
-/// Fits the delay between the two (within ±--within seconds, so the log may begin before the motion), then
+/// Fits the delay between the two (within ± the time of --within, so the log may begin before the motion), then
 /// gives the errors of position, orientation and their speeds, and draws them with --out. Samples while nothing moves,
 /// or before or after the motion, are left out. Brackets show the 95 % interval over other parts of the same
 /// motion. The trajectory and the controller must use the same frame: the world frame, with the
@@ -24,9 +27,9 @@ pub(super) struct Args {
     trajectory: PathBuf,
     /// The table that `fanuc log` wrote
     recording: PathBuf,
-    /// The maximum delay, in seconds
-    #[arg(long, value_name = "N", default_value = "10", value_parser = crate::io::input::seconds(0.1..=3600.0))]
-    within: std::time::Duration,
+    /// The maximum delay
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = time(Duration::from_millis(100)..=Duration::from_secs(3600)))]
+    within: Duration,
     /// Draw position, orientation and their errors into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -44,7 +47,7 @@ pub(super) fn evaluate(args: &Args) -> Result<bool> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let recorded = recording::read_states(&text).with_context(|| path.display().to_string())?;
     let mut report =
-        Report::new("fanuc-hmi-modbus", format!("{} against {}", path.display(), args.trajectory.display()));
+        Report::new("fanuc", format!("{} against {}", path.display(), args.trajectory.display()));
     let reference = recording::reference(&trajectory, &arm);
     let comparison = match Comparison::new(reference, recorded, args.within.as_secs_f64()) {
         Ok(comparison) => comparison,

@@ -1,5 +1,6 @@
 //! `cellwire fanuc log`.
 
+use core::ops::RangeInclusive;
 use std::collections::BTreeMap;
 use std::io::{LineWriter, Write};
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ use crate::cell::telemetry::plausibility::{Fault, Implausible, Plausibility};
 use crate::cell::telemetry::recording::{self, Recording};
 use crate::command::ls::{GeometryArgs, limits};
 use crate::command::settings::SetArgs;
+use crate::io::input::time;
 use crate::io::line::Clock;
 use crate::io::output::remark;
 use crate::io::samples::Samples;
@@ -32,11 +34,11 @@ const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 /// Logs the telemetry block of a controller, as a table.
 ///
 /// Each line has the time by the robot's life counter, the reported values, and the speeds without the controller's
-/// steps. The word order is detected from the life counter. Runs for --seconds, or until interrupted; lines are
+/// steps. The word order is detected from the life counter. Runs for the time of --for, or until interrupted; lines are
 /// written at once.
 ///
 /// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
-/// length), unreachable (by the robot of --robot, or by any) and standstill (of the life counter), with the value. A lost
+/// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A lost
 /// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
 /// `restarted`, after which the time starts at 0 again.
 #[derive(Debug, clap::Args)]
@@ -47,14 +49,14 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     csv: PathBuf,
     /// How long to log [default: until interrupted]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    seconds: Option<f64>,
-    /// The period of the background task, in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 8, value_parser = clap::value_parser!(u64).range(1..=60_000))]
-    period: u64,
-    /// The polling period in milliseconds [default: the period of the task]
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
-    poll: Option<u64>,
+    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
+    duration: Option<Duration>,
+    /// The period of the background task
+    #[arg(long, value_name = "TIME", default_value = "8ms", value_parser = time(PERIODS))]
+    period: Duration,
+    /// The polling period [default: the period of the task]
+    #[arg(long, value_name = "TIME", value_parser = time(PERIODS))]
+    poll: Option<Duration>,
     /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment [default: the setting `address` of a file, or 0]
     #[arg(long, value_name = "N")]
     address: Option<u16>,
@@ -66,7 +68,7 @@ pub(super) struct Args {
     word_order: OrderArg,
     /// The robot description, as for `ls make`, to mark unreachable poses
     #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    limits: Option<PathBuf>,
     #[command(flatten)]
     geometry: GeometryArgs,
     #[command(flatten)]
@@ -86,17 +88,13 @@ enum OrderArg {
     HighFirst,
 }
 
+/// The periods of a task, and of polls.
+const PERIODS: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
+
 pub(super) fn log(args: &Args) -> Result<bool> {
-    let end = match args.seconds {
-        Some(seconds) => {
-            ensure!(seconds > 0.0 && seconds < 1e9, "--seconds must be above 0");
-            Some(Duration::from_secs_f64(seconds))
-        }
-        None => None,
-    };
-    let period = Duration::from_millis(args.period);
-    let poll = Duration::from_millis(args.poll.unwrap_or(args.period));
-    let robot = match &args.robot {
+    let (end, period) = (args.duration, args.period);
+    let poll = args.poll.unwrap_or(period);
+    let robot = match &args.limits {
         Some(path) => {
             let limits = limits(path)?;
             Some((args.geometry.arm(limits.arm)?, limits))
@@ -257,7 +255,7 @@ impl Log {
     fn report(&self, server: &str, csv: &Path) -> Report {
         let counts = self.recording.counts();
         let title = format!("telemetry of {server} in {}", csv.display());
-        let mut report = Report::new("fanuc-hmi-modbus", title);
+        let mut report = Report::new("fanuc", title);
         report.fact("samples", "samples written", counts.samples);
         report.fact("repeated", "task runs read twice", counts.repeated);
         report.fact("gaps", "gaps", counts.gaps);

@@ -30,7 +30,7 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire fanuc log 192.168.0.10:502 --csv run.csv              log a run of the robot
-  cellwire fanuc log 192.168.0.10:502 --csv a.csv --robot r.json and mark unreachable poses
+  cellwire fanuc log 192.168.0.10:502 --csv a.csv --limits r.json and mark unreachable poses
   cellwire fanuc evaluate path.csv run.csv --out plots           deviation from the plan
   cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
   cellwire fanuc write 192.168.0.10:502 string --address 400 '\"PART 7\"'

@@ -38,13 +38,13 @@ pub(super) struct Line {
 pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
     interrupt::note()?;
     let mut port = Marked::open(name)?;
-    let mut ear = Ear { port: &mut port, end: Instant::now() + args.listen_for, begin: Instant::now() };
+    let mut ear = Ear { port: &mut port, end: Instant::now() + args.duration, begin: Instant::now() };
     let mut search = Search::default();
     let mut formats = Vec::new();
     for mode in super::line::OTHERS {
         formats.extend(ear.port.set(super::line::RATES[0], mode)?.then_some(mode));
     }
-    let turn = (args.listen_for / TURNS).clamp(SHORTEST, LONGEST);
+    let turn = (args.duration / TURNS).clamp(SHORTEST, LONGEST);
     while let Some(setting) = search.next(&|mode| formats.contains(&mode)).filter(|_| !ear.is_over()) {
         ear.listen(&mut search, setting, ear.end.min(Instant::now() + turn), false)?;
     }

@@ -18,6 +18,7 @@ use cellwire_links::{LINKS, Link};
 use self::input::Conversation;
 use super::source::SourceArgs;
 use crate::io::files;
+use crate::io::input::time;
 use crate::links::link_parser;
 
 /// Identifies the link of a capture, and the options that the link's source leaves open.
@@ -43,15 +44,15 @@ pub struct Args {
     #[arg(long, value_name = "PORT", conflicts_with_all = ["file", "format", "port"])]
     serial: Option<String>,
     /// How long to listen to a serial port; Ctrl-C ends it earlier
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, default_value = "60s")]
-    listen_for: Duration,
+    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(1)..=Duration::from_secs(86_400)), default_value = "60s")]
+    duration: Duration,
     /// Print one JSON object for each conversation instead of tables
     #[arg(long)]
     json: bool,
     /// Write the settings to a TOML file for --settings, with comments on undecided ones
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a draft of the plant's settings to a TOML file: for kawasaki-msg the messages by role, for laser-eb90 the words
+    /// Write a draft of the plant's settings to a TOML file: for kawasaki the messages by role, for laser the words
     /// by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
@@ -65,10 +66,10 @@ pub struct Args {
 const EXAMPLES: &str = "\
 Examples:
   cellwire identify monday.pcapng                             each conversation of a capture
-  cellwire identify port.bin --link laser-eb90                the options of a known link
+  cellwire identify port.bin --link laser                the options of a known link
   cellwire identify monday.pcapng --port 2001 --write cell.toml
-  cellwire identify --serial /dev/ttyUSB0 --listen-for 2m     a serial line of unknown baud rate
-  cellwire decode laser-eb90 --settings cell.toml …           use the result
+  cellwire identify --serial /dev/ttyUSB0 --for 2m     a serial line of unknown baud rate
+  cellwire decode laser --settings cell.toml …           use the result
 
 Exit status: 0 every conversation was identified   1 one was not";
 
@@ -138,7 +139,7 @@ fn heard(_: &Args, _: &str) -> Result<Conversation> {
 fn findings(links: &[&'static Link], conversation: &Conversation) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
     for link in links {
-        let finding = identify(link, &conversation.streams).with_context(|| link.name)?;
+        let finding = identify(link, &conversation.streams).with_context(|| link.short)?;
         if finding.messages[0] > 0 {
             findings.push(finding);
         }

@@ -30,7 +30,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     let mut links = table(["link", "bytes explained", "messages", "sent by", "by chance"]);
     for finding in findings {
         links.add_row([
-            finding.link.name.to_owned(),
+            finding.link.short.to_owned(),
             share(finding),
             messages(finding),
             senders(finding),
@@ -45,10 +45,10 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
         return unknown(conversation, &mut out);
     }
     if best.options.is_empty() {
-        writeln!(out, "  It is {}, whose source leaves no option open.\n", best.link.name)?;
+        writeln!(out, "  It is {}, whose source leaves no option open.\n", best.link.short)?;
         return Ok(());
     }
-    writeln!(out, "  It is {}:", best.link.name)?;
+    writeln!(out, "  It is {}:", best.link.short)?;
     let mut options = table(["option", "value", "decided by"]);
     for option in &best.options {
         options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
@@ -194,7 +194,7 @@ pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
         );
     }
     let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
-    Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.name)?)
+    Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.short)?)
 }
 
 /// One line of JSON.
@@ -218,7 +218,7 @@ fn finding_json(finding: &Finding) -> Value {
     let [explained, bytes] = finding.bytes;
     let options: Vec<Value> = finding.options.iter().map(option_json).collect();
     json!({
-        "link": finding.link.name, "sure": finding.is_sure(), "bits": finding.bits.round(),
+        "link": finding.link.short, "sure": finding.is_sure(), "bits": finding.bits.round(),
         "explained": explained, "bytes": bytes, "messages": messages, "written_alike": written,
         "senders": finding.senders, "settings": finding.settings, "options": options,
         "notes": (finding.link.open.notes)(&finding.read),

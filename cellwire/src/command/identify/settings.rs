@@ -8,7 +8,7 @@ use serde_json::Value;
 
 /// The text of the file.
 pub(super) fn toml(finding: &Finding) -> Result<String> {
-    let mut text = format!("# {}: the options that explain a capture\n", finding.link.name);
+    let mut text = format!("# {}: the options that explain a capture\n", finding.link.short);
     for (name, value) in &finding.settings {
         let inner = format!("{name}.");
         for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {

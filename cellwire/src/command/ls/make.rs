@@ -18,8 +18,8 @@ use super::{ArmArgs, limits, rules, write};
 /// speed. The controller's path between two points is not published: a published test measured an error of
 /// 4 mm and 0.5 degrees at 100 mm/s. Test it slowly first.
 ///
-/// A trajectory beyond the joint ranges or speeds of --robot is refused.
-/// Without --robot the limits are 720 degrees and 2000 degrees per second.
+/// A trajectory beyond the joint ranges or speeds of --limits is refused.
+/// Without --limits the limits are 720 degrees and 2000 degrees per second.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The trajectory
@@ -72,7 +72,7 @@ pub(super) struct Args {
     /// and degrees per second, J3 from the horizontal; "arm": {"shoulder": 50, "upper_arm": 330, "elbow": 35, "forearm": 335,
     /// "flange": 80} in mm replaces --arm
     #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    limits: Option<PathBuf>,
     /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
@@ -109,7 +109,7 @@ enum SpeedArg {
 
 pub(super) fn make(args: &Args) -> Result<()> {
     let sampling = args.sampling()?;
-    let limits = args.robot.as_deref().map_or(Ok(Limits::ANY), limits)?;
+    let limits = args.limits.as_deref().map_or(Ok(Limits::ANY), limits)?;
     let arm = args.arm.arm(limits.arm)?;
     let trajectory = args.arm.trajectory(&args.trajectory)?;
     limits.check(&trajectory).with_context(|| args.trajectory.display().to_string())?;

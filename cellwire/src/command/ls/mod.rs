@@ -24,17 +24,22 @@ use cellwire_motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 /// A controller with the ASCII upload option loads them; for others, compile them to TP first (WinOLPC, RoboGuide). The
 /// file must have the program's name.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
-    command: Option<Command>,
-    /// A folder whose LS files are summarised; the exit status is 1 if one has errors
-    folder: Option<PathBuf>,
+    command: Command,
+}
+
+/// Lists the LS files of a folder with their findings; the exit status is 1 if one has errors
+#[derive(Debug, clap::Args)]
+struct ListArgs {
+    /// The folder
+    folder: PathBuf,
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire ls backup                                  summarise the LS files of a folder
+  cellwire ls list backup                             the LS files of a folder
   cellwire ls check WELD.LS                           report errors and warnings
   cellwire ls edit WELD.LS --speed '100mm/sec=80mm/sec'   show the changes; --write applies them
   cellwire ls fmt WELD.LS --write                     the layout of a controller
@@ -45,6 +50,7 @@ Examples:
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    List(ListArgs),
     Check(check::Args),
     Edit(edit::Args),
     Fmt(fmt::Args),
@@ -58,15 +64,14 @@ enum Command {
 /// # Errors
 /// When a file cannot be read or written, or arguments do not fit together.
 pub fn run(args: &Args) -> Result<bool> {
-    match (&args.command, &args.folder) {
-        (Some(Command::Check(args)), _) => check::check(args),
-        (Some(Command::Edit(args)), _) => edit::edit(args),
-        (Some(Command::Fmt(args)), _) => fmt::fmt(args),
-        (Some(Command::Make(args)), _) => make::make(args).map(|()| true),
-        (Some(Command::Background(args)), _) => background::background(args).map(|()| true),
-        (Some(Command::Run(args)), _) => run::run(args),
-        (None, Some(folder)) => check::summarize(folder),
-        (None, None) => bail!("a folder or a command is needed"),
+    match &args.command {
+        Command::List(args) => check::summarize(&args.folder),
+        Command::Check(args) => check::check(args),
+        Command::Edit(args) => edit::edit(args),
+        Command::Fmt(args) => fmt::fmt(args),
+        Command::Make(args) => make::make(args).map(|()| true),
+        Command::Background(args) => background::background(args).map(|()| true),
+        Command::Run(args) => run::run(args),
     }
 }
 

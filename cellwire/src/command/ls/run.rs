@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::WordOrder;
 
 use crate::cell::telemetry::path::{self, Sample};
 use crate::io::files;
-use crate::io::input::seconds;
+use crate::io::input::time;
 use crate::io::output::{log, remark};
 use crate::links::fanuc_hmi_modbus::options::ProgramSettings;
 use crate::links::fanuc_hmi_modbus::program::{Machine, Preset};
@@ -17,9 +17,9 @@ use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 
 /// Simulates a program on a virtual clock, and draws its path.
 ///
-/// The same simulation as `cellwire simulate fanuc --program`: a test bench, not a controller. Prints one JSON line for each feature that
+/// The same simulation as `cellwire simulate fanuc --set program=FILE`: a test bench, not a controller. Prints one JSON line for each feature that
 /// is not modelled, and for each event of the program. The exit status is 1 when the program stops with an alarm, still runs
-/// after --seconds, or waits for something that cannot happen.
+/// after the time of --for, or waits for something that cannot happen.
 ///
 /// As on a controller, a position in a frame other than the selected one stops the program, a block without its end is refused, and a motion
 /// with Skip whose condition was not met continues at its label. Before any selection, the frames are those of the first position.
@@ -31,15 +31,15 @@ use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 pub(super) struct Args {
     /// The LS file; programs that it calls are in the same folder
     program: PathBuf,
-    /// The time limit of the program, in seconds
-    #[arg(long, value_name = "N", default_value = "600", value_parser = seconds(0.1..=86_400.0))]
-    seconds: Duration,
+    /// The time limit of the program
+    #[arg(long = "for", value_name = "TIME", default_value = "600s", value_parser = time(Duration::from_millis(100)..=Duration::from_secs(86_400)))]
+    duration: Duration,
     /// Write path.csv and path.svg into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// The robot description, as for `ls make` [default: an LR Mate 200iD]
     #[arg(long, value_name = "FILE")]
-    robot: Option<String>,
+    limits: Option<String>,
     /// The start position, J1 to J6 in degrees
     #[arg(long, value_name = "J1,…,J6", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     joints: Option<Vec<f64>>,
@@ -51,7 +51,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     preset: Option<PathBuf>,
     /// Draw the tool path without an arm's limits; speeds in % refer to 2000 mm/s
-    #[arg(long, conflicts_with = "robot")]
+    #[arg(long, conflicts_with = "limits")]
     no_reach: bool,
 }
 
@@ -60,7 +60,7 @@ const PERIOD: Duration = Duration::from_millis(8);
 
 pub(super) fn run(args: &Args) -> Result<bool> {
     let mut settings = ProgramSettings {
-        robot: args.robot.clone(),
+        robot: args.limits.clone(),
         inputs: args.inputs.clone(),
         telemetry: 0,
         anywhere: args.no_reach,
@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
             break;
         }
         let in_vain = robot.machine.waits_in_vain() && robot.inputs.are_settled(at);
-        if in_vain || at >= args.seconds {
+        if in_vain || at >= args.duration {
             good = false;
             remark(&format!("error: {}", unfinished(&robot.machine, at, in_vain)));
             break;
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     if reach {
         remark(
-            "help: --robot FILE describes the robot, --joints its start position; --no-reach draws the path without an arm",
+            "help: --limits FILE describes the robot, --joints its start position; --no-reach draws the path without an arm",
         );
     }
     let last = samples.last().map_or(0.0, |sample| sample.time);

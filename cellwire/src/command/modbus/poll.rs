@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 use super::PortArgs;
 use super::range::{Range, values};
 use crate::io::drive::Lost;
+use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Clock;
 use crate::io::output::log;
@@ -17,7 +18,7 @@ use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 ///
 /// The first line of each range has all of its values; each later line has one changed value, with the time in seconds
 /// since the start, the old and the new value. A read error of a range is a line, and so is its end; likewise
-/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. Runs for --seconds, or until interrupted.
+/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. Runs for the time of --for, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port
@@ -25,26 +26,26 @@ pub(super) struct Args {
     /// PDU addresses to poll: TABLE:FIRST-LAST, where TABLE is coils, discrete, input or holding
     #[arg(required = true, value_name = "RANGE")]
     ranges: Vec<Range>,
-    /// The polling period in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=86_400_000))]
-    every: u64,
+    /// The polling period
+    #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = time(Duration::from_millis(1)..=Duration::from_secs(86_400)))]
+    every: Duration,
     /// How long to read [default: until interrupted]
-    #[arg(long, value_name = "N", value_parser = super::run_time())]
-    seconds: Option<Duration>,
+    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
+    duration: Option<Duration>,
     #[command(flatten)]
     port: PortArgs,
 }
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
-    let (port, unit) = args.port.port(&args.server, 1000)?;
+    let (port, unit) = args.port.port(&args.server, super::REPLY)?;
     let mut client = Client::open(&port)?;
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
-    let (clock, every) = (Clock::start(), Duration::from_millis(args.every));
+    let (clock, every) = (Clock::start(), args.every);
     let mut all = true;
     let mut next = clock.now();
-    let goes_on = || args.seconds.is_none_or(|end| clock.now() < end) && !interrupt::requested();
+    let goes_on = || args.duration.is_none_or(|end| clock.now() < end) && !interrupt::requested();
     while goes_on() {
         for watched in &mut watched {
             let answer = match watched.read(unit, &mut client) {

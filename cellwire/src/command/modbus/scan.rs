@@ -49,7 +49,7 @@ pub(super) struct Args {
 
 pub(super) fn scan(args: &Args) -> Result<bool> {
     interrupt::note()?;
-    let timeout = if args.ranges { 1000 } else { 200 };
+    let timeout = if args.ranges { super::REPLY } else { Duration::from_millis(200) };
     // A late reply names its unit: the wait for it need not be longer than the one for the reply.
     let (port, unit) = args.port.port_with(&args.server, timeout, |config| {
         config.settle = config.settle.min(config.timeout);

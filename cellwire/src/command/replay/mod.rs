@@ -15,7 +15,7 @@ use self::transport::TransportArgs;
 use super::codec::LinkArgs;
 use super::compare::Compare;
 use super::recorded::{ConversationArgs, Party};
-use crate::io::input::seconds;
+use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::output::{self, remark};
 
@@ -42,8 +42,8 @@ pub struct Args {
     /// When this end sends
     #[arg(long, value_enum, default_value_t = Pace::Turns)]
     pace: Pace,
-    /// How much later than in the capture a message may come before it counts as missing, in seconds
-    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
+    /// How much later than in the capture a message may come before it counts as missing
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = time(Duration::from_millis(10)..=Duration::from_secs(3600)))]
     patience: Duration,
     /// Send exactly the captured bytes, without replaced numbers
     #[arg(long)]
@@ -63,11 +63,11 @@ enum Pace {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire replay laser-eb90 tap.pcapng --as controller --pty /tmp/laser
+  cellwire replay laser tap.pcapng --as controller --pty /tmp/laser
       a captured laser controller, for a program that opens /tmp/laser
-  cellwire replay kawasaki-msg day.pcapng --as robot --connect 127.0.0.1:9105
+  cellwire replay kawasaki day.pcapng --as robot --connect 127.0.0.1:9105
       a robot that connects to a PC
-  cellwire replay fanuc-hmi-modbus day.pcapng --as client --connect 192.168.0.10:502 --pace times
+  cellwire replay fanuc day.pcapng --as client --connect 192.168.0.10:502 --pace times
       the requests of a client, to a server
 
 Exit status: 0 the other end did what it did then   1 it departed from it";

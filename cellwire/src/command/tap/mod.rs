@@ -52,13 +52,13 @@ pub struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire tap kawasaki-msg --listen 0.0.0.0:9105 --connect 192.168.0.10:9105
+  cellwire tap kawasaki --listen 0.0.0.0:9105 --connect 192.168.0.10:9105
       the robot connects to this machine instead of its PC
-  cellwire tap laser-eb90 --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 115200
+  cellwire tap laser --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 115200
       a PC at one adapter, the laser's controller at the other, and this machine between them
-  cellwire tap val2-alter --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 19200 --listen-only
+  cellwire tap alter --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 19200 --listen-only
       two receive lines of a Y cable
-  cellwire decode kawasaki-msg --format pcap tap.pcapng
+  cellwire decode kawasaki --format pcap tap.pcapng
       the same messages again, from the capture
 
 The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial line are not forwarded: for them, use
@@ -74,13 +74,13 @@ pub fn run(args: &Args) -> Result<bool> {
         screen::check()?;
     }
     let way = Way::open(&args.way)?;
-    way.advise(args.of.link.name, &args.way);
+    way.advise(args.of.link.short, &args.way);
     output::never_wait()?;
     interrupt::handle()?;
     let mut watch = Watch::default();
     thread::scope(|scope| {
         if !args.no_capture {
-            let writer = Writer::create(&args.capture, args.of.link.name)?;
+            let writer = Writer::create(&args.capture, args.of.link.short)?;
             remark(&format!("capture: {}", writer.path().display()));
             let seen = watch.add();
             scope.spawn(move || writer.record(&seen));
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> Result<bool> {
         let remarks = args.screen.then(screen::remarks);
         let passing = scope.spawn(move || way.run(&args.way, &watch));
         if let Some(remarks) = remarks {
-            screen::show(args.of.link.name, decoding, &seen, &remarks)?;
+            screen::show(args.of.link.short, decoding, &seen, &remarks)?;
             if !passing.is_finished() {
                 // The threads that pass bytes on wait for them.
                 output::finish();

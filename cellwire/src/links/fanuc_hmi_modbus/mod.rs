@@ -14,7 +14,7 @@ use cellwire_links::settings;
 /// `cellwire simulate fanuc`.
 pub const FANUC: Device = Device {
     name: "fanuc",
-    link: Some("fanuc-hmi-modbus"),
+    link: Some("fanuc"),
     about: "A FANUC controller with a moving robot, over Modbus: telemetry in holding registers 0 to 36, and R[n], which holds n",
     settings: || settings::list(options::FanucSettings::default()),
     simulate: simulate::simulate,

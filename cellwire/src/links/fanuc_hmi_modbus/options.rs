@@ -79,7 +79,7 @@ impl Configure for ProgramSettings {
             "the variables of the holding registers, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";
         let shape = "a file with lines such as SETVAR $SNPX_ASG[1].$ADDRESS 1, or those of SYSTEM.VA";
         fields.text("assignments", shape, "the telemetry block, then R[n] in 16 bits", about, assignments);
-        let about = "the robot's joints and arm, as for `ls make --robot`";
+        let about = "the robot's joints and arm, as for `ls make --limits`";
         fields.text("robot", "a JSON file", "an LR Mate 200iD", about, robot);
         fields.parsed("joints", "six numbers in degrees", "the robot's start position", joints);
         let shape =
@@ -104,7 +104,7 @@ impl ProgramSettings {
             ("repeat", self.repeat),
         ];
         match given.into_iter().find(|(_, is_given)| *is_given && self.program.is_none()) {
-            Some((name, _)) => bail!("{name} has no effect without a program: give --program FILE.LS"),
+            Some((name, _)) => bail!("{name} has no effect without a program: give --set program=FILE.LS"),
             None => Ok(()),
         }
     }

@@ -9,7 +9,7 @@ use cellwire_sim::TeachBall;
 /// `cellwire simulate ball`.
 pub const BALL: Device = Device {
     name: "ball",
-    link: Some("isra-ball"),
+    link: Some("ball"),
     about: "The ISRA Robot Command Teach Ball with a hand on it",
     settings: || settings::list(TeachBall::default()),
     simulate: ball::simulate,

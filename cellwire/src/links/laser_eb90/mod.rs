@@ -9,7 +9,7 @@ use cellwire_sim::Laser;
 /// `cellwire simulate laser`.
 pub const LASER: Device = Device {
     name: "laser",
-    link: Some("laser-eb90"),
+    link: Some("laser"),
     about: "The controller of a laser robot",
     settings: || settings::list(Laser::default()),
     simulate: controller::simulate,

@@ -12,7 +12,7 @@ use cellwire_links::settings;
 /// `cellwire simulate puma`.
 pub const PUMA: Device = Device {
     name: "puma",
-    link: Some("val2-alter"),
+    link: Some("alter"),
     about: "The PUMA 562 on its MARK III",
     settings: || settings::list(puma::PumaConfig::default()),
     simulate: puma::simulate,

@@ -9,7 +9,7 @@ use cellwire_sim::Viewer;
 /// `cellwire simulate viewer`.
 pub const VIEWER: Device = Device {
     name: "viewer",
-    link: Some("val2-viewer"),
+    link: Some("viewer"),
     about: "The graphics workstation that draws the PUMA",
     settings: || settings::list(Viewer::default()),
     simulate: workstation::simulate,

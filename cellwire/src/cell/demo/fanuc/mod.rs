@@ -93,7 +93,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let title = format!(
         "a resampled program runs, its telemetry is logged every {every} over Modbus TCP and compared with the plan"
     );
-    let mut report = Report::new("fanuc-hmi-modbus", title);
+    let mut report = Report::new("fanuc", title);
     report.fact("planned", "samples of the trajectory", trajectory.samples().len());
     report.fact("points", "points of the program", made.moves + 1);
     report.fact("worst_rounding", "largest rounding of a speed to whole mm/s", percent(made.worst_rounding));

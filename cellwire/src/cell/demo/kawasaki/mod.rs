@@ -243,7 +243,7 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
         picture.strokes(),
         lines.len() - picture.strokes()
     );
-    let mut report = Report::new("kawasaki-msg", title);
+    let mut report = Report::new("kawasaki", title);
     report.fact("orders", "orders: pictures begun", ledger.orders());
     report.fact("pictures", "complete pictures", ledger.complete());
     report.jobs(tally.jobs());

@@ -213,7 +213,7 @@ fn report(
         percent(one / seven)
     };
     let mut report = Report::new(
-        "laser-eb90",
+        "laser",
         format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
     );
     report.jobs(tally.jobs());

@@ -304,7 +304,7 @@ fn report(
     let title = format!(
         "pick and place over three TCP connections: robot, platform, and cameras with valves; axes at {speed} times real speed"
     );
-    let mut report = Report::new("mmacell-proto", title);
+    let mut report = Report::new("mma", title);
     report.fact("parts_placed", "parts placed", log.placed);
     report.fact("attempts", "attempts", judged.attempts);
     report.fact("missed", "parts missed and retried", record.missed);

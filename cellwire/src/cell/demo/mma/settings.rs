@@ -30,7 +30,7 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, speed, stall_every, task, central } = self;
-        fields.whole("parts", 1..=u64::MAX, "parts", "parts to place, without --seconds", parts);
+        fields.whole("parts", 1..=u64::MAX, "parts", "parts to place, without --for", parts);
         fields.whole(
             "speed",
             1..=10_000,

@@ -42,7 +42,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         "a hand on the ball steers the robot: one poll per cycle of 28 ms, at {} baud",
         config.polls.baud
     );
-    let mut report = Report::new("isra-ball", title);
+    let mut report = Report::new("ball", title);
     let answered = host.fresh + host.old;
     report.fact("polls", "polls", answered + host.ball_missed);
     report.fact("fresh", "packets with new values", host.fresh);

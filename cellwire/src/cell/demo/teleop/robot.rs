@@ -71,7 +71,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let CellRecord { puma, host, drawn, .. } = record;
     let mut report = Report::new(
-        "val2-alter",
+        "alter",
         format!(
             "a ball steers a robot, mode {} at {} baud, and a workstation draws it",
             config.alter.mode.0, config.alter.baud

@@ -37,7 +37,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if options.spoils(MustFail::Repeated) {
         drawn.most_at_once += 1;
     }
-    let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose per request");
+    let mut report = Report::new("viewer", "a workstation draws the robot, one pose per request");
     report.fact("requests", "requests", drawn.asked);
     report.fact("sent", "poses sent", host.poses);
     report.fact("poses", "poses drawn", drawn.poses);

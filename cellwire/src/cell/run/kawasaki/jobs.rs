@@ -7,6 +7,7 @@ use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
 use kawasaki_msg::{Charset, timing};
 use serde_json::{Value, json};
 
+use super::Settings;
 use crate::io::drawing::{self, Picture};
 use crate::io::input;
 use crate::io::sheet;
@@ -34,6 +35,19 @@ pub struct Jobs {
 }
 
 impl Jobs {
+    /// Reads a picture or a table; `allow` leaves out what a pen cannot follow.
+    ///
+    /// # Errors
+    /// When the file is neither; those of [`from_table`](Self::from_table) and [`from_picture`](Self::from_picture).
+    pub fn read(file: &Path, settings: &Settings, allow: bool) -> Result<Self> {
+        let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match kind.as_str() {
+            "csv" => Self::from_table(file, &settings.plant),
+            "svg" | "svgz" => Self::from_picture(file, &settings.plant, settings.sheet(), allow),
+            _ => bail!("{} is neither a picture (.svg) nor a table of jobs (.csv)", file.display()),
+        }
+    }
+
     /// Reads a table. Its first line names fields of a job, in any order; one that has a default may be left out, or be empty in a
     /// line. Lines that begin with `#` are passed over.
     ///

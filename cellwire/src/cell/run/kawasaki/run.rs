@@ -319,10 +319,10 @@ impl<'a> Runner<'a> {
         let Some(most) = self.absence.filter(|most| !self.connected && now() - self.since > *most) else {
             return Ok(());
         };
-        let seconds = most.as_secs_f64();
+        let most = humantime::format_duration(most);
         match self.met {
-            true => Err(Lost(format!("the robot has been disconnected for {seconds} s")).into()),
-            false => bail!("no robot connected within {seconds} s: see --robot-timeout"),
+            true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
+            false => bail!("no robot connected within {most}: see --robot-timeout"),
         }
     }
 }

@@ -98,7 +98,7 @@ impl Periphery for Simulated {
     }
 }
 
-/// A periphery at a TCP address, in lines of text (see the help of `cellwire mma run`).
+/// A periphery at a TCP address, in lines of text (see the help of `cellwire run mma`).
 #[derive(Debug)]
 pub struct Line {
     stream: TcpStream,

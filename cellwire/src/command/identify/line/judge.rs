@@ -71,7 +71,7 @@ impl Judged {
             }
         }
         if let Some(best) = best {
-            self.link = Some(best.link.name);
+            self.link = Some(best.link.short);
             self.bits += (best.bits * best.share()).min(EXPLAINED);
         }
         Ok(())

@@ -7,37 +7,39 @@ use anyhow::{Context as _, Result, ensure};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
-use super::settings::SetArgs;
 use crate::cell::run::{END_WITHIN, STOP_WITHIN};
+use crate::command::settings::SetArgs;
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::{self, Typed};
 use crate::io::journal::{self, Journal, Outcome, Record, Tally, Unwritten};
-use crate::io::output::{log, remark};
+use crate::io::output::{EventArgs, log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {
-    /// Print what would be done, without sending anything
-    #[arg(long, display_order = 3)]
+    /// Check the file and say what would be done; send nothing
+    #[arg(long)]
     pub(super) dry_run: bool,
-    /// Draw the robot's path as this SVG file
-    #[arg(long, value_name = "FILE", display_order = 4)]
-    pub(super) draw: Option<PathBuf>,
-    /// The journal [default: the file's name with .journal]
+    /// Draw the robot's path as SVG
+    #[arg(long, value_name = "FILE")]
+    pub(super) picture: Option<PathBuf>,
+    /// Write what became of each job as CSV
+    #[arg(long, value_name = "FILE")]
+    outcomes: Option<PathBuf>,
+    /// What is known of each job [default: FILE.journal]
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
-    /// Ignore the journal and begin at the first part: finished parts are repeated
+    /// Forget the journal: what is done is done again
     #[arg(long)]
     again: bool,
-    /// Write the outcome of every part into this CSV file at the end
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
     #[command(flatten)]
     pub(super) connect: ConnectArgs,
     #[command(flatten)]
     pub(super) set: SetArgs,
+    #[command(flatten)]
+    events: EventArgs,
 }
 
 /// A piece of work in a file.
@@ -50,6 +52,8 @@ pub(super) struct Work<'a> {
     pub(super) fingerprint: String,
     /// How many parts it has.
     pub(super) parts: usize,
+    /// The line of the file of each part, as far as they have one.
+    pub(super) lines: Vec<u64>,
 }
 
 const NO_TABLE: files::Unwritten = files::Unwritten("the outcomes are in the journal alone");
@@ -60,7 +64,7 @@ pub(super) struct Ran<R, T> {
     pub(super) ended: T,
     /// Its journal.
     pub(super) journal: Journal<R>,
-    /// Whether the table of `--out` is written.
+    /// Whether the table of `--outcomes` is written.
     table: Result<()>,
 }
 
@@ -73,14 +77,14 @@ impl WorkArgs {
         &self,
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
-        table: impl FnOnce(&Journal<R>) -> String,
     ) -> Result<Ran<R, T>> {
-        let Work { file, what, fingerprint, parts } = work;
+        self.events.choose();
+        let Work { file, what, fingerprint, parts, lines } = work;
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
         let mut journal = Journal::open(&path, what, fingerprint, parts, self.again)?;
         let ended = self.go_on(what, parts, &mut journal, run);
-        let table = match &self.out {
-            Some(out) => files::write(out, table(&journal).as_bytes()).context(NO_TABLE),
+        let table = match &self.outcomes {
+            Some(path) => files::write(path, table(&lines, &journal).as_bytes()).context(NO_TABLE),
             None => Ok(()),
         };
         match (ended, table) {
@@ -125,12 +129,32 @@ impl<R, T> Ran<R, T> {
     /// Prints the last line, on standard error if standard output does not accept it.
     ///
     /// # Errors
-    /// When neither standard output nor the table of `--out` could be written.
+    /// When neither standard output nor the table of `--outcomes` could be written.
     pub(super) fn say(self, line: &Value) -> Result<T> {
         log(line).inspect_err(|_| remark(&line.to_string()))?;
         self.table?;
         Ok(self.ended)
     }
+}
+
+/// `number,line,outcome` of each part.
+fn table<R: Record>(lines: &[u64], journal: &Journal<R>) -> String {
+    let mut text = String::from("number,line,outcome\n");
+    for (number, outcome) in journal.outcomes().iter().enumerate() {
+        let line = lines.get(number).map(u64::to_string).unwrap_or_default();
+        text.push_str(&format!("{},{line},{}\n", number + 1, outcome.name()));
+    }
+    text
+}
+
+/// The last line of a run, with how many parts have which outcome; `machine` is what the machine still does.
+pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -> Value {
+    let count = |outcome| journal.count(outcome);
+    json!({
+        "event": "ended", "why": why,
+        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
+        "not_sent": count(Outcome::NotSent), "machine": machine, "journal": journal.path(),
+    })
 }
 
 /// The lines and the signals of an operator: the first signal is a stop, the second one ends the program, which prints `account` then.

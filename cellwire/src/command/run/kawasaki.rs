@@ -1,0 +1,160 @@
+//! `cellwire run kawasaki`: the PC's end of a Kawasaki robot.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use indicatif::ProgressBar;
+use serde_json::json;
+
+use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use crate::cell::run::Operator;
+use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
+use crate::command::settings::connect_settings;
+use crate::io::bell::Bell;
+use crate::io::input::time;
+use crate::io::journal::Tally;
+use crate::io::output::{log, ready};
+use crate::io::trace::TraceArgs;
+use crate::links::device::Endpoint;
+use crate::links::kawasaki_msg::meeting::Meeting;
+use cellwire_links::settings;
+
+/// Runs the jobs of a file on a Kawasaki robot: a picture or a table, each job once
+///
+/// A picture (.svg): its outlines are drawn, scaled to the setting `board`, whose origin is the upper left corner; Y points down. A job
+/// is a line of it.
+///
+/// A table (.csv): the first line names fields of a job, in any order; each other line is a job. The plant's settings have the fields as
+/// tables [[job]], which docs/first-robot.md describes; without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2
+/// in hundredths of a millimetre. Every invalid line is reported before anything is sent.
+///
+/// The robot connects, and reconnects when a connection is lost; over UDP (setting udp) it sends first. "Done" means executed, as the
+/// robot reports it.
+///
+/// A journal beside the file has the outcome of each job: after any interruption the same command goes on. The robot has meanwhile
+/// executed its queue, and no job is sent twice. If nobody knows whether jobs were executed (the robot was restarted), it asks: check
+/// the work, and type `done`, `repeat` or `stop`, or the number of the last job that is done.
+///
+/// Ctrl-C, SIGTERM and a closed terminal stop after the current job, or after the queued ones if the plant has no message that interrupts
+/// an order, and wait 30 s at most; a second signal ends the command at once: the robot executes what it has queued, and the next run
+/// takes that over. The end of standard input is not a stop.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER)]
+pub(super) struct Args {
+    /// The picture (.svg) or the table of jobs (.csv)
+    file: PathBuf,
+    /// Listen on this address, where the robot connects; a port alone means 127.0.0.1
+    #[arg(long, value_name = "ADDR", conflicts_with = "connect_to")]
+    listen: Option<String>,
+    /// Connect to this address, where a robot listens
+    #[arg(long = "connect", value_name = "ADDR")]
+    connect_to: Option<String>,
+    /// End when there is no robot for this long, or `never`
+    #[arg(long, value_name = "TIME", default_value = "60s", value_parser = time(Duration::ZERO..=Duration::MAX))]
+    robot_timeout: Duration,
+    /// Run it although a part has no effect, which is reported: elements that a pen cannot draw, such as text
+    #[arg(long, value_name = "WHAT", value_parser = ["drawing"])]
+    allow: Option<String>,
+    #[command(flatten)]
+    trace: TraceArgs,
+    #[command(flatten)]
+    work: WorkArgs,
+}
+
+const AFTER: &str = "\
+Type while it runs:
+  pause, continue, stop  After the current job, or after the queued ones
+  done, repeat, stop     The answer when jobs may or may not be executed
+
+Exit status: 0 all done   1 stopped or refused   2 not begun   3 connection lost
+  7 the journal could not be written   130 ended at once
+
+Examples:
+  cellwire run kawasaki logo.svg --dry-run --picture plan.svg
+  cellwire run kawasaki logo.svg --listen 192.168.0.2:9105
+  cellwire run kawasaki pallet.csv --settings plant.toml --listen 192.168.0.2:9105
+  cellwire simulate kawasaki-robot --connect 127.0.0.1:9105     a robot to try it on";
+
+/// Returns true when every job is done.
+pub(super) fn run(args: &Args) -> Result<bool> {
+    execute(args).map_err(|error| args.work.set.located(error))
+}
+
+fn execute(args: &Args) -> Result<bool> {
+    let file = &args.file;
+    let is_somewhere = args.work.dry_run || args.listen.is_some() || args.connect_to.is_some();
+    ensure!(
+        is_somewhere,
+        "give --listen ADDR if the robot connects, --connect ADDR if it listens, or --dry-run"
+    );
+    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
+    let config = settings.plant.pc(settings.config)?;
+    let jobs = Jobs::read(file, &settings, args.allow.is_some())?;
+    if let Some(picture) = &args.work.picture {
+        jobs.draw(picture, settings.sheet())?;
+    }
+    if args.work.dry_run {
+        if file.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")) {
+            writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
+        }
+        log(&jobs.summary(config.limits.packet))?;
+        return Ok(true);
+    }
+    let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
+    let work = Work { file, what: "file of jobs", fingerprint, parts, lines: jobs.lines.clone() };
+    let run = |journal: &mut Journal, progress: &ProgressBar| {
+        serve(args, &settings, config, &jobs, journal, progress)
+    };
+    let ran = args.work.run(work, run)?;
+    let why = match ran.ended {
+        Ended::Complete => "complete",
+        Ended::Stopped => "stopped",
+        Ended::Refused { .. } => "refused",
+    };
+    let mut line = ended(&ran.journal, why, &machine(&ran.journal.tally()));
+    if let (Ended::Refused { active }, Some(fields)) = (&ran.ended, line.as_object_mut()) {
+        fields.insert("active_order".into(), json!(active));
+    }
+    Ok(ran.say(&line)? == Ended::Complete)
+}
+
+fn serve(
+    args: &Args,
+    settings: &Settings,
+    config: kawasaki_msg::PcConfig<'static>,
+    jobs: &Jobs,
+    journal: &mut Journal,
+    progress: &ProgressBar,
+) -> Result<Ended> {
+    let typed = work::operator(Bell::default())?;
+    let endpoint = match (&args.listen, &args.connect_to) {
+        (Some(address), _) => Endpoint::Listen(address.clone()),
+        (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
+    };
+    let dialing = args.work.set.dialing(None, args.work.connect)?;
+    let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, dialing)?;
+    ready("kawasaki", kind, &place)?;
+    say_resumed(journal)?;
+    let trace = args.trace.start("kawasaki-pc");
+    let (notify, progress) =
+        (&mut |event| progress.suspend(|| log(&event)), &mut work::shown(progress, journal, machine));
+    let operator = Operator::new(typed, notify, progress);
+    let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
+    let runner = Runner::new(jobs, config, journal, settings.order, absence, operator);
+    runner.run(&mut meeting, &trace)
+}
+
+/// The jobs that the robot still draws.
+fn machine(tally: &Tally) -> String {
+    match tally.queued {
+        0 => "the robot has no jobs of this file queued".into(),
+        queued => format!("the robot may still execute up to {queued} queued jobs"),
+    }
+}
+
+/// What can be set.
+pub(super) fn settings() -> Vec<settings::Setting> {
+    [settings::list(Settings::default()), connect_settings()].concat()
+}

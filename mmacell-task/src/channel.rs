@@ -80,7 +80,10 @@ impl Channel {
             // It is at rest somewhere, and it is unknown whether it should be there.
             Progress::Still if self.travels => return Err(Failure::Missed(Miss::Elsewhere)),
             Progress::Still => self.at_rest = true,
-            Progress::Missed(miss) => return Err(Failure::Missed(miss)),
+            Progress::Missed(miss) => {
+                self.at_rest = true;
+                return Err(Failure::Missed(miss));
+            }
         }
         Ok(())
     }

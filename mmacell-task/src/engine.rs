@@ -194,6 +194,8 @@ impl Task {
     fn holds(&self, now: Duration, trigger: Trigger) -> bool {
         match trigger {
             Trigger::Failed => self.failed,
+            // The devices are stopped first.
+            Trigger::Finish if self.step == Step::Faulted => self.asked == Some(trigger) && self.all_stopped(),
             Trigger::Finish | Trigger::Next => self.asked == Some(trigger),
             Trigger::Recover => self.asked == Some(trigger) && self.all_ready(),
             Trigger::Low => !self.switch,
@@ -311,13 +313,14 @@ impl Task {
             Step::AwaitCamera1 | Step::AwaitPick | Step::StopAtPart | Step::AwaitPlace | Step::GiveUp => {
                 &[Device::Robot]
             }
+            Step::Faulted if self.asked == Some(Trigger::Finish) => &[Device::Robot, Device::Platform],
             _ => &[],
         }
     }
 
     fn poll_at(&self, device: Device) -> Option<Duration> {
         let channel = self.channels.get(device as usize)?;
-        (channel.is_free() && !channel.at_rest).then_some(channel.poll_at)
+        (channel.ready && channel.is_free() && !channel.at_rest).then_some(channel.poll_at)
     }
 
     fn seen(&mut self, step: Step, found: bool) -> bool {
@@ -373,6 +376,12 @@ impl Task {
     fn all_at_rest(&self) -> bool {
         let at_rest = |device: &Device| self.channels.get(*device as usize).is_some_and(|c| c.at_rest);
         self.all_answered() && self.watched().iter().all(at_rest)
+    }
+
+    /// The orders are answered, and the devices that are there are at rest, wherever that is.
+    fn all_stopped(&self) -> bool {
+        let [robot, platform, ..] = &self.channels;
+        self.all_answered() && [robot, platform].iter().all(|device| !device.ready || device.at_rest)
     }
 
     fn all_answered(&self) -> bool {

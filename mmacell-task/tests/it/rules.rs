@@ -295,6 +295,46 @@ fn the_caller_aborts_from_any_step() {
     assert_eq!((task.step(), task.fault()), (Step::AwaitDevices, None), "there is nothing to stop");
 }
 
+/// An end that is requested at once does not take the place of the stop: the connections close when nothing moves any more.
+#[test]
+fn what_was_aborted_is_at_rest_before_the_connections_close() {
+    let mut task = task_at(Step::AwaitPlace);
+    task.handle_event(ZERO, Event::Abort);
+    task.handle_event(ZERO, Event::Finish);
+    let stops = [STOP, Output::Platform(Command::Stop)];
+    let given = poll(&mut task, ZERO);
+    assert!(stops.iter().all(|stop| given.contains(stop)), "{given:?}");
+    for device in [Device::Robot, Device::Platform, Device::Gripper] {
+        task.handle_event(ZERO, Event::Done(device));
+        poll(&mut task, ZERO);
+        task.handle_event(ZERO, Event::Done(Device::Gripper));
+    }
+    task.handle_event(ZERO, progress(Device::Platform, Progress::Still));
+    task.handle_event(ZERO, progress(Device::Robot, Progress::Stopping));
+    assert_eq!((task.step(), poll(&mut task, ZERO)), (Step::Faulted, vec![]), "the robot still moves");
+    assert_eq!(poll(&mut task, CONFIG.poll), [ASK_ROBOT]);
+    task.handle_event(CONFIG.poll, progress(Device::Robot, Progress::Still));
+    assert_eq!(task.step(), Step::Closing);
+}
+
+/// A device that is not there is not waited for, and one that has lost its motion is at rest.
+#[test]
+fn an_end_after_a_fault_waits_for_those_that_can_move() {
+    let mut task = task_at(Step::AwaitPick);
+    let lost = Event::Failed { device: Device::Platform, failure: Failure::Lost };
+    task.handle_event(ZERO, lost);
+    task.handle_event(ZERO, Event::Finish);
+    for _ in 0..3 {
+        poll(&mut task, ZERO);
+        task.handle_event(ZERO, Event::Done(Device::Robot));
+        task.handle_event(ZERO, Event::Done(Device::Gripper));
+    }
+    assert_eq!(task.step(), Step::Faulted);
+    poll(&mut task, ZERO);
+    task.handle_event(ZERO, progress(Device::Robot, Progress::Missed(Miss::Elsewhere)));
+    assert_eq!(task.step(), Step::Closing);
+}
+
 fn device() -> impl Strategy<Value = Device> {
     use Device::{Conditioning, Gripper, Platform, Robot, Vision};
     prop::sample::select(vec![Robot, Platform, Conditioning, Vision, Gripper])

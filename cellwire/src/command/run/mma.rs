@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::cell::run::Operator;
-use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
+use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Rest, Runner, Settings, Simulated};
 use crate::command::settings::connect_settings;
 use crate::io::bell::Bell;
 use crate::io::input;
@@ -91,7 +91,11 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
     let ran = args.work.run(work, run)?;
     let is_complete = ran.ended == Ended::Complete;
-    let machine = if ran.ended == (Ended::Stopped { at_rest: false }) { MAY_MOVE } else { "at rest" };
+    let machine = match ran.ended {
+        Ended::Complete | Ended::Stopped(Rest::AtRest) => "at rest",
+        Ended::Stopped(Rest::MayMove) => MAY_MOVE,
+        Ended::Stopped(Rest::NotAsked) => "the devices were not asked",
+    };
     let line = ended(&ran.journal, if is_complete { "complete" } else { "stopped" }, machine);
     ran.say(&line)?;
     Ok(is_complete)
@@ -108,7 +112,7 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     let operator = Operator::new(typed, notify, progress);
     let mut runner = Runner::new(journal, operator, bell.clone());
     if !runner.settle_begun()? {
-        return Ok(Ended::Stopped { at_rest: true });
+        return Ok(Ended::Stopped(Rest::NotAsked));
     }
     let dialing = args.work.set.dialing(Some(&args.file), args.work.connect)?;
     let address = |given: &Option<String>| given.clone().unwrap_or_default();

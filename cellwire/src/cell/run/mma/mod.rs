@@ -6,7 +6,7 @@ mod run;
 mod settings;
 
 pub use periphery::{Line, Periphery, Simulated};
-pub use run::{Addresses, Ended, Runner};
+pub use run::{Addresses, Ended, Rest, Runner};
 pub use settings::{Part, Settings};
 
 use crate::io::journal::{self, Outcome};

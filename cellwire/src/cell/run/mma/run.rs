@@ -37,10 +37,18 @@ pub enum Ended {
     /// Every part is placed.
     Complete,
     /// The operator has stopped it, or a question was not answered.
-    Stopped {
-        /// Whether the devices were told to stop, and have confirmed it, or nothing has moved.
-        at_rest: bool,
-    },
+    Stopped(Rest),
+}
+
+/// What is known of the devices at the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rest {
+    /// They report that they are at rest.
+    AtRest,
+    /// They may still finish their last motion.
+    MayMove,
+    /// They were not asked.
+    NotAsked,
 }
 
 /// A task that is run.
@@ -162,7 +170,11 @@ impl<'a> Runner<'a> {
         match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), lost) {
             (None, None, _) => Ok(Ended::Complete),
             (_, _, Some(why)) => Err(Lost(why.into()).into()),
-            _ => Ok(Ended::Stopped { at_rest: matches!(task.step(), Step::Finished | Step::AwaitDevices) }),
+            _ => Ok(Ended::Stopped(match task.step() {
+                Step::Finished => Rest::AtRest,
+                Step::AwaitDevices => Rest::NotAsked,
+                _ => Rest::MayMove,
+            })),
         }
     }
 
@@ -271,7 +283,10 @@ impl<'a> Runner<'a> {
             }
             Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
             Step::NothingFound => self.ask("a camera found nothing"),
-            Step::Faulted if self.stopping => task.handle_event(now(), Event::Finish),
+            Step::Faulted if self.stopping => {
+                self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+                task.handle_event(now(), Event::Finish);
+            }
             Step::Faulted => {
                 let why = match (lost, task.fault()) {
                     (Some(why), _) => why.into(),
@@ -336,6 +351,7 @@ impl<'a> Runner<'a> {
                 Some(word @ (Word::Stop | Word::Abort)) => {
                     self.stopping = true;
                     if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
+                        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
                         task.handle_event(now(), Event::Finish);
                     } else if word == Word::Abort {
                         self.abort(task);

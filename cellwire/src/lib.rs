@@ -76,7 +76,7 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
-/// lost, 4 standard output was closed or could not be written, 5 implausible telemetry was recorded, 6 a Modbus server refused a request,
+/// lost, 4 standard output could not be written, or the run stopped as it was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request,
 /// 7 a journal, a table or a recording could not be written, 8 a Modbus server may have executed a request without a reply.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
@@ -104,7 +104,7 @@ pub fn main() -> ExitCode {
     let status = match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
-        Err(error) if output::is_closed(&error) => ExitCode::from(4), // `cellwire decode … | head`
+        Err(error) if output::is_closed(&error) => ExitCode::SUCCESS, // `cellwire decode … | head`
         Err(error) => {
             remark(&format!("error: {error:#}"));
             ExitCode::from(match () {

@@ -195,7 +195,9 @@ impl Task {
         match trigger {
             Trigger::Failed => self.failed,
             // The devices are stopped first.
-            Trigger::Finish if self.step == Step::Faulted => self.asked == Some(trigger) && self.all_stopped(),
+            Trigger::Finish if self.step == Step::Faulted => {
+                self.asked == Some(trigger) && self.all_stopped()
+            }
             Trigger::Finish | Trigger::Next => self.asked == Some(trigger),
             Trigger::Recover => self.asked == Some(trigger) && self.all_ready(),
             Trigger::Low => !self.switch,

@@ -2,10 +2,10 @@
 //!
 //! One JSON object a line, and its checksum: first the head, which names the work, then the entries. Each is on the disk before
 //! [`note`](Journal::note) returns. A run that notes parts as unknown before it sends them leaves these unknown when it is killed, and no
-//! others.
+//! others. The head is written with the first entry: a run that sends nothing leaves the journal as it was, with `again` too, and a journal
+//! without an entry is of no work.
 //!
 //! The checksum is the CRC-32 of all lines up to this one, in hex: a changed digit, a missing line and lines in another sequence are damage.
-//! Earlier versions wrote lines without checksums: such lines are read at the beginning of a journal.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -156,14 +156,17 @@ pub struct Journal<R> {
     path: PathBuf,
     file: File,
     record: R,
+    head: Head,
+    /// The file has the head and an entry of this work.
+    is_begun: bool,
     /// The bytes of its whole lines, and their checksum.
     length: u64,
     sum: u32,
 }
 
 impl<R: Record> Journal<R> {
-    /// Opens the journal of the work of this fingerprint, or begins it. With `again`, what it says of an earlier run is forgotten.
-    /// `work` is what people call it.
+    /// Opens the journal of the work of this fingerprint, which may be none yet. With `again`, what it says of an earlier run is replaced by
+    /// the first entry. `work` is what people call it.
     ///
     /// # Errors
     /// When another process has it open, or it is the journal of other work, or none.
@@ -181,13 +184,10 @@ impl<R: Record> Journal<R> {
         if FileExt::try_lock(&file).is_err() {
             bail!("another process is running this {work}: it has locked {}", path.display());
         }
-        if again {
-            file.set_len(0).with_context(what)?;
-        }
-        let head = Head { work: fingerprint, parts };
-        let mut journal = Self { path: path.to_owned(), file, record: R::new(parts), length: 0, sum: 0 };
-        if !journal.read(work, &head).with_context(what)? {
-            journal.append(&head).with_context(|| format!("cannot write the journal {}", path.display()))?;
+        let (head, record, is_begun) = (Head { work: fingerprint, parts }, R::new(parts), false);
+        let mut journal = Self { path: path.to_owned(), file, record, head, is_begun, length: 0, sum: 0 };
+        if !again {
+            journal.read(work).with_context(what)?;
         }
         Ok(journal)
     }
@@ -240,11 +240,25 @@ impl<R: Record> Journal<R> {
     /// # Errors
     /// [`Unwritten`] if the disk does not accept it.
     pub fn note(&mut self, entry: &R::Entry) -> Result<()> {
-        self.append(entry).map_err(|why| {
+        self.write_head().and_then(|()| self.append(entry)).map_err(|why| {
             let path = self.path.clone();
             Unwritten { path, why, entry: entry.to_string() }
         })?;
         self.record.take(entry).context("the journal's entries do not fit: please report this as a bug")
+    }
+
+    /// Writes the head, before the first entry.
+    fn write_head(&mut self) -> io::Result<()> {
+        if self.is_begun {
+            return Ok(());
+        }
+        let head = serde_json::to_value(&self.head)?;
+        self.file.set_len(0)?;
+        self.file.seek(SeekFrom::Start(0))?;
+        (self.length, self.sum) = (0, 0);
+        self.append(&head)?;
+        self.is_begun = true;
+        Ok(())
     }
 
     /// After an error the file is as it was before, as far as the disk permits that.
@@ -262,11 +276,11 @@ impl<R: Record> Journal<R> {
         Ok(())
     }
 
-    /// Reads the file; false when it is empty. A last line without a line feed was not written completely, and is removed.
-    fn read(&mut self, work: &str, head: &Head) -> Result<bool> {
+    /// Reads the file. A last line without a line feed was not written completely, and is removed.
+    fn read(&mut self, work: &str) -> Result<()> {
         self.file.seek(SeekFrom::Start(0))?;
         let mut reader = BufReader::new(self.file.try_clone()?);
-        let (mut line, mut number, mut has_sums) = (Vec::new(), 0_u64, false);
+        let (mut line, mut number, mut is_this) = (Vec::new(), 0_u64, true);
         loop {
             line.clear();
             let length = reader.read_until(b'\n', &mut line)? as u64;
@@ -274,9 +288,12 @@ impl<R: Record> Journal<R> {
             number += 1;
             let (text, sum) = split(text);
             self.sum = checksum(self.sum, text);
-            let is_whole = sum.map_or(!has_sums, |sum| sum == self.sum);
-            has_sums |= sum.is_some();
+            let is_whole = sum == Some(self.sum);
             if number > 1 {
+                ensure!(
+                    is_this,
+                    "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
+                );
                 let entry =
                     Some(text).filter(|_| is_whole).and_then(|text| serde_json::from_slice(text).ok());
                 let taken = entry.and_then(|entry| self.record.take(&entry));
@@ -285,17 +302,16 @@ impl<R: Record> Journal<R> {
                 let found = Some(text)
                     .filter(|_| is_whole)
                     .and_then(|text| serde_json::from_slice::<Head>(text).ok());
-                let found = found.with_context(|| self.damage(work, number))?;
-                ensure!(
-                    found == *head,
-                    "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
-                );
+                is_this = found.with_context(|| self.damage(work, number))? == self.head;
             }
             self.length += length;
         }
-        self.file.set_len(self.length)?;
-        self.file.seek(SeekFrom::Start(self.length))?;
-        Ok(number > 0)
+        self.is_begun = number > 1;
+        if self.is_begun {
+            self.file.set_len(self.length)?;
+            self.file.seek(SeekFrom::Start(self.length))?;
+        }
+        Ok(())
     }
 
     /// The error of a damaged line: the outcomes that are still known, and the way on.
@@ -427,25 +443,51 @@ mod tests {
         }
     }
 
-    /// They have no checksums; what cannot be is damage there, too.
     #[test]
-    fn lines_of_earlier_versions_are_read_and_none_comes_after_a_checksum() {
+    fn what_is_out_of_range_is_damage_and_so_is_a_line_without_a_checksum() {
         let written = Written::new();
         let lines = &written.1;
-        let old: Vec<String> = lines.iter().map(|line| line[..line.len() - 9].to_owned()).collect();
-        assert_eq!(written.open(&old), Ok(vec![Outcome::Done; 7]));
+        let plain: Vec<String> = lines.iter().map(|line| line[..line.len() - 9].to_owned()).collect();
+        let summed = |lines: &[String]| -> Vec<String> {
+            let mut sum = 0;
+            let with_sum = |line: &String| {
+                sum = checksum(sum, line.as_bytes());
+                format!("{line} {sum:08x}")
+            };
+            lines.iter().map(with_sum).collect()
+        };
+        assert_eq!(written.open(&summed(&plain)), Ok(vec![Outcome::Done; 7]));
         for line in [
             r#"{"outcome":"done","first":0,"count":9}"#,
             r#"{"outcome":"done","first":7,"count":1}"#,
             r#"{"outcome":"done","first":18446744073709551615,"count":2}"#,
             r#"{"outcome":"done","first":0,"count":0}"#,
         ] {
-            let mut changed = old.clone();
+            let mut changed = plain.clone();
             changed[2] = line.into();
-            assert!(written.open(&changed).unwrap_err().contains("line 3 is damaged"), "{line}");
+            assert!(written.open(&summed(&changed)).unwrap_err().contains("line 3 is damaged"), "{line}");
         }
         let mut mixed = lines.clone();
-        mixed[4] = old[4].clone();
+        mixed[4] = plain[4].clone();
         assert!(written.open(&mixed).unwrap_err().contains("line 5 is damaged"));
+    }
+
+    #[test]
+    fn a_run_that_does_nothing_leaves_its_journal_and_one_without_an_entry_is_of_no_work() {
+        let written = Written::new();
+        let path = written.0.path().join("plate.journal");
+        let open = |work: &str, again| {
+            Journal::<Vec<Outcome>>::open(&path, "plate", work.into(), 7, again)
+                .map(|it| it.outcomes().into_owned())
+        };
+        assert_eq!(open("5a", true).unwrap(), [Outcome::NotSent; 7]);
+        assert_eq!(open("5a", false).unwrap(), [Outcome::Done; 7]);
+        assert!(format!("{:#}", open("5b", false).unwrap_err()).contains("it belongs to another plate"));
+        std::fs::write(&path, format!("{}\n", written.1[0])).unwrap();
+        assert_eq!(open("5b", false).unwrap(), [Outcome::NotSent; 7]);
+        let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5b".into(), 7, false).unwrap();
+        journal.note(&Span { outcome: Outcome::Done, first: 0, count: 2 }).unwrap();
+        drop(journal);
+        assert_eq!(open("5b", false).unwrap().iter().filter(|it| **it == Outcome::Done).count(), 2);
     }
 }

@@ -281,7 +281,7 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
             "coil.jsonl",
             &format!("{{\"unit\":1,\"function\":1,\"address\":{},\"quantity\":1}}", number - 1),
         );
-        object(&folder.run(&format!("modbus {address} coil.jsonl")))["bits"][0] == true
+        object(&folder.run(&format!("modbus send {address} coil.jsonl")))["bits"][0] == true
     };
     let wait = |condition: &dyn Fn() -> bool| {
         let begin = Instant::now();
@@ -300,7 +300,7 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
     write("position", "150", target);
     write("real", "2", "200");
     folder.write("go.jsonl", "{\"unit\":1,\"function\":5,\"address\":20000,\"value\":true}");
-    assert_eq!(folder.run(&format!("modbus {address} go.jsonl")).status.code(), Some(0));
+    assert_eq!(folder.run(&format!("modbus send {address} go.jsonl")).status.code(), Some(0));
     wait(&|| coil(8));
     assert_eq!(read("string", 300), "MOVING");
     assert!(

@@ -53,7 +53,7 @@ fn every_format_gives_the_same_options() {
         let (code, out, said) = identify(&format!("--format {format} --json"), &file);
         assert_eq!((code, said.as_str()), (Some(0), ""), "{format}: {out}");
         let line: Value = serde_json::from_str(&out).unwrap();
-        assert_eq!(line["findings"][0]["link"], "val2-alter", "{format}");
+        assert_eq!(line["findings"][0]["link"], "alter", "{format}");
         assert_eq!(line["findings"][0]["messages"], 20, "{format}");
         assert_eq!(option(&line, "leading_dle")["value"], 1, "{format}");
         assert_eq!(option(&line, "negated_sum")["decided"], "bytes", "{format}");
@@ -73,7 +73,7 @@ fn what_is_written_decodes_the_capture() {
     let (code, out, said) = identify(&format!("--rust --write {}", settings.display()), &file);
     assert_eq!((code, said.as_str()), (Some(0), ""));
     assert!(
-        out.contains("It is val2-alter:") && out.contains("Framing { leading_dle: LeadingDle::One, "),
+        out.contains("It is alter:") && out.contains("Framing { leading_dle: LeadingDle::One, "),
         "{out}"
     );
     let text = fs::read_to_string(&settings).unwrap();

@@ -176,7 +176,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         drop(robot);
         let (code, said) = run.end();
         assert_eq!(code, Some(3), "{said}");
-        assert!(said.contains("the robot has been disconnected for 1 s"), "{said}");
+        assert!(said.contains("the robot has been disconnected for 1s"), "{said}");
         let executed = cell.executed().len();
 
         // Another one has forgotten the order. Nobody answers: nothing is sent.

@@ -87,6 +87,7 @@ fn a_program_is_run_once() {
     let program = cell.program(50);
     let out = cell.path("outcomes.csv");
     let run = cell.run(&program, &["--outcomes", out.to_str().unwrap()]);
+    assert_eq!(run.line()["ready"], "laser");
     let first = run.line();
     assert_eq!((&first["event"], &first["first"], &first["count"]), (&"done".into(), &1.into(), &7.into()));
     assert_eq!(first["lines"], serde_json::json!([2, 8]));
@@ -99,7 +100,7 @@ fn a_program_is_run_once() {
     assert_eq!(cell.queued(50), 50);
     let table = fs::read_to_string(&out).unwrap();
     assert_eq!(table.lines().count(), 51);
-    assert_eq!(table.lines().nth(50), Some("50,51,0x0101,done"));
+    assert_eq!(table.lines().nth(50), Some("50,51,done"));
 
     // Again: not without being told to.
     let (code, said) = cell.run(&program, &[]).end();

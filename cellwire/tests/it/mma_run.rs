@@ -92,11 +92,11 @@ fn every_part_is_placed_once() {
     }
     let ended = run.event("ended");
     assert_eq!(
-        (&ended["why"], &ended["placed"], &ended["begun"]),
+        (&ended["why"], &ended["done"], &ended["unknown"]),
         (&"complete".into(), &3.into(), &0.into())
     );
     assert_eq!(run.end().0, Some(0));
-    assert_eq!(fs::read_to_string(&out).unwrap(), "part,state\n1,placed\n2,placed\n3,placed\n");
+    assert_eq!(fs::read_to_string(&out).unwrap(), "number,line,outcome\n1,4,done\n2,8,done\n3,12,done\n");
     assert_eq!(cell.robot.moves().len(), 7, "home, and for each part to it and to its place");
 
     // Again: not without being told to, and the robot does not move.
@@ -108,7 +108,7 @@ fn every_part_is_placed_once() {
     assert!(said.contains("it belongs to another task"), "{said}");
     assert_eq!(cell.robot.moves(), [] as [Value; 0]);
     let run = cell.run(3, &["--again"]);
-    assert_eq!(run.event("ended")["placed"], 3);
+    assert_eq!(run.event("ended")["done"], 3);
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     let question = run.event("question");
     assert_eq!(question["part"], 2);
     let ended = run.event("ended");
-    assert_eq!((&ended["why"], &ended["placed"], &ended["begun"]), (&"stopped".into(), &1.into(), &1.into()));
+    assert_eq!((&ended["why"], &ended["done"], &ended["unknown"]), (&"stopped".into(), &1.into(), &1.into()));
     assert_eq!(run.end().0, Some(1));
     // The operator has put it into its place: it is not picked again.
     let mut run = cell.run(3, &[]);
@@ -138,7 +138,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     run.event("hint");
     run.say("done");
     assert_eq!(run.event("placed")["part"], 3);
-    assert_eq!(run.event("ended")["placed"], 3);
+    assert_eq!(run.event("ended")["done"], 3);
     assert_eq!(run.end().0, Some(0));
 }
 
@@ -157,7 +157,7 @@ fn a_lost_connection_is_a_question_and_an_error_if_it_is_not_regained() {
     cell.robot = Device::start("mma-robot", &address, 200);
     run.say("repeat");
     assert_eq!(run.event("placed")["part"], 1);
-    assert_eq!(run.event("ended")["placed"], 2);
+    assert_eq!(run.event("ended")["done"], 2);
     assert_eq!(run.end().0, Some(0));
 
     // It does not come back.
@@ -186,7 +186,7 @@ fn it_pauses_between_parts_and_stops_at_once_when_told() {
     step(&run, "await_pick");
     run.say("abort");
     let ended = run.event("ended");
-    assert_eq!((&ended["why"], &ended["placed"], &ended["begun"]), (&"stopped".into(), &1.into(), &1.into()));
+    assert_eq!((&ended["why"], &ended["done"], &ended["unknown"]), (&"stopped".into(), &1.into(), &1.into()));
     assert_eq!(run.end().0, Some(1));
 }
 

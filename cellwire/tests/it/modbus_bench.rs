@@ -308,7 +308,11 @@ fn a_write_is_confirmed_by_what_the_server_holds_afterwards() {
     assert_eq!(found.len(), 6);
     assert!(found.iter().all(|reply| reply["confirmed"] == true), "{found:?}");
     let reads = "{\"unit\":1,\"function\":3,\"address\":1000,\"quantity\":4}\n";
-    assert_eq!(lines(&ask(&["send", "--confirm", &simulator.address], reads))[0].get("confirmed"), None, "no write");
+    assert_eq!(
+        lines(&ask(&["send", "--confirm", &simulator.address], reads))[0].get("confirmed"),
+        None,
+        "no write"
+    );
     // A server that forgets.
     let address = serve(ServerConfig::tcp(), || Forgetful);
     let writes = "{\"unit\":1,\"function\":16,\"address\":1,\"values\":[1,2]}\n\

@@ -199,7 +199,7 @@ fn what_cannot_be_played_is_said() {
     for (arguments, expected) in [
         (
             format!("fanuc-hmi-modbus --as robot --listen 0 {capture}"),
-            "no end `robot` of fanuc-hmi-modbus: use --as client or --as server",
+            "no end `robot` of fanuc: use --as client or --as server",
         ),
         (
             format!("fanuc-hmi-modbus --as client --listen 0 --conversation 2 {capture}"),

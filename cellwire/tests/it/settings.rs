@@ -46,15 +46,12 @@ fn settings_inside_others_are_listed() {
     );
     has(device("kawasaki-pc"), &["messages.job.fields", "silence"]);
     let demo = |link: &str| cellwire::cell::demo::settings(link);
-    has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
-    has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
-    has(demo("val2-viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);
-    has(
-        demo("fanuc-hmi-modbus"),
-        &["poll", "word_order", "client.settle", "server.unit", "server.broadcast"],
-    );
-    has(demo("isra-ball"), &["baud", "period", "max_age", "sensor"]);
-    has(demo("mmacell-proto"), &["parts", "task.grip_dwell", "task.robot_home", "central.tolerance"]);
+    has(demo("kawasaki"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
+    has(demo("laser"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
+    has(demo("viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);
+    has(demo("fanuc"), &["poll", "word_order", "client.settle", "server.unit", "server.broadcast"]);
+    has(demo("ball"), &["baud", "period", "max_age", "sensor"]);
+    has(demo("mma"), &["parts", "task.grip_dwell", "task.robot_home", "central.tolerance"]);
     has(device("mma-robot"), &["accepts.itr", "writes.clos", "refusal", "speed", "drop_every"]);
 }
 
@@ -91,10 +88,8 @@ fn help_lists_the_settings_with_values_and_defaults() {
         help(&["demo", "fanuc-hmi-modbus", "--help"])
             .contains("  client.timeout = 1s    (a time above 0, or never)")
     );
-    assert!(help(&["decode", "isra-ball", "--help"]).contains("isra-ball has no settings."));
-    assert!(
-        help(&["encode", "val2-alter", "--help"]).contains("Sides of val2-alter, for --from: robot, host")
-    );
+    assert!(help(&["decode", "isra-ball", "--help"]).contains("ball has no settings."));
+    assert!(help(&["encode", "val2-alter", "--help"]).contains("Sides of alter, for --from: robot, host"));
     for command in [&["modbus", "send"][..], &["modbus", "scan"], &["modbus", "poll"]] {
         let text = help(&[command, &["--help"]].concat());
         for line in ["  any_unit = false    (true or false)", "  silence = ", "  stall = "] {

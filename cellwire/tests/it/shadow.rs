@@ -95,7 +95,7 @@ fn a_server_of_modbus_and_its_client_are_not_complained_about() {
     std::fs::write(&file, requests + "{\"unit\":1,\"function\":4,\"address\":60000,\"quantity\":9}\n")
         .unwrap();
     let (status, replies, error) =
-        run(cellwire(&format!("modbus {} --confirm {}", tap.address(), file.display())));
+        run(cellwire(&format!("modbus send {} --confirm {}", tap.address(), file.display())));
     assert_eq!(status, Some(6), "{error}");
     assert_eq!(replies.lines().count(), 151, "{error}");
     let mut exceptions = 0;
@@ -133,7 +133,7 @@ fn a_central_controller_and_both_its_devices_are_not_complained_about() {
         path("task.toml").display()
     )));
     assert_eq!(status, Some(0), "{error}");
-    assert!(lines.lines().last().unwrap().contains("\"placed\":5"), "{lines}");
+    assert!(lines.lines().last().unwrap().contains("\"done\":5"), "{lines}");
     for (tap, capture, _, name) in &mut taps {
         let mut replies = 0;
         loop {

@@ -176,8 +176,8 @@ fn a_part_that_was_begun_is_placed_and_another_one_is_not_begun() {
         mma_run::step(&run.0, "go_pick");
         run.stop(stop);
         let ended = run.stopped();
-        let [placed, begun] = ["placed", "begun"].map(|name| number(&ended, name));
-        assert_eq!((placed, begun), (1, 0), "{input:?}, {stop:?}: {ended}");
+        let [done, unknown] = ["done", "unknown"].map(|name| number(&ended, name));
+        assert_eq!((done, unknown), (1, 0), "{input:?}, {stop:?}: {ended}");
         assert_eq!(ended["machine"], "at rest");
     }
     // The robot has not gone to a part: it stops on its way.
@@ -186,7 +186,7 @@ fn a_part_that_was_begun_is_placed_and_another_one_is_not_begun() {
     mma_run::step(&run.0, "await_home");
     run.0.signal("-TERM");
     let ended = run.stopped();
-    assert_eq!([number(&ended, "placed"), number(&ended, "begun"), number(&ended, "waiting")], [0, 0, 3]);
+    assert_eq!([number(&ended, "done"), number(&ended, "unknown"), number(&ended, "not_sent")], [0, 0, 3]);
     assert_eq!(ended["machine"], "at rest");
 }
 
@@ -280,7 +280,7 @@ fn a_stop_has_a_limit() {
             let run = Run::start(&cell.arguments(3, &["--set", "task.place_dwell=10min"]), Input::Null);
             mma_run::step(&run.0, "place_dwell");
             let ended = ended(run);
-            assert_eq!((&ended["machine"], &ended["begun"]), (&"at rest".into(), &1.into()));
+            assert_eq!((&ended["machine"], &ended["unknown"]), (&"at rest".into(), &1.into()));
         });
     });
 }
@@ -293,7 +293,7 @@ fn a_demo_that_is_interrupted_says_how_far_it_was() {
         thread::sleep(Duration::from_secs(2));
         run.0.signal(signal);
         let said = ended_at_once(run);
-        let line = said.lines().find(|line| line.contains("laser-eb90: interrupted at ")).expect(&said);
+        let line = said.lines().find(|line| line.contains("laser: interrupted at ")).expect(&said);
         assert!(line.ends_with("; its devices were simulated, and have ended"), "{line}");
     }
 }
@@ -416,7 +416,7 @@ fn a_run_whose_output_is_closed_stops_with_nothing_unknown() {
     command.args(["-c", "\"$@\" | head -1; exit ${PIPESTATUS[0]}", "bash", env!("CARGO_BIN_EXE_cellwire")]);
     command.args(cell.arguments(&program, &["--set", "baud=9600"])).stdin(Stdio::null());
     let run = Tool::spawn(command);
-    assert_eq!(run.line()["event"], "done");
+    assert_eq!(run.line()["ready"], "laser");
     let (code, said) = run.end();
     assert_eq!(code, Some(4), "{said}");
     // The line is on standard error then.

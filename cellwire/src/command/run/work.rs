@@ -13,7 +13,7 @@ use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::{self, Typed};
 use crate::io::journal::{self, Journal, Outcome, Record, Tally, Unwritten};
-use crate::io::output::{EventArgs, log, remark};
+use crate::io::output::{self, EventArgs, log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
 
@@ -131,7 +131,11 @@ impl<R, T> Ran<R, T> {
     /// # Errors
     /// When neither standard output nor the table of `--outcomes` could be written.
     pub(super) fn say(self, line: &Value) -> Result<T> {
-        log(line).inspect_err(|_| remark(&line.to_string()))?;
+        log(line).map_err(|error| {
+            remark(&line.to_string());
+            // A run that stops because nobody reads what it says is not done.
+            if output::is_closed(&error) { output::Unwritten.into() } else { error }
+        })?;
         self.table?;
         Ok(self.ended)
     }

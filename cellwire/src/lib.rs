@@ -11,6 +11,7 @@ pub mod links;
 
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::telemetry::plausibility::Implausible;
@@ -22,36 +23,63 @@ use self::io::drive::Lost;
 use self::io::files;
 use self::io::journal::Unwritten;
 use self::io::output::{self, remark};
-use cellwire_links::settings::Setting;
 
-/// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
-///
-/// LINK is the name of a link's crate, such as kawasaki-msg. Bytes are hex unless --format selects another form; messages are
-/// JSON objects, one per line, so that decode, jq and encode can be combined in a pipe.
+/// Tests robot links without a robot, and runs jobs on real ones
 #[derive(Parser)]
-#[command(version, propagate_version = true, after_help = EXAMPLES)]
+#[command(version, propagate_version = true, max_term_width = 80, after_help = ENDING)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
-const EXAMPLES: &str = "\
+/// What `cellwire --help` prints, before what it ends with.
+const HELP: &str = "\
+Tests robot links without a robot, and runs jobs on real ones
+
+Usage: cellwire <COMMAND>
+
+Try it; nothing else is needed
+  demo      Run every link against its simulated robot
+  simulate  Be a robot that your own program talks to
+
+Look at a link
+  ports     List the serial ports of this machine
+  tap       Show and record what two ends say: in between, or only listening
+  identify  Find out which link a recording is, and its settings
+  decode    Turn bytes or a recording into messages, one JSON object per line
+  encode    Turn messages into bytes
+  replay    Play one end of a recording against your program
+
+Work with a machine
+  run       Run a file of jobs on a kawasaki, laser or mma, each job once
+  alter     Steer an arm with a ball, a 3D mouse, a game pad or the keyboard
+  fanuc     Log a FANUC's telemetry, compare it; read and write variables
+  modbus    Send Modbus requests; scan for units; poll values
+  ls        Check, edit, make and simulate FANUC LS programs
+
+About cellwire
+  settings  Print the settings of a command as a file for --settings
+  help      Explain a command, such as: cellwire help run laser
+
+Links: kawasaki, alter, viewer, ball, fanuc, laser, mma; or their crates' names
+
+Options:
+  -h, --help     Print this; after a command -h is short, --help is all of it
+  -V, --version  Print the version
+";
+
+const ENDING: &str = "\
 Examples:
-  cellwire demo                                        every link end to end, one table each
-  cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
-  cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
-  cellwire identify --format pcap capture.pcapng       which link it is, and which options match the bytes
-  cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
-  cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell; COM1, COM2 on Windows
-  cellwire ports                                       the serial ports of this machine, with their adapters
-  cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
+  cellwire demo laser --out sheet.svg
+  cellwire simulate fanuc --listen 5020
+  cellwire decode kawasaki monday.pcapng
+  cellwire run laser part.nc --dry-run --picture part.svg
 
 Exit status:
-  0 success   1 corrupt input, or a failed check   2 the command could not be run
-  3 a connection was lost   4 standard output was closed, or could not be written
-  5 implausible telemetry was recorded   6 a Modbus server refused a request
-  7 a journal, a table or a recording could not be written
-  8 a Modbus server may have executed a request without a reply   130 a signal ended the command";
+  0 done   1 a check failed, or stopped   2 not begun   3 the connection is lost
+  4 standard output could not be written   5 implausible telemetry
+  6 a Modbus server refused   7 a file could not be written
+  8 a request may have been executed   130 ended by a signal";
 
 #[derive(Subcommand)]
 enum Command {
@@ -62,16 +90,22 @@ enum Command {
     Simulate(simulate::Args),
     Tap(tap::Args),
     Replay(replay::Args),
+    #[command(hide = true)]
     Capture(capture::Args),
+    #[command(hide = true)]
     Extcap(extcap::Args),
     Modbus(modbus::Args),
     Ports(ports::Args),
     Fanuc(fanuc::Args),
     Run(run::Args),
     Ls(ls::Args),
+    #[command(hide = true)]
     Vectors(vectors::Args),
     Alter(alter::Args),
+    Settings(settings::Args),
+    #[command(hide = true)]
     Completions(manual::Completions),
+    #[command(hide = true)]
     Man(manual::Man),
 }
 
@@ -98,6 +132,7 @@ pub fn main() -> ExitCode {
         Command::Ls(args) => ls::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
+        Command::Settings(args) => settings::run(&args),
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };
@@ -123,57 +158,54 @@ pub fn main() -> ExitCode {
 }
 
 fn parse() -> Cli {
-    match Cli::from_arg_matches(&command_line().get_matches()) {
+    let matches = command_line().try_get_matches().map_err(|mut error| {
+        suggest(&mut error);
+        error
+    });
+    match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     }
 }
 
-/// Makes the settings of a command.
-type Settings = fn() -> Vec<Setting>;
+/// Names that people try, which are not similar to that of the command that does it.
+fn suggest(error: &mut clap::Error) {
+    let Some(ContextValue::String(name)) = error.get(ContextKind::InvalidSubcommand) else { return };
+    let command = match name.as_str() {
+        "laser" | "mma" | "kawasaki" => format!("run {name}"),
+        "read" | "write" => "send".to_owned(),
+        "draw" => "run".to_owned(),
+        _ => return,
+    };
+    error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![command]));
+}
 
-/// The command line; the help of a command lists the settings of the link or device that is named beside it. What no argument names is
-/// left as it is derived: a start would take twice as long.
+/// The command line; the help of a command ends with the settings of what is named beside it. What no argument names is left as it is
+/// derived: a start would take twice as long.
 fn command_line() -> clap::Command {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
-    let mut command = Cli::command();
+    let mut command = Cli::command().override_help(format!("{HELP}\n{ENDING}\n"));
     // The manual has a page for each.
     let named = |name| arguments.iter().any(|argument| argument == name || argument == "man");
     for name in ["decode", "encode", "tap", "replay", "simulate", "demo", "alter"] {
         if named(name) {
-            command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
+            command = command.mut_subcommand(name, |it| with_settings(it, name, &arguments));
         }
     }
-    let settings: [(&str, &str, Settings); 9] = [
-        ("run", "kawasaki", || run::settings("kawasaki")),
-        ("run", "laser", || run::settings("laser")),
-        ("run", "mma", || run::settings("mma")),
-        ("modbus", "send", modbus::settings),
-        ("modbus", "scan", modbus::settings),
-        ("modbus", "poll", modbus::settings),
-        ("fanuc", "log", fanuc::settings),
-        ("fanuc", "read", fanuc::settings),
-        ("fanuc", "write", fanuc::settings),
-    ];
-    for (name, inner, settings) in settings.into_iter().filter(|(name, inner, _)| named(name) && named(inner))
-    {
-        command =
-            command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings())));
+    let inner = ["kawasaki", "laser", "mma"].map(|robot| ("run", robot)).into_iter();
+    let inner = inner.chain(["send", "scan", "poll"].map(|name| ("modbus", name)));
+    for (name, inner) in inner.chain(["log", "read", "write"].map(|name| ("fanuc", name))) {
+        if named(name) && named(inner) {
+            let words = [name.to_owned(), inner.to_owned()];
+            command = command
+                .mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, name, &words)));
+        }
     }
     command
 }
 
-/// The command, whose long help ends with these settings.
-fn with_settings(command: clap::Command, settings: &[Setting]) -> clap::Command {
+/// The command, whose long help ends with settings.
+fn with_settings(command: clap::Command, name: &str, arguments: &[String]) -> clap::Command {
     let before = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
-    // Those of the command itself come first: a plant's tables are long.
-    let (tables, own): (Vec<_>, Vec<_>) =
-        settings.iter().cloned().partition(|it| it.name.contains('.') || it.name == "job");
-    let (own, tables) = (settings::lines(&own), settings::lines(&tables));
-    let between = if own.is_empty() || tables.is_empty() {
-        ""
-    } else {
-        "\nIn tables, for a settings file rather than --set:\n\n"
-    };
-    command.after_long_help(format!("{before}Settings, for --set and --settings:\n\n{own}{between}{tables}"))
+    command.after_long_help(format!("{before}{}", settings::help(name, arguments)))
 }

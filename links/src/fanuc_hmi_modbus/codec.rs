@@ -15,7 +15,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is none of these.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let settings = settings::read("fanuc-hmi-modbus", ViewSettings::default(), settings)?;
+    let settings = settings::read("fanuc", ViewSettings::default(), settings)?;
     let framing = settings.framing();
     let side = if side == "client" { Side::Client } else { Side::Server };
     let view = settings.telemetry.then_some(settings.word_order);

@@ -28,7 +28,7 @@ pub(super) const OPEN: Open = Open {
     ],
     reads_more: &[],
     rust: |given, carrier| {
-        let settings = settings::read("fanuc-hmi-modbus", ViewSettings::default(), given)?;
+        let settings = settings::read("fanuc", ViewSettings::default(), given)?;
         let rtu = |baud: u32| format!("Framing::Rtu {{ silence: timing::silence({baud}) }}");
         let framing = match (settings.frames, carrier) {
             (Frames::Tcp, _) => "Framing::Tcp".into(),

@@ -28,7 +28,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
             client.insert(shared.into(), value.clone());
         }
     }
-    let view = settings::read("fanuc-hmi-modbus", ViewSettings::default(), setup.settings)?;
+    let view = settings::read("fanuc", ViewSettings::default(), setup.settings)?;
     if view.frames == Frames::Rtu {
         let framing = if setup.is_serial { "rtu" } else { "rtu_over_tcp" };
         client.entry("framing").or_insert_with(|| framing.into());

@@ -11,7 +11,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is given: the link has none.
 pub(super) fn ball(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    settings::read("isra-ball", (), settings)?;
+    settings::read("ball", (), settings)?;
     Ok(codec(Decoder::new(), Ball))
 }
 

@@ -16,7 +16,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is another.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let CodecSettings { plant, roles } = settings::read("kawasaki-msg", CodecSettings::default(), settings)?;
+    let CodecSettings { plant, roles } = settings::read("kawasaki", CodecSettings::default(), settings)?;
     let (charset, dialect) =
         (plant.charset, plant.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP })?.dialect);
     Ok(match roles {

@@ -15,7 +15,7 @@ pub(super) const OPEN: Open = Open {
     }],
     reads_more: &[],
     rust: |given, _| {
-        let settings = settings::read("kawasaki-msg", CodecSettings::default(), given)?;
+        let settings = settings::read("kawasaki", CodecSettings::default(), given)?;
         let charset = settings.plant.charset;
         Ok(format!("use kawasaki_msg::Charset;\n\nfn charset() -> Charset {{\n    Charset::{charset:?}\n}}"))
     },

@@ -12,7 +12,7 @@ use crate::settings::{self, Configure, Fields};
 /// # Errors
 /// When a setting is no field of `Profile`.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let Options { profile, .. } = settings::read("laser-eb90", Options::default(), settings)?;
+    let Options { profile, .. } = settings::read("laser", Options::default(), settings)?;
     Ok(codec(Decoder::new(&profile), Eb90 { profile }))
 }
 

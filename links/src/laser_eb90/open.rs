@@ -30,7 +30,7 @@ pub(super) const OPEN: Open = Open {
     ],
     reads_more: &[("tail", "either", "a frame that ends 90 83")],
     rust: |given, _| {
-        let profile = settings::read("laser-eb90", Profile::default(), given)?;
+        let profile = settings::read("laser", Profile::default(), given)?;
         let enums = [("tail", "Tail"), ("flag", "Flag"), ("checksum", "Width"), ("byte_order", "ByteOrder")];
         let text = enums.iter().fold(format!("{profile:?}"), |text, (field, of)| {
             text.replace(&format!(" {field}: "), &format!(" {field}: {of}::"))
@@ -68,7 +68,7 @@ type Sizes = Vec<(u8, usize)>;
 
 /// The tags with which most payloads fall into items.
 fn tags(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Value> {
-    let Ok(profile) = settings::read("laser-eb90", Profile::default(), given) else { return Vec::new() };
+    let Ok(profile) = settings::read("laser", Profile::default(), given) else { return Vec::new() };
     let payloads: Vec<Vec<u8>> =
         streams.iter().flat_map(|bytes| payloads(bytes, &profile)).take(MOST).collect();
     let mut found = Vec::new();

@@ -15,7 +15,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is no field of `Dialect`.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let dialect = settings::read("mmacell-proto", Dialect::STRICT, settings)?;
+    let dialect = settings::read("mma", Dialect::STRICT, settings)?;
     let side = match side {
         "central" => Side {
             dialect,

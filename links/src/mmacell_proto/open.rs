@@ -30,7 +30,7 @@ pub(super) const OPEN: Open = Open {
     ],
     reads_more: &[],
     rust: |given, _| {
-        let dialect = settings::read("mmacell-proto", Dialect::STRICT, given)?;
+        let dialect = settings::read("mma", Dialect::STRICT, given)?;
         Ok(format!("use mmacell_proto::Dialect;\n\nfn dialect() -> Dialect {{\n    {dialect:?}\n}}"))
     },
     ..Open::NOTHING

@@ -15,7 +15,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is unknown or has no such value.
 pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let framing = settings::read("val2-alter", Framing::DEFAULT, settings)?;
+    let framing = settings::read("alter", Framing::DEFAULT, settings)?;
     match from {
         "robot" => Ok(side::<RobotMessage>(framing)),
         "host" => Ok(side::<HostMessage>(framing)),

@@ -38,7 +38,7 @@ pub(super) const OPEN: Open = Open {
     ],
     reads_more: &[("ignore_spare_select", "true", "a reply whose select byte has bit 6 or 7")],
     rust: |given, _| {
-        let framing = settings::read("val2-alter", Framing::DEFAULT, given)?;
+        let framing = settings::read("alter", Framing::DEFAULT, given)?;
         let framing = format!("{framing:?}").replace("leading_dle: ", "leading_dle: LeadingDle::");
         Ok(format!(
             "use val2_alter::{{Framing, LeadingDle}};\n\nfn framing() -> Framing {{\n    {framing}\n}}"

@@ -11,7 +11,7 @@ use crate::settings;
 /// # Errors
 /// When a setting is given: the link has none.
 pub(super) fn host(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    settings::read("val2-viewer", (), settings)?;
+    settings::read("viewer", (), settings)?;
     Ok(codec(Decoder::new(), Host))
 }
 

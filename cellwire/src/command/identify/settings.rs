@@ -2,8 +2,9 @@
 
 use core::fmt::Write as _;
 
+use crate::command::settings::toml_value;
 use anyhow::Result;
-use cellwire_identify::{Decided, Finding, Open, toml_text};
+use cellwire_identify::{Decided, Finding, Open};
 use serde_json::Value;
 
 /// The text of the file.
@@ -14,7 +15,7 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
         for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
             remarks(&mut text, option)?;
         }
-        writeln!(text, "{name} = {}", toml_value(value)?)?;
+        writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
     }
     for (name, value, why) in (finding.link.open.places)(&finding.read) {
         writeln!(text, "# {name}: {why}\n{name} = {value}")?;
@@ -57,19 +58,4 @@ pub(super) fn would_decide(message: Option<&str>) -> String {
 /// A value as it is written after `--set NAME=`.
 pub(super) fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
-}
-
-fn toml_value(value: &Value) -> Result<String> {
-    Ok(match value {
-        Value::Object(fields) => {
-            let fields: Vec<String> = fields
-                .iter()
-                .map(|(name, value)| Ok(format!("{name} = {}", toml_value(value)?)))
-                .collect::<Result<_>>()?;
-            format!("{{ {} }}", fields.join(", "))
-        }
-        Value::String(text) => toml_text(text),
-        // A number or a flag is written alike in both.
-        value => value.to_string(),
-    })
 }

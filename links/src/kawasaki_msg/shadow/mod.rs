@@ -381,7 +381,7 @@ fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>
     let (is_pc, is_robot) = (!pc.0.is_empty(), !robot.0.is_empty());
     if !is_pc && !is_robot {
         let CodecSettings { plant, .. } =
-            settings::read("kawasaki-msg", CodecSettings::default(), setup.settings)?;
+            settings::read("kawasaki", CodecSettings::default(), setup.settings)?;
         let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
         return Ok((plant.pc(pc)?, plant.robot(RobotConfig::TCP)?));
     }

@@ -27,7 +27,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
     if setup.has(HOST, "words") {
         controller.words = host.words;
     } else if !setup.has(CONTROLLER, "words") {
-        controller.words = settings::read("laser-eb90", Options::default(), setup.settings)?.words;
+        controller.words = settings::read("laser", Options::default(), setup.settings)?.words;
     }
     host.words = controller.words;
     let (opened, asked, is_busy, open) = (None, None, false, Stretch::default());

@@ -49,8 +49,7 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// # Errors
 /// When no port is free, a file cannot be written, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings =
-        cellwire_links::settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
+    let settings = cellwire_links::settings::read("fanuc", Settings::default(), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
     let laps = (seconds / LAP).ceil().max(1.0);
     let trajectory = trajectory((seconds / laps - 2.0 * REST).max(0.5), laps > 1.0)?;

@@ -83,7 +83,7 @@ impl Configure for Settings {
 /// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { port, queue, speed, plant, robot, pc } =
-        settings::read("kawasaki-msg", Settings::default(), &options.settings)?;
+        settings::read("kawasaki", Settings::default(), &options.settings)?;
     let picture = match &options.drawing {
         Some(file) => Picture::from_file(file, SHEET, false)?,
         None => Picture::built_in(SHEET)?,

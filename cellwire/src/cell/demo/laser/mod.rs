@@ -97,10 +97,10 @@ impl Configure for Settings {
 /// When there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
-    let first = settings::read("laser-eb90", Settings::default(), &options.settings)?;
+    let first = settings::read("laser", Settings::default(), &options.settings)?;
     // Some defaults follow from the rate.
     let settings = Settings::new(first.host.baud, options.faults);
-    let settings = settings::read("laser-eb90", settings, &options.settings)?;
+    let settings = settings::read("laser", settings, &options.settings)?;
     let (Settings { host: config, robot: settings }, baud) = (settings, first.host.baud);
     let path = path::path()?;
     let clock = Clock::start();

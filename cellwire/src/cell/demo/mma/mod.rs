@@ -43,7 +43,7 @@ const STANDSTILL: Duration = Duration::from_secs(20);
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stalls.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { parts, speed, stall_every, task, central } =
-        cellwire_links::settings::read("mmacell-proto", Settings::default(), &options.settings)?;
+        cellwire_links::settings::read("mma", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };

@@ -29,7 +29,7 @@ impl Configure for Settings {
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = settings::read("isra-ball", Settings::default(), &options.settings)?;
+    let settings = settings::read("ball", Settings::default(), &options.settings)?;
     let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;

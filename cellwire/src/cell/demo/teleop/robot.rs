@@ -50,8 +50,7 @@ impl Configure for Settings {
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { alter, controller } =
-        settings::read("val2-alter", Settings::default(), &options.settings)?;
+    let Settings { alter, controller } = settings::read("alter", Settings::default(), &options.settings)?;
     let config = CellConfig { alter, controller, ..CellConfig::of(options) };
     let mut record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;

@@ -29,7 +29,7 @@ impl Configure for Settings {
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { viewer, host } = settings::read("val2-viewer", Settings::default(), &options.settings)?;
+    let Settings { viewer, host } = settings::read("viewer", Settings::default(), &options.settings)?;
     let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;

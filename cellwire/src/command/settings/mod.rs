@@ -1,4 +1,6 @@
-//! `--set` and `--settings`, and how the help of a command lists what they take.
+//! `--set` and `--settings`, and what they take.
+
+mod list;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -6,14 +8,15 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow};
 use serde_json::{Map, Value};
 
-use crate::cell::{demo, operator};
 use crate::io::input;
 use crate::io::output::remark;
 use crate::io::tcp::{ConnectArgs, Dialing, MAX_PAUSE};
-use crate::links::DEVICES;
+use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ViewSettings, client_settings};
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
-use cellwire_links::{LINKS, Link};
+
+pub(super) use self::list::toml_value;
+pub use self::list::{Args, help, lines, run};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]
@@ -168,45 +171,4 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after
-/// `decode`, `encode` and `demo`; after the first two its sides as well.
-pub fn help(command: &str, arguments: &[String]) -> String {
-    let link = arguments.iter().find_map(|argument| Link::by_name(argument).ok());
-    let found = match command {
-        "alter" => Some(("alter", settings::list(operator::Settings::default()))),
-        "simulate" => DEVICES
-            .iter()
-            .find(|device| arguments.iter().any(|argument| device.is_called(argument)))
-            .map(|it| (it.name, (it.settings)())),
-        "demo" => link.map(|link| (link.short, demo::settings(link.short))),
-        _ => link.map(|link| (link.short, (link.settings)())),
-    };
-    let sides = match (command, link) {
-        ("decode" | "encode", Some(link)) => {
-            format!("Sides of {}, for --from: {}\n\n", link.short, link.sides.join(", "))
-        }
-        _ => String::new(),
-    };
-    match found {
-        None => {
-            let what = if command == "simulate" { "DEVICE" } else { "LINK" };
-            format!("`cellwire {command} {what} --help` lists the settings.")
-        }
-        Some((name, settings)) if settings.is_empty() => format!("{sides}{name} has no settings."),
-        Some((name, settings)) => {
-            format!("{sides}Settings of {name}, for --set and --settings:\n\n{}", lines(&settings))
-        }
-    }
-}
-
-/// Two lines for each setting: its name, values and default, and what it is for.
-pub fn lines(settings: &[Setting]) -> String {
-    let line = |setting: &Setting| {
-        let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());
-        let equals = if default.is_empty() { "" } else { " = " };
-        format!("  {name}{equals}{default}    ({values})\n        {about}\n")
-    };
-    settings.iter().map(line).collect()
 }

@@ -1,0 +1,177 @@
+//! The settings of each command: `cellwire settings`, and the end of its `--help`.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+
+use anyhow::{Result, bail};
+use cellwire_identify::toml_text;
+use cellwire_links::Link;
+use cellwire_links::settings::{self, Setting};
+use serde_json::Value;
+
+use crate::cell::{demo, operator};
+use crate::command::{fanuc, modbus, run};
+use crate::links::{DEVICES, device_by_name};
+
+/// Prints the settings of a command as a file for --settings
+///
+/// Each line is a default, behind a `#`: remove the `#` and change the value.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// The command, and the link, device or robot that it names
+    #[arg(required = true, num_args = 1..=2, value_names = ["COMMAND", "OF"])]
+    command: Vec<String>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire settings simulate fanuc >fanuc.toml
+  cellwire settings run laser
+  cellwire settings decode kawasaki
+  cellwire settings modbus poll";
+
+/// The most settings at the end of a `--help`.
+const USUAL: usize = 10;
+
+/// Prints the settings of the command.
+///
+/// # Errors
+/// When there is no such command, or it has no settings.
+pub fn run(args: &Args) -> Result<bool> {
+    let (command, of) =
+        (args.command.first().map_or("", String::as_str), args.command.get(1).map(String::as_str));
+    let (name, settings) = of_command(command, of)?;
+    if settings.is_empty() {
+        bail!("`cellwire {name}` has no settings");
+    }
+    let text = format!("# `cellwire {name}`: settings, for --settings FILE\n{}", file(&settings));
+    std::io::stdout().lock().write_all(text.as_bytes())?;
+    Ok(true)
+}
+
+/// What a command calls itself, and what can be set of it.
+fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)> {
+    let link = || match of {
+        Some(name) => Link::by_name(name),
+        None => bail!("`cellwire settings {command}` needs the name of a link, such as fanuc"),
+    };
+    Ok(match command {
+        "decode" | "encode" | "tap" | "replay" => {
+            let link = link()?;
+            (format!("{command} {}", link.short), (link.settings)())
+        }
+        "demo" => {
+            let link = link()?;
+            (format!("{command} {}", link.short), demo::settings(link.short))
+        }
+        "simulate" => {
+            let names: Vec<&str> = DEVICES.iter().map(|device| device.name).collect();
+            let Some(name) = of else {
+                bail!("`cellwire settings simulate` needs a device: {}", names.join(", "))
+            };
+            let device = device_by_name(name)?;
+            (format!("simulate {}", device.name), (device.settings)())
+        }
+        "run" => match of {
+            Some(robot @ ("kawasaki" | "laser" | "mma")) => (format!("run {robot}"), run::settings(robot)),
+            _ => bail!("`cellwire settings run` needs a robot: kawasaki, laser or mma"),
+        },
+        "alter" => ("alter".into(), settings::list(operator::Settings::default())),
+        "modbus" => (format!("modbus {}", of.unwrap_or("send")), modbus::settings()),
+        "fanuc" => (format!("fanuc {}", of.unwrap_or("log")), fanuc::settings()),
+        _ => bail!(
+            "`{command}` has no settings; those that have: decode, encode, tap, replay, demo, simulate, run, alter, modbus, fanuc"
+        ),
+    })
+}
+
+/// The lines of a file of settings, each behind a `#`; the settings in tables come last.
+fn file(settings: &[Setting]) -> String {
+    let (within, own): (Vec<_>, Vec<_>) = settings.iter().partition(|it| it.name.contains('.'));
+    let (mut text, mut table) = (String::new(), "");
+    for setting in own.into_iter().chain(within) {
+        let (of, name) = setting.name.rsplit_once('.').unwrap_or(("", &setting.name));
+        if of != table {
+            table = of;
+            let _ = write!(text, "\n[{table}]\n");
+        }
+        let value = toml_value(&setting.default).unwrap_or_default();
+        let space = if value.is_empty() { "" } else { " " };
+        let _ = write!(text, "# {} ({})\n#{name} ={space}{value}\n", setting.about, setting.values);
+    }
+    text
+}
+
+/// A value as TOML; none of what is nothing.
+pub(in crate::command) fn toml_value(value: &Value) -> Option<String> {
+    Some(match value {
+        Value::Null => return None,
+        Value::String(text) if text.is_empty() => return None,
+        Value::String(text) => toml_text(text),
+        Value::Array(values) => {
+            let values: Option<Vec<String>> = values.iter().map(toml_value).collect();
+            format!("[{}]", values?.join(", "))
+        }
+        Value::Object(fields) => {
+            let pair = |(name, value): (&String, &Value)| Some(format!("{name} = {}", toml_value(value)?));
+            let pairs: Option<Vec<String>> = fields.iter().map(pair).collect();
+            format!("{{ {} }}", pairs?.join(", "))
+        }
+        other => other.to_string(),
+    })
+}
+
+/// The end of a command's `--help`: its usual settings, and how all are printed; for `decode` and `encode` the link's sides as well.
+pub fn help(command: &str, arguments: &[String]) -> String {
+    let of = arguments.iter().skip_while(|argument| *argument != command).skip(1);
+    let mut named =
+        of.filter(|argument| of_command(command, Some(argument)).is_ok_and(|(name, _)| name.contains(' ')));
+    let link = arguments.iter().find_map(|argument| Link::by_name(argument).ok());
+    let sides = match (command, link) {
+        ("decode" | "encode", Some(link)) => {
+            format!("Sides of {}, for --from: {}\n\n", link.short, link.sides.join(", "))
+        }
+        _ => String::new(),
+    };
+    let found = of_command(command, named.next().map(String::as_str));
+    match found {
+        Err(_) => {
+            let what = if command == "simulate" { "DEVICE" } else { "LINK" };
+            format!("`cellwire settings {command} {what}` prints the settings.")
+        }
+        Ok((name, settings)) if settings.is_empty() => {
+            format!("{sides}{} has no settings.", name.rsplit(' ').next().unwrap_or(&name))
+        }
+        Ok((name, settings)) => {
+            let usual: Vec<_> = settings
+                .iter()
+                .filter(|it| {
+                    !it.name.contains('.')
+                        && it.default != ""
+                        && !it.default.is_object()
+                        && !it.default.is_array()
+                })
+                .take(USUAL)
+                .cloned()
+                .collect();
+            let usual = if usual.is_empty() { settings.iter().take(USUAL).cloned().collect() } else { usual };
+            let all = if usual.len() < settings.len() {
+                format!("\n`cellwire settings {name}` prints all {}.", settings.len())
+            } else {
+                String::new()
+            };
+            format!("{sides}Settings, for --set and --settings:\n\n{}{all}", lines(&usual))
+        }
+    }
+}
+
+/// Two lines for each setting: its name, values and default, and what it is for.
+pub fn lines(settings: &[Setting]) -> String {
+    let line = |setting: &Setting| {
+        let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());
+        let equals = if default.is_empty() { "" } else { " = " };
+        format!("  {name}{equals}{default}    ({values})\n        {about}\n")
+    };
+    settings.iter().map(line).collect()
+}

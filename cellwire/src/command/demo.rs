@@ -1,13 +1,15 @@
 //! `cellwire demo`: each link end to end, over real sockets and pseudo-terminals.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
+use crate::cell::demo::table::{self, Judged};
 use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::time;
 use crate::io::interrupt;
@@ -18,10 +20,11 @@ use crate::links::link_parser;
 use cellwire_links::LINKS;
 use cellwire_links::link::Link;
 
-/// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
+/// Runs every link against its simulated robot
 ///
-/// Prints a table for each link. A signal ends the demo at once, and the simulated devices with it. The exit status is 0 only if nothing was lost or repeated. A time above its budget at the 99th
-/// percentile is reported; it fails the demo only with --check-times, since other programs on this machine can cause delays.
+/// A real client session and a simulated controller, over loopback TCP and pseudo-terminals. Prints a row for each link. A signal ends the
+/// demo at once, and the simulated devices with it. The exit status is 0 only if nothing was lost or repeated. A deadline that is missed
+/// at the 99th percentile is LATE; it fails the demo only with --check-times, since other programs on this machine can cause delays.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]
@@ -42,12 +45,14 @@ pub struct Args {
     /// The seed of the injected faults; the same seed gives the same faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Print one JSON object per link instead of a table
-    #[arg(long)]
+    /// Print one JSON object per link
+    #[arg(long, conflicts_with = "verbose")]
     json: bool,
-    /// Write the result of the demo (one LINK only) as an SVG file: the drawing, the cut, the commanded motion, or the timeline of the
-    /// cell; for fanuc, plots, program and recording in a folder
-    #[arg(long, value_name = "PATH")]
+    /// Print every figure of each link
+    #[arg(long)]
+    verbose: bool,
+    /// Write pictures of what moved into this folder: LINK.svg; for fanuc, a folder with plots, program and recording
+    #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki only)
     #[arg(long, value_name = "FILE")]
@@ -65,7 +70,6 @@ const MOST: Duration = Duration::from_secs(1_000_000);
 pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { LINKS.iter().collect() } else { args.links.clone() };
     if links.len() != 1 {
-        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes a different kind of result");
         anyhow::ensure!(args.must_fail.is_none(), "--must-fail needs one LINK: each fails in its own ways");
         anyhow::ensure!(
             args.set.is_empty(),
@@ -76,51 +80,108 @@ pub fn run(args: &Args) -> Result<bool> {
         args.drawing.is_none() || links.iter().all(|link| link.short == "kawasaki"),
         "--drawing is for kawasaki alone: cellwire demo kawasaki --drawing FILE"
     );
-    if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
-        // Checked before the run: afterwards its result would be lost.
-        anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
+    if let Some(folder) = &args.out {
+        // Before the run: afterwards its result would be lost.
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make --out {}", folder.display()))?;
     }
     let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.short));
     let settings = args.set.read(&known)?;
     interrupt::handle()?;
-    let (mut all, mut out) = (true, std::io::stdout());
-    for link in links {
-        let progress = progress_line(link.short, args.json);
-        let at = progress.clone();
-        interrupt::before_exit(move || {
-            if !at.is_finished() {
-                let (done, of) = (at.position(), at.length().unwrap_or_default());
-                at.finish_and_clear();
-                remark(&format!(
-                    "{}: interrupted at {done} of {of}; its devices were simulated, and have ended",
-                    link.short
-                ));
-            }
-        });
-        let options = DemoOptions {
-            seconds: args.duration,
-            faults: args.faults,
-            seed: args.seed,
-            out: args.out.clone(),
-            must_fail: args.must_fail,
-            drawing: args.drawing.clone(),
-            trace: args.trace.clone(),
-            settings: settings.clone(),
-            lines: Lines::HERE,
-            progress: progress.clone(),
-        };
-        let report = demo::run(link.short, &options).map_err(|error| args.set.located(error))?;
-        progress.finish_and_clear();
-        let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
-        all &= report.is_good() && (report.is_in_time() || !check_times);
-        if args.json {
-            writeln!(out, "{}", report.to_json())?;
+    let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), std::io::stdout());
+    if !args.json {
+        let (count, plural) = (links.len(), if links.len() == 1 { "" } else { "s" });
+        writeln!(
+            out,
+            "{count} robot link{plural}, simulated. Nothing real moves.\n\n{}",
+            table::HEAD.trim_end()
+        )?;
+    }
+    let mut rest = links.as_slice();
+    while let Some((link, others)) = rest.split_first() {
+        // One run of the cell shows its three links.
+        let is_cell = rest.iter().take(3).map(|link| link.short).eq(["alter", "viewer", "ball"]);
+        let options = options(args, link.short, settings.clone());
+        let reports = if is_cell {
+            rest = rest.get(3..).unwrap_or_default();
+            demo::teleop::all(&options).map(Vec::from)
         } else {
-            writeln!(out, "{report}")?;
+            rest = others;
+            demo::run(link.short, &options).map(|report| vec![report])
+        };
+        let reports = reports.map_err(|error| args.set.located(error))?;
+        options.progress.finish_and_clear();
+        for report in reports {
+            let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
+            let picture = options.out.clone().filter(|_| report.summary().0 == link.short);
+            let judged = Judged { report, check_times, picture };
+            tell(args, &judged, &mut out)?;
+            all.push(judged);
         }
     }
-    Ok(all)
+    if !args.json {
+        end(args, links.len(), &all, &mut out)?;
+    }
+    Ok(all.iter().all(Judged::is_good))
 }
+
+/// The options of a link's demo. Its progress line is cleared when a signal ends the demo.
+fn options(args: &Args, link: &'static str, settings: Map<String, Value>) -> DemoOptions {
+    let progress = progress_line(link, args.json);
+    let at = progress.clone();
+    interrupt::before_exit(move || {
+        if !at.is_finished() {
+            let (done, of) = (at.position(), at.length().unwrap_or_default());
+            at.finish_and_clear();
+            remark(&format!(
+                "{link}: interrupted at {done} of {of}; its devices were simulated, and have ended"
+            ));
+        }
+    });
+    let name = if link == "fanuc" { link.into() } else { format!("{link}.svg") };
+    DemoOptions {
+        seconds: args.duration,
+        faults: args.faults,
+        seed: args.seed,
+        out: args.out.as_ref().map(|folder| folder.join(name)),
+        must_fail: args.must_fail,
+        drawing: args.drawing.clone(),
+        trace: args.trace.clone(),
+        settings,
+        lines: Lines::HERE,
+        progress,
+    }
+}
+
+/// Prints the result of a link.
+fn tell(args: &Args, judged: &Judged, out: &mut impl Write) -> Result<()> {
+    if args.json {
+        return Ok(writeln!(out, "{}", judged.to_json())?);
+    }
+    let link = judged.report.summary().0;
+    let faults = if args.faults { " --faults" } else { "" };
+    write!(out, "{}", judged.row(&format!("cellwire demo {link}{faults} --seed {} --verbose", args.seed)))?;
+    if args.verbose {
+        writeln!(out, "\n{}", judged.report.figures())?;
+    }
+    Ok(())
+}
+
+/// Prints what all rows mean together.
+fn end(args: &Args, links: usize, all: &[Judged], out: &mut impl Write) -> Result<()> {
+    let pictures = table::pictures(args.out.as_deref(), all);
+    write!(out, "\n{}\n{}\n{pictures}", table::verdict(all), table::LEGEND)?;
+    if links > 1 {
+        write!(out, "\n{NEXT}")?;
+    }
+    Ok(out.flush()?)
+}
+
+const NEXT: &str = "\
+Next:
+  cellwire demo kawasaki --faults    the same over a connection that breaks
+  cellwire demo laser --verbose      every figure of one link
+  cellwire simulate fanuc --listen 5020    a robot for your own program
+";
 
 fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };

@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, ErrorKind, IsTerminal as _};
+use std::io::{self, BufRead, BufReader, IsTerminal as _, Read as _};
 use std::path::Path;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -97,6 +97,9 @@ pub enum Typed {
     Stop,
 }
 
+/// A longer line is read as several.
+const LONGEST_LINE: u64 = 4096;
+
 /// Reads what an operator does, until the program ends; the bell is rung for each. `None` is the end of standard input: nobody types any
 /// more. A first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not ended the program after `limit`.
 ///
@@ -119,14 +122,20 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> 
     })?;
     thread::spawn(move || {
         let was_terminal = io::stdin().is_terminal();
-        for line in io::stdin().lines() {
-            match line {
-                Ok(line) => put(Some(Typed::Line(line))),
-                // It is not a word.
-                Err(error) if error.kind() == ErrorKind::InvalidData => put(Some(Typed::Line(String::new()))),
-                Err(_) => break,
+        let (mut input, mut line) = (io::stdin().lock().take(0), Vec::new());
+        loop {
+            line.clear();
+            input.set_limit(LONGEST_LINE);
+            if !matches!(input.read_until(b'\n', &mut line), Ok(1..)) {
+                break;
             }
+            // What is no text is not a word.
+            let text = String::from_utf8(core::mem::take(&mut line)).unwrap_or_default();
+            put(Some(Typed::Line(text.trim_end_matches(['\n', '\r']).to_owned())));
+            // Nobody types faster: a program that does is not to fill the memory.
+            thread::sleep(Duration::from_millis(5));
         }
+        drop(input);
         // Without a session of its own the process gets no SIGHUP. After Ctrl-D the terminal is still there.
         if was_terminal && !io::stdin().is_terminal() {
             put(Some(Typed::Stop));

@@ -133,7 +133,7 @@ fn what_the_command_prints_is_accepted() {
         fs::write(&file, lines.join("\n")).unwrap();
         let more = match command.split(' ').next() {
             Some("simulate") => &["--listen", "nowhere"][..],
-            Some("demo") => &["--out", "/no/such/folder/x"],
+            Some("demo") => &["--out", "/dev/null"],
             _ => &[],
         };
         let args = [&command.split(' ').collect::<Vec<_>>()[..], more, &["--settings", path]].concat();

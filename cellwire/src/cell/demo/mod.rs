@@ -5,6 +5,7 @@ pub mod kawasaki;
 pub mod laser;
 pub mod mma;
 mod options;
+pub mod table;
 pub mod teleop;
 
 use anyhow::{Result, bail};

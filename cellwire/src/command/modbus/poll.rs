@@ -61,7 +61,8 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
                 log(&event(&clock, line))?;
             }
         }
-        next = (next + every).max(clock.now().saturating_sub(every));
+        // What was missed is not made up for.
+        next = (next + every).max(clock.now());
         while goes_on() && clock.now() < next {
             let step = next.saturating_sub(clock.now()).min(Duration::from_millis(100));
             if let Err(error) = client.idle(step) {

@@ -92,7 +92,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let title = format!(
         "a resampled program runs, its telemetry is logged every {every} over Modbus TCP and compared with the plan"
     );
-    let mut report = Report::new("fanuc", title);
+    let mut report = Report::new("fanuc", title).moves("an arm follows a path");
     report.fact("planned", "samples of the trajectory", trajectory.samples().len());
     report.fact("points", "points of the program", made.moves + 1);
     report.fact("worst_rounding", "largest rounding of a speed to whole mm/s", percent(made.worst_rounding));
@@ -103,6 +103,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("repeated", "task runs read twice", counts.repeated);
     report.fact("skipped", "task runs missed", counts.missed);
     report.fact("failed", "failed requests", failed);
+    report.stream(counts.samples, counts.missed, true);
     let [theirs, ours] = rates;
     report.fact("controller_rate", "highest quaternion rate, by the controller", format!("{theirs:.2} /s"));
     report.fact("rate", "highest quaternion rate, with continuous sign", format!("{ours:.2} /s"));

@@ -243,7 +243,7 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
         picture.strokes(),
         lines.len() - picture.strokes()
     );
-    let mut report = Report::new("kawasaki", title);
+    let mut report = Report::new("kawasaki", title).moves("a pen draws a picture");
     report.fact("orders", "orders: pictures begun", ledger.orders());
     report.fact("pictures", "complete pictures", ledger.complete());
     report.jobs(tally.jobs());

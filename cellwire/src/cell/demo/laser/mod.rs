@@ -215,7 +215,8 @@ fn report(
     let mut report = Report::new(
         "laser",
         format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
-    );
+    )
+    .moves("a laser cuts a sheet");
     report.jobs(tally.jobs());
     if tally.unknown > 0 {
         report.fact("unknown_executed", "of these executed", tally.unknown_executed);

@@ -304,7 +304,7 @@ fn report(
     let title = format!(
         "pick and place over three TCP connections: robot, platform, and cameras with valves; axes at {speed} times real speed"
     );
-    let mut report = Report::new("mma", title);
+    let mut report = Report::new("mma", title).moves("a cell places parts");
     report.fact("parts_placed", "parts placed", log.placed);
     report.fact("attempts", "attempts", judged.attempts);
     report.fact("missed", "parts missed and retried", record.missed);
@@ -469,6 +469,6 @@ mod tests {
             assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);
         }
         let error = demo(&options(false, &["cycles=5"])).unwrap_err().to_string();
-        assert!(error.starts_with("mmacell-proto has no setting `cycles`: it has parts, speed"), "{error}");
+        assert!(error.starts_with("mma has no setting `cycles`: it has parts, speed"), "{error}");
     }
 }

@@ -31,26 +31,31 @@ impl Configure for Settings {
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let settings = settings::read("ball", Settings::default(), &options.settings)?;
     let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
-    let record = cell::run(&config, &options.progress)?;
+    let mut record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
-    let CellRecord { mut ball, host, line_faults: [_, line_faults, _], pauses, .. } = record;
     if options.spoils(MustFail::Lost) {
         // One more may be on the line when the run ends, and pieces of packets count as packets that arrived.
-        ball.fresh += 2 + host.ball_corrupt + host.ball_late;
+        record.ball.fresh += 2 + record.host.ball_corrupt + record.host.ball_late;
     }
+    Ok(report(&config, &record))
+}
+
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { ball, host, line_faults: [_, line_faults, _], pauses, .. } = record;
     let title = format!(
         "a hand on the ball steers the robot: one poll per cycle of 28 ms, at {} baud",
         config.polls.baud
     );
-    let mut report = Report::new("ball", title);
+    let mut report = Report::new("ball", title).moves("a hand pushes the ball");
     let answered = host.fresh + host.old;
+    report.stream(answered, host.ball_missed, true);
     report.fact("polls", "polls", answered + host.ball_missed);
     report.fact("fresh", "packets with new values", host.fresh);
     report.fact("old", "packets with old values", host.old);
     report.fact("missed", "polls without a packet", host.ball_missed);
     report.fact("late", "packets that are not replies", host.ball_late);
     report.fact("corrupt", "corrupt or partial packets", host.ball_corrupt);
-    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("line_faults", "bytes corrupted on the line", *line_faults);
     report.fact("paused_us", "host stalled, µs in total", robot::micros(pauses.total()));
     report.fact("stale", "times the values were older than 150 ms", host.ball_stale);
     report.fact("key_presses", "gripper keys forwarded", host.gripper_keys.len());
@@ -76,5 +81,5 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.require(config.faults || sent <= arrived + 1, || {
         format!("the ball sent {sent} packets, {arrived} arrived, complete or partial")
     });
-    Ok(report)
+    report
 }

@@ -67,7 +67,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     Ok(report(&config, &record))
 }
 
-fn report(config: &CellConfig, record: &CellRecord) -> Report {
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let CellRecord { puma, host, drawn, .. } = record;
     let mut report = Report::new(
         "alter",
@@ -75,13 +75,15 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
             "a ball steers a robot, mode {} at {} baud, and a workstation draws it",
             config.alter.mode.0, config.alter.baud
         ),
-    );
+    )
+    .moves("a ball steers an arm");
     report.fact("cycles", "cycles of 28 ms", puma.cycles);
     report.fact("kept", "kept", puma.turn_around.count());
     // The host falls silent at the end: that cycle is missed on purpose.
     let planned = puma.ends.len() - record.ends_before_stop;
     let missed = puma.missed.saturating_sub(planned as u64);
     report.fact("missed", "missed", missed);
+    report.stream(puma.turn_around.count(), missed + puma.bad_replies, false);
     report.fact("bad_replies", "replies corrupt or cut off by the window", puma.bad_replies);
     report.fact("stalls", "times the host was delayed", host.stalls);
     report.fact("ends", "ended by the controller", ends(record));

@@ -31,19 +31,25 @@ impl Configure for Settings {
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { viewer, host } = settings::read("viewer", Settings::default(), &options.settings)?;
     let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
-    let record = cell::run(&config, &options.progress)?;
+    let mut record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
-    let CellRecord { mut drawn, host, line_faults: [_, _, line_faults], .. } = record;
     if options.spoils(MustFail::Repeated) {
-        drawn.most_at_once += 1;
+        record.drawn.most_at_once += 1;
     }
-    let mut report = Report::new("viewer", "a workstation draws the robot, one pose per request");
+    Ok(report(&config, &record))
+}
+
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } = record;
+    let title = "a workstation draws the robot, one pose per request";
+    let mut report = Report::new("viewer", title).moves("a screen shows that arm");
+    report.stream(drawn.poses, host.poses.saturating_sub(drawn.poses + 1), true);
     report.fact("requests", "requests", drawn.asked);
     report.fact("sent", "poses sent", host.poses);
     report.fact("poses", "poses drawn", drawn.poses);
     report.fact("gaps", "missing poses", drawn.gaps);
     report.fact("corrupt", "corrupt or partial lines", drawn.damaged);
-    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("line_faults", "bytes corrupted on the line", *line_faults);
     report.fact("stale", "times the picture was stale", drawn.stale);
     report.fact("pauses", "times the operator paused it to request again", drawn.pauses);
     report.fact("most_at_once", "maximum of poses between two pictures", drawn.most_at_once);
@@ -55,5 +61,5 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.require(config.faults || host.poses <= drawn.poses + 1, || {
         format!("{} poses were sent, {} arrived", host.poses, drawn.poses)
     });
-    Ok(report)
+    report
 }

@@ -3,7 +3,7 @@
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::ops::ControlFlow;
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::Duration;
 
@@ -31,10 +31,10 @@ pub(super) struct Arrival {
     pub(super) bytes: Option<Vec<u8>>,
 }
 
-/// Takes what has come, and rings for it.
+/// Takes what has come, and rings for it. A device that sends faster than it is read waits in its socket.
 #[derive(Clone)]
 pub(super) struct Inbox {
-    pub(super) arrivals: Sender<Arrival>,
+    pub(super) arrivals: SyncSender<Arrival>,
     pub(super) bell: Bell,
 }
 

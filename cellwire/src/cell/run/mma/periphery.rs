@@ -12,6 +12,7 @@ use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
 use robot_session::{discard_unacknowledged, now};
 
 use super::connection::STUCK;
+use super::run::WAITING;
 use super::settings::Part;
 use crate::io::bell::Bell;
 use crate::io::tcp::{self, Dialing};
@@ -116,7 +117,7 @@ impl Line {
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(STUCK))?;
         discard_unacknowledged(&stream, STUCK)?;
-        let (sender, lines) = mpsc::channel();
+        let (sender, lines) = mpsc::sync_channel(WAITING);
         let reader = BufReader::new(stream.try_clone()?);
         thread::spawn(move || {
             // No answer is longer.

@@ -20,6 +20,9 @@ use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
 use crate::io::tcp::Dialing;
 
+/// The most that waits to be taken, and is done in one turn.
+pub(super) const WAITING: usize = 64;
+
 /// Where the devices are.
 #[derive(Debug, Clone)]
 pub struct Addresses {
@@ -114,7 +117,7 @@ impl<'a> Runner<'a> {
     ) -> Result<Ended> {
         let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
         self.part = first;
-        let (arrivals, inbox) = mpsc::channel();
+        let (arrivals, inbox) = mpsc::sync_channel(WAITING);
         let sender = Inbox { arrivals, bell: self.bell.clone() };
         let Addresses { robot, platform, dialing } = addresses;
         let mut robot: Connection<RobotPose> =
@@ -158,7 +161,7 @@ impl<'a> Runner<'a> {
                 Some(at) => self.bell.wait_for(at.saturating_sub(now())),
                 None => self.bell.wait(),
             }
-            for arrival in inbox.try_iter() {
+            for arrival in inbox.try_iter().take(WAITING) {
                 let arrival: Arrival = arrival;
                 if arrival.from == Device::Robot { robot.arrived(arrival) } else { platform.arrived(arrival) }
             }
@@ -189,7 +192,7 @@ impl<'a> Runner<'a> {
     ) -> Result<()> {
         self.listen(task)?;
         task.handle_timeout(now());
-        loop {
+        for _ in 0..WAITING {
             let mut idle = true;
             for event in robot.settle() {
                 report(task, Device::Robot, &event);
@@ -199,7 +202,7 @@ impl<'a> Runner<'a> {
                 report(task, Device::Platform, &event);
                 idle = false;
             }
-            while !has_failed && let Some(happened) = periphery.poll() {
+            if !has_failed && let Some(happened) = periphery.poll() {
                 self.periphery(task, happened)?;
                 idle = false;
             }
@@ -211,6 +214,9 @@ impl<'a> Runner<'a> {
                 return Ok(());
             }
         }
+        // The rest has its turn after the operator.
+        self.bell.ring();
+        Ok(())
     }
 
     /// Tells the devices to stop, and limits the wait for that.

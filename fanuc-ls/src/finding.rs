@@ -88,6 +88,10 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundin
         Problem::Warning(Warning::UntaughtPosition { .. }) => !is_template,
         _ => true,
     });
+    let is_other = |file: &&str| !file.eq_ignore_ascii_case(at(text, &parts.name));
+    if around.file.as_deref().filter(is_other).is_some() {
+        found.push((parts.name.start, Problem::Warning(Warning::FileName)));
+    }
     found.extend(check::find(text, parts, around));
     found.sort_by_key(|(offset, _)| *offset);
     placed(text, &found)

@@ -75,9 +75,15 @@ impl Memory {
             Expression::Text(text) => Value::Text(text.clone()),
             Expression::On => Value::Bit(true),
             Expression::Off => Value::Bit(false),
+            Expression::Rising | Expression::Falling => {
+                return Err("edges, ON+ and OFF-, are not modelled".into());
+            }
             Expression::CartesianPosition => Value::Place(around.here.0),
             Expression::JointPosition => Value::Place(around.here.1),
             Expression::Item(item) => self.read(item, tables, around)?,
+            Expression::System(name) if name == "ERR_NUM" => {
+                return Err("ERR_NUM is not modelled".into());
+            }
             Expression::System(name) => Value::Number(self.system.get(name).copied().unwrap_or(0.0)),
             Expression::Not(inner) => Value::Bit(!self.bit(inner, tables, around)?),
             Expression::Negative(inner) => Value::Number(-self.number(inner, tables, around)?),

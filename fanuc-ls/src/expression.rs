@@ -36,6 +36,8 @@ pub enum Expression {
     Binary(Operator, Box<(Expression, Expression)>),
     /// `ABS[R[1]]`, `SUBSTR SR[1],1,2`.
     Call(Function, Vec<Expression>),
+    /// `[1,R[2],*]`: a row, a column and a layer of a pallet, as they stand.
+    Pallet(String),
     /// `...` or `Constant`: what is not filled in yet.
     Untaught,
 }

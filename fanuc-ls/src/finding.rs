@@ -83,7 +83,12 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundin
     let is_copy = at(text, &parts.name).starts_with('-') && at(text, &parts.name).ends_with('-');
     let mut found = reading(text, parts, rules);
     // The editor's copy of a program, and a template whose positions are for others to teach.
-    found.retain(|(_, problem)| match problem {
+    found.retain(|(offset, problem)| match problem {
+        // A motion to a point of a pallet, `PAL_1[A_1]`, is not read as values. Controllers have it.
+        Problem::Error(Reason::Target) => {
+            let (before, after) = text.split_at_checked(*offset).unwrap_or((text, ""));
+            !(before.ends_with("PAL") && after.starts_with('_'))
+        }
         Problem::Warning(Warning::Name) => !is_copy,
         Problem::Warning(Warning::UntaughtPosition { .. }) => !is_template,
         _ => true,

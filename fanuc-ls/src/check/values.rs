@@ -12,6 +12,7 @@ enum Kind {
     Number,
     Text,
     Position,
+    Pallet,
     /// It may be any.
     Any,
 }
@@ -153,6 +154,7 @@ fn kind(value: &Expression) -> Kind {
             | Operator::Greater => Kind::State,
             _ => kind(&sides.0),
         },
+        Expression::Pallet(_) => Kind::Pallet,
         Expression::System(_) | Expression::Call(..) | Expression::Untaught => Kind::Any,
     }
 }
@@ -182,8 +184,11 @@ fn assigned(item: &Item, value: &Expression) -> Option<Mistake> {
         (Kind::Number, Kind::State) if matches!(value, Expression::On | Expression::Off) => Expected::Number,
         (Kind::Number, Kind::Text) if matches!(value, Expression::Text(_)) => Expected::Number,
         (Kind::Number, Kind::Position) => Expected::Number,
-        (Kind::Position, Kind::Number | Kind::State | Kind::Text) => Expected::Position,
+        (Kind::Position, Kind::Number | Kind::State | Kind::Text | Kind::Pallet) => Expected::Position,
         (Kind::Text, Kind::State | Kind::Position) => Expected::Text,
+        (Kind::Number, Kind::Pallet) => Expected::Number,
+        (Kind::State, Kind::Pallet) => Expected::State,
+        (Kind::Text, Kind::Pallet) => Expected::Text,
         (Kind::Position, Kind::Position) => {
             let found = positions(value);
             return (found > 2).then_some(Mistake::PositionSum { found });

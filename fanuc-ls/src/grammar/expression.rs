@@ -143,6 +143,9 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         };
         return Ok((rest, Expression::Text(text.to_string())));
     }
+    if let Some(rest) = next(input, sign("[")) {
+        return pallet(rest);
+    }
     if let Ok((rest, number)) = number(input) {
         return Ok((rest, Expression::Number(number)));
     }
@@ -174,6 +177,22 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         return Ok((rest, Expression::Binary(Operator::Multiply, Box::new(sides))));
     }
     Ok((rest, Expression::Item(item)))
+}
+
+/// A row, a column and a layer, of which a comparison leaves some open: `1,R[2],*]`.
+fn pallet(input: &str) -> Parsed<'_, Expression> {
+    let mut rest = input;
+    for end in [",", ",", "]"] {
+        if let Some(after) = next(rest, sign("*")) {
+            rest = after;
+        } else {
+            (rest, _) = index(rest, DEEPEST)?;
+        }
+        let missing = if end == "]" { Expected::Bracket } else { Expected::Comma };
+        (rest, ()) = or_fail(rest, missing, sign(end))?;
+    }
+    let text = input.get(..input.len() - rest.len()).unwrap_or("");
+    Ok((rest, Expression::Pallet(["[", text].concat())))
 }
 
 /// What a function is given: in brackets, in parentheses, or for those of strings behind a blank.

@@ -136,6 +136,8 @@ const SOUND: &[&str] = &[
     "RUN LOGGER(1,'text',R[2])",
     "WO[1]=PULSE,0.5sec",
     "SEMAPHORE[1]=ON\nWAIT SEMAPHORE[1]=ON\nCLEAR SEMAPHORE[1]\nPOST SEMAPHORE[1]",
+    "PL[1]=[1,R[2],1]\nPL[1]=PL[2]\nIF PL[1]=[1,*,*],JMP LBL[2]",
+    "PALLETIZING-B_1\nL PAL_1[A_1] R[4]mm/sec CNT100\nL PAL_1[BTM] 50mm/sec FINE\nPALLETIZING-END_1",
     "SPO[1]=ON\nWAIT SPI[1]=OFF",
     "R[1]=(1.5e-06+R[2]*(-2E3))",
     "L P[1] 100mm/sec CR5",

@@ -96,6 +96,7 @@ impl Memory {
                 let values = values.iter().map(|value| self.number(value, tables, around));
                 Value::Number(computed(*function, &values.collect::<Result<Vec<_>, _>>()?)?)
             }
+            Expression::Pallet(_) => return Err("pallets are not modelled".into()),
             Expression::Untaught => return Err("a value is not filled in".into()),
         })
     }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fanuc_hmi_modbus::Signal;
-use fanuc_ls::{Expression, Function, Index, Item, ItemKind, Operator};
+use fanuc_ls::{AxisName, Expression, Function, Index, Item, ItemKind, Operator};
 
 use super::position::Place;
 use cellwire_sim::fanuc::Tables;
@@ -186,8 +186,15 @@ impl Memory {
             }
             ItemKind::Position => {
                 let found = around.program.position(n);
-                let place = found.and_then(|position| position.groups.first()).and_then(Place::of_group);
-                Value::Place(place.ok_or_else(|| format!("P[{n}] does not exist or was never taught"))?)
+                let group = found.and_then(|position| position.groups.first());
+                let place = group.and_then(Place::of_group).ok_or_else(|| match group {
+                    None => format!("/POS does not define P[{n}]"),
+                    Some(group) if group.axes.iter().any(|axis| axis.name == AxisName::RX) => {
+                        format!("P[{n}] has RX to RR: a tool that is fixed in the cell is not modelled")
+                    }
+                    Some(_) => format!("P[{n}] was never taught, or lacks an axis of the robot"),
+                });
+                Value::Place(place?)
             }
             kind => return Err(format!("{kind}[{n}] is not modelled as a value")),
         })

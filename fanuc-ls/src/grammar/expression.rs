@@ -143,8 +143,8 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         };
         return Ok((rest, Expression::Text(text.to_string())));
     }
-    if let Some(rest) = next(input, sign("[")) {
-        return pallet(rest);
+    if let Some(read) = next(input, sign("[")).and_then(|rest| pallet(rest).ok()) {
+        return Ok(read);
     }
     if let Ok((rest, number)) = number(input) {
         return Ok((rest, Expression::Number(number)));

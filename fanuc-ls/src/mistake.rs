@@ -366,7 +366,7 @@ impl Mistake {
                 "check its spelling; it may be a KAREL program, or one that is not in this folder"
             }
             Self::Unknown | Self::Similar { .. } | Self::UnknownItem | Self::UnknownOption => {
-                "check its spelling; if an option of the controller has it, name it in a file of instructions"
+                "check its spelling; if an option of the controller has it, name it in a file (--instructions)"
             }
             Self::Edge => "use ON or OFF, or a condition without parentheses",
             Self::PositionSum { .. } => "add them two at a time",

@@ -7,7 +7,7 @@ use fanuc_ls::{
 
 const TAKEN: &str = "correct it: a controller would not take it";
 const SPELLING: &str =
-    "check its spelling; if an option of the controller has it, name it in a file of instructions";
+    "check its spelling; if an option of the controller has it, name it in a file (--instructions)";
 const BLOCK: &str = "check which block it belongs to";
 const FRAME: &str = "choose the position's frame before the motion, or teach it in the one that is chosen";
 

@@ -108,7 +108,8 @@ impl Document {
         self.findings_among(rules, &Surroundings::default())
     }
 
-    /// The same where other programs and macros are known: a call of one that is not there is a finding, the name of a macro is none.
+    /// The same where other programs, macros, instructions or the file's name are known: a call of a program that is not there is a
+    /// finding, and so is another name of the file; the name of a macro or an instruction is not.
     pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
         finding::find(&self.text, &self.parts, rules, around)
     }

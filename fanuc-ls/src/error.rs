@@ -284,6 +284,9 @@ pub enum Warning {
     /// A name that is not letters, digits and `_`, or begins with a digit: `-BCKEDT-` is the editor's copy of a program.
     #[error("the program's name is not letters, digits and `_`, or begins with a digit")]
     Name,
+    /// The file has another name than the program.
+    #[error("the file is not named as the program: on the controller both must be the same")]
+    FileName,
 }
 
 impl Warning {
@@ -301,6 +304,7 @@ impl Warning {
             }
             Self::CommentLength { .. } => "shorten it: the rest is lost on the controller",
             Self::Name => "rename the program: letters, digits and `_`, a letter first",
+            Self::FileName => "rename the file, or the program",
         }
     }
 }

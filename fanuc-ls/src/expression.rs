@@ -16,6 +16,10 @@ pub enum Expression {
     On,
     /// `OFF`.
     Off,
+    /// `ON+`: OFF before, ON now. Conditions outside of mixed logic have it.
+    Rising,
+    /// `OFF-`: ON before, OFF now. Conditions outside of mixed logic have it.
+    Falling,
     /// `LPOS`: where the robot is, in X Y Z W P R.
     CartesianPosition,
     /// `JPOS`: where the robot is, by its joints.
@@ -32,6 +36,8 @@ pub enum Expression {
     Binary(Operator, Box<(Expression, Expression)>),
     /// `ABS[R[1]]`, `SUBSTR SR[1],1,2`.
     Call(Function, Vec<Expression>),
+    /// `[1,R[2],*]`: a row, a column and a layer of a pallet, as they stand.
+    Pallet(String),
     /// `...` or `Constant`: what is not filled in yet.
     Untaught,
 }
@@ -245,11 +251,15 @@ pub enum ItemKind {
     TimerOverflow,
     /// How fast the tool is, or will be: of the option that predicts it.
     ToolSpeed,
+    SpotInput,
+    SpotOutput,
+    /// A signal between programs that run at the same time.
+    Semaphore,
 }
 
 impl ItemKind {
     /// How they are written, and the numbers that a controller can have of each. How many it has is a matter of its settings.
-    const ALL: [(Self, &'static str, RangeInclusive<u32>); 31] = [
+    const ALL: [(Self, &'static str, RangeInclusive<u32>); 34] = [
         (Self::Register, "R", 1..=32767),
         (Self::PositionRegister, "PR", 1..=32767),
         (Self::StringRegister, "SR", 1..=32767),
@@ -281,6 +291,9 @@ impl ItemKind {
         (Self::WireOutput, "WSO", 1..=1024),
         (Self::TimerOverflow, "TIMER_OVERFLOW", 1..=1024),
         (Self::ToolSpeed, "TCP_SPD", 1..=32767),
+        (Self::SpotInput, "SPI", 1..=1024),
+        (Self::SpotOutput, "SPO", 1..=1024),
+        (Self::Semaphore, "SEMAPHORE", 1..=32),
     ];
 
     /// How controllers set to German write some of them.
@@ -326,6 +339,7 @@ impl ItemKind {
                 | Self::WireInput
                 | Self::TimerOverflow
                 | Self::ToolSpeed
+                | Self::SpotInput
         )
     }
 
@@ -348,6 +362,9 @@ impl ItemKind {
                 | Self::WireInput
                 | Self::WireOutput
                 | Self::TimerOverflow
+                | Self::SpotInput
+                | Self::SpotOutput
+                | Self::Semaphore
         )
     }
 }

@@ -83,11 +83,20 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundin
     let is_copy = at(text, &parts.name).starts_with('-') && at(text, &parts.name).ends_with('-');
     let mut found = reading(text, parts, rules);
     // The editor's copy of a program, and a template whose positions are for others to teach.
-    found.retain(|(_, problem)| match problem {
+    found.retain(|(offset, problem)| match problem {
+        // A motion to a point of a pallet, `PAL_1[A_1]`, is not read as values. Controllers have it.
+        Problem::Error(Reason::Target) => {
+            let (before, after) = text.split_at_checked(*offset).unwrap_or((text, ""));
+            !(before.ends_with("PAL") && after.starts_with('_'))
+        }
         Problem::Warning(Warning::Name) => !is_copy,
         Problem::Warning(Warning::UntaughtPosition { .. }) => !is_template,
         _ => true,
     });
+    let is_other = |file: &&str| !file.eq_ignore_ascii_case(at(text, &parts.name));
+    if around.file.as_deref().filter(is_other).is_some() {
+        found.push((parts.name.start, Problem::Warning(Warning::FileName)));
+    }
     found.extend(check::find(text, parts, around));
     found.sort_by_key(|(offset, _)| *offset);
     placed(text, &found)

@@ -1,6 +1,7 @@
 //! What is wrong with a program that is read: its statements, blocks, labels, frames and positions.
 
 use crate::expression::ItemKind;
+use crate::motion::SpeedUnit;
 use crate::position::AxisName;
 
 /// How bad something is.
@@ -42,6 +43,35 @@ pub enum Mistake {
     Misspelled {
         /// The word that is one.
         word: &'static str,
+    },
+    /// An unknown instruction with a name similar to a known one's; it can be that of a macro.
+    #[error("unknown instruction, similar to `{word}`: it may be a macro")]
+    Similar {
+        /// The word that is known.
+        word: &'static str,
+    },
+    /// `ON+` or `OFF-` in mixed logic, or outside of a condition.
+    #[error("`ON+` and `OFF-` belong in a condition without parentheses")]
+    Edge,
+    /// A sum of more than two positions.
+    #[error("{found} positions in one instruction: not every controller takes more than two")]
+    PositionSum {
+        /// How many there are.
+        found: u32,
+    },
+    /// An acceleration far above the greatest one of the manuals.
+    #[error("ACC{found}: the manuals name 150 at most")]
+    Acceleration {
+        /// The value, in percent.
+        found: u32,
+    },
+    /// A speed far above the greatest one of the manuals.
+    #[error("the speed is above {highest}{unit}")]
+    HighSpeed {
+        /// The greatest speed without this finding.
+        highest: u32,
+        /// The unit of that speed.
+        unit: SpeedUnit,
     },
     /// No instruction that is known, and no macro's name.
     #[error("the instruction is not known")]
@@ -262,6 +292,8 @@ pub enum Expected {
     Unit,
     #[error("`(sec)`")]
     Seconds,
+    #[error("`ENABLE` or `DISABLE`")]
+    Enable,
     #[error("the end of the instruction")]
     End,
 }
@@ -304,13 +336,17 @@ impl Mistake {
     pub fn level(self) -> Level {
         match self {
             Self::Macro
+            | Self::Similar { .. }
+            | Self::Unknown
+            | Self::UnknownItem
+            | Self::UnknownOption
+            | Self::Acceleration { .. }
+            | Self::HighSpeed { .. }
             | Self::MissingProgram
             | Self::Untaught
             | Self::Capitals { .. }
             | Self::SkipCondition => Level::Hint,
-            Self::Unknown
-            | Self::UnknownItem
-            | Self::UnknownOption
+            Self::PositionSum { .. }
             | Self::Unreachable
             | Self::EmptyLoop
             | Self::Joint { .. }
@@ -329,9 +365,13 @@ impl Mistake {
             Self::MissingProgram => {
                 "check its spelling; it may be a KAREL program, or one that is not in this folder"
             }
-            Self::Unknown | Self::UnknownItem | Self::UnknownOption => {
-                "check its spelling; an option of the controller may have it"
+            Self::Unknown | Self::Similar { .. } | Self::UnknownItem | Self::UnknownOption => {
+                "check its spelling; if an option of the controller has it, name it in a file (--instructions)"
             }
+            Self::Edge => "use ON or OFF, or a condition without parentheses",
+            Self::PositionSum { .. } => "add them two at a time",
+            Self::Acceleration { .. } => "check the number: above 100, robots may shake and wear more",
+            Self::HighSpeed { .. } => "check the number, and the robot's greatest speed",
             Self::Capitals { .. } => "use this spelling: which controllers accept another one is unknown",
             Self::SkipCondition => "add one, unless the program that calls this one has it",
             Self::EmptyLoop => "change the values, or use DOWNTO or TO instead",

@@ -194,6 +194,39 @@ fn check_prints_findings_in_other_forms_and_fails_by_level() {
         (&object["findings"][0]["level"], &object["findings"][0]["word"]),
         (&"error".into(), &"CALL".into())
     );
+    // The file has another name than its program: a finding in every format.
+    folder.write("cell/OTHER.LS", b"/PROG  A\n/MN\n   1:  END ;\n/END\n");
+    let message = "the file is not named as the program: on the controller both must be the same";
+    let short = format!("cell/OTHER.LS:1:8: warning: {message}\n");
+    let output = folder.run("ls check cell/OTHER.LS --format short");
+    assert_eq!((output.status.code(), out(&output)), (Some(0), short.as_str()));
+    assert_eq!(folder.run("ls check cell/OTHER.LS --fail-on warning").status.code(), Some(1));
+    let text = folder.run("ls check cell/OTHER.LS");
+    assert!(
+        out(&text).ends_with(&format!("{short}  help: rename the file, or the program\n")),
+        "{}",
+        out(&text)
+    );
+    let sarif = folder.run("ls check cell/OTHER.LS --format sarif");
+    assert!(out(&sarif).contains(r#""ruleId":"file-name""#), "{}", out(&sarif));
+    let object: Value =
+        serde_json::from_str(out(&folder.run("ls check cell/OTHER.LS --format json"))).unwrap();
+    assert_eq!(object["findings"][0]["kind"], "file_name");
+    assert_eq!((&object["findings"][0]["level"], &object["same_name"]), (&"warning".into(), &false.into()));
+    let output = folder.run("ls cell");
+    assert!(out(&output).contains("  warning file name: 1 in 1 files\n"), "{}", out(&output));
+    std::fs::remove_file(folder.0.join("cell/OTHER.LS")).unwrap();
+    // An instruction that is not known is a hint until it is named.
+    folder.write("GLUE.LS", b"/PROG  GLUE\n/MN\n   1:  GLUE START[1] ;\n   2:J P[1] 5% FINE GLUE50 ;\n/POS\nP[1]{\n GP1:\n UF : 0, UT : 1,\n J1= 0 deg\n};\n/END\n");
+    let output = folder.run("ls check GLUE.LS --format short");
+    let hints = "GLUE.LS:3:8: hint: the instruction is not known\nGLUE.LS:4:21: hint: the motion option is not known\n";
+    assert_eq!((output.status.code(), out(&output)), (Some(0), hints));
+    folder.write("instructions.txt", b"glue\n\n");
+    let output = folder.run("ls check GLUE.LS --format short --instructions instructions.txt");
+    assert_eq!((output.status.code(), out(&output)), (Some(0), ""));
+    let output = folder.run("ls check GLUE.LS --instructions none.txt");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(err(&output).contains("cannot read none.txt"), "{}", err(&output));
     folder.write("macros.txt", b"Grip Open\n\nGrip Close\n");
     let output = folder.run("ls check cell/A.LS --format short --macros macros.txt");
     assert_eq!((output.status.code(), out(&output)), (Some(0), "cell/A.LS:7:8: warning: unreachable line\n"));

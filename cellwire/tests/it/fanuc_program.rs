@@ -208,7 +208,7 @@ fn what_a_robot_cannot_do_is_an_alarm_with_its_line() {
         ),
         ("R[9]=1/R[1]", "a division by zero"),
         ("JMP LBL[4]", "there is no LBL[4]"),
-        ("L P[3] 100mm/sec FINE", "P[3] does not exist or was never taught"),
+        ("L P[3] 100mm/sec FINE", "/POS does not define P[3]"),
         ("CALL MAIN", "programs call each other 100 deep"),
     ] {
         folder.write("MAIN.LS", &program("MAIN", instructions, &[SQUARE[0], [900.0, 0.0, 0.0, 0.0]]));

@@ -25,8 +25,8 @@ const READ: [(&str, &str, &str, bool); 13] = [
         "# ball: x\n10 # 0.001000 s sent\n11 # 0.002000 s received\n",
         false,
     ),
-    ("ls check", "MINIMAL.LS", LS, true),
-    ("ls check --format json", "MINIMAL.LS", LS, true),
+    ("ls check", "A.LS", LS, true),
+    ("ls check --format json", "A.LS", LS, true),
     ("ls make --mode dynamic", "path.csv", TRAJECTORY, true),
     ("decode kawasaki-msg --format raw - --settings", "plant.toml", "# c\nnothing = 1\n", true),
 ];

@@ -40,6 +40,29 @@ fn a_position_of_another_frame_stops_the_program() {
 }
 
 #[test]
+fn what_is_not_modelled_stops_the_program_with_its_reason() {
+    let folder = Folder::new("run-reason");
+    let why = |text: &str| {
+        folder.write("A.LS", text);
+        let output = folder.run("ls run A.LS");
+        assert_eq!(output.status.code(), Some(1), "{}", out(&output));
+        let (_, why) = out(&output).split_once(r#""why":""#).unwrap();
+        why.split('"').next().unwrap().to_owned()
+    };
+    let motion = program("A", "J P[1] 50% FINE", &[400.0]);
+    let mut fixed_tool = motion.clone();
+    for name in ["X", "Y", "Z", "W", "P", "R"] {
+        fixed_tool = fixed_tool.replace(&format!("\t{name} ="), &format!("\tR{name} ="));
+    }
+    assert_eq!(why(&fixed_tool), "P[1] has RX to RR: a tool that is fixed in the cell is not modelled");
+    let untaught = motion.replace("X = 400 mm", "X = ******** mm");
+    assert_eq!(why(&untaught), "P[1] was never taught, or lacks an axis of the robot");
+    assert_eq!(why(&motion.replace("J P[1]", "J P[2]")), "/POS does not define P[2]");
+    assert_eq!(why(&program("A", "WAIT DI[1]=ON+", &[])), "edges, ON+ and OFF-, are not modelled");
+    assert_eq!(why(&program("A", "WAIT ERR_NUM=0", &[])), "ERR_NUM is not modelled");
+}
+
+#[test]
 fn an_open_block_is_refused() {
     let folder = Folder::new("run-block");
     folder.write("A.LS", &program("A", "IF (R[1]=0) THEN\nR[1]=1", &[]));

@@ -26,6 +26,29 @@ pub struct Surroundings {
     pub programs: Option<BTreeSet<String>>,
     /// The names of the controller's macros, in capitals.
     pub macros: BTreeSet<String>,
+    /// The first words of instructions, motion options and operands that the table does not have, such as those of an application:
+    /// a text that begins with one of them, in capitals or not, is not a finding.
+    pub instructions: BTreeSet<String>,
+    /// The name of the program's file, without its extension. None: it has no file, or any name.
+    pub file: Option<String>,
+}
+
+impl Surroundings {
+    /// Whether a text begins with one of [`instructions`](Self::instructions).
+    fn has_instruction(&self, text: &str) -> bool {
+        self.instructions.iter().any(|head| {
+            let begin = text.split_at_checked(head.len());
+            // Digits may follow: `ACC50`.
+            let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphabetic() || c == '_');
+            begin.is_some_and(|(begin, rest)| {
+                !head.is_empty() && begin.eq_ignore_ascii_case(head) && ends(rest)
+            })
+        })
+    }
+
+    fn has_macro(&self, name: &str) -> bool {
+        self.macros.contains(&name.to_uppercase())
+    }
 }
 
 /// A statement, and what it does.
@@ -55,12 +78,28 @@ impl Found<'_> {
     fn add(&mut self, at: &str, mistake: Mistake) {
         self.found.push((offset(self.text, at), Problem::Mistake(mistake)));
     }
+
+    /// Adds what is wrong with the text `unknown`, unless it is one of the instructions that the caller has named.
+    fn add_unknown(&mut self, at: &str, unknown: &str, mistake: Mistake) {
+        let is_unknown = matches!(
+            mistake,
+            Mistake::Unknown
+                | Mistake::UnknownItem
+                | Mistake::UnknownOption
+                | Mistake::Misspelled { .. }
+                | Mistake::Similar { .. }
+                | Mistake::Macro
+        );
+        if !(is_unknown && self.around.has_instruction(unknown)) {
+            self.add(at, mistake);
+        }
+    }
 }
 
 /// Every mistake in a text.
 pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usize, Problem)> {
     let mut found = Found { text, around, found: Vec::new() };
-    let mut open = None;
+    let (mut open, mut is_block) = (None, false);
     let lines: Vec<Line<'_>> = { parts.statements(text) }
         .map(|statement| {
             let place = statement.body();
@@ -68,8 +107,9 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
             let what = match statement.decode() {
                 Ok(Instruction::Empty | Instruction::Comment(_)) => What::Nothing,
                 Ok(Instruction::Nested(_)) => {
-                    nested(statement.text(), &mut open, &mut found);
-                    What::Nothing
+                    let what = nested(statement.text(), &mut open, &mut found);
+                    // A line that is only indented as one of a block: no motion is above it.
+                    if is_block { What::Nothing } else { what }
                 }
                 Ok(Instruction::Motion(motion)) => {
                     motion::check(&motion, place, &mut found);
@@ -78,6 +118,9 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
                 Ok(_) => read(place, &mut found),
                 Err(_) => What::Unknown,
             };
+            if !statement.is_nested() {
+                is_block = matches!(what, What::Motion(_) | What::Unknown);
+            }
             Line { place, what }
         })
         .collect();
@@ -104,24 +147,30 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
     found.found
 }
 
-/// A line of the block of a motion, if it ends an instruction; `open` is where that has begun, if not in this line.
-fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) {
+/// Checks a line of the block of a motion, if it ends an instruction; `open` is where that has begun, if not in this line.
+/// Returns the instruction.
+fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) -> What {
     let begin = open.take().unwrap_or(offset(found.text, line));
     let end = offset(found.text, line) + line.trim_end().len();
     let instruction = found.text.get(begin..end).unwrap_or("");
     let Some(instruction) = instruction.strip_suffix(';') else {
         *open = Some(begin);
-        return;
+        return What::Nothing;
     };
     let body = instruction.trim_start().trim_start_matches(|c: char| c.is_ascii_digit());
-    let Some(body) = body.strip_prefix(':').map(str::trim) else { return };
-    if !body.is_empty() && !body.starts_with('!') {
-        read(body, found);
+    match body.strip_prefix(':').map(str::trim) {
+        Some(body) if !body.is_empty() && !body.starts_with('!') => read(body, found),
+        _ => What::Nothing,
     }
 }
 
 fn read(place: &str, found: &mut Found<'_>) -> What {
+    let name = place.split('(').next().unwrap_or("").trim();
     match grammar::operation(place) {
+        // A name that the caller knows, whatever it is similar to. Only the labels in its text are checked.
+        Err(_) if found.around.has_instruction(place) || found.around.has_macro(name) => {
+            What::Operation(Operation::Command { name: "", operands: Vec::new(), text: place.into() })
+        }
         Ok(operation) => {
             values::check(&operation, place, found);
             if !matches!(operation, Operation::Macro { .. })
@@ -129,15 +178,15 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
             {
                 found.add(place, Mistake::Capitals { word });
             }
-            let is_known = |names: &BTreeSet<String>, name: &str| names.contains(&name.to_uppercase());
             match operation.action() {
-                Operation::Macro { name, .. } if !is_known(&found.around.macros, name) => {
-                    found.add(place, Mistake::Macro);
+                Operation::Macro { name, .. } if !found.around.has_macro(name) => {
+                    found.add_unknown(place, name, Mistake::Macro);
                 }
                 Operation::Call { program, .. } | Operation::Run(program) | Operation::Monitor(program) => {
                     // A register may have the name.
                     let programs = found.around.programs.as_ref();
-                    let is_missing = programs.is_some_and(|programs| !is_known(programs, program));
+                    let is_missing =
+                        programs.is_some_and(|programs| !programs.contains(&program.to_uppercase()));
                     if is_missing && !program.contains(['[', '.']) {
                         found.add(place, Mistake::MissingProgram);
                     }
@@ -153,7 +202,7 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
             // What is missing is missing behind the last word.
             let missing =
                 if trouble.at.is_empty() { place.get(place.len()..).unwrap_or("") } else { trouble.at };
-            found.add(missing, trouble.mistake);
+            found.add_unknown(missing, trouble.at, trouble.mistake);
             What::Unknown
         }
     }

@@ -4,7 +4,7 @@ use super::Found;
 use crate::expression::{Index, Item, ItemKind};
 use crate::grammar;
 use crate::mistake::{Expected, Mistake};
-use crate::motion::{Motion, Speed, Target, Termination};
+use crate::motion::{Motion, Speed, SpeedUnit, Target, Termination};
 
 pub(super) fn check(motion: &Motion, place: &str, found: &mut Found<'_>) {
     for target in [motion.via.as_ref(), Some(&motion.target)].into_iter().flatten() {
@@ -15,18 +15,23 @@ pub(super) fn check(motion: &Motion, place: &str, found: &mut Found<'_>) {
     match &motion.speed {
         Speed::Register { register, .. } => register_of_number(register, place, found),
         Speed::Named(name) => {
-            let name = name.to_ascii_lowercase();
-            if !name.contains("speed") && !name.contains("geschw") {
-                found.add(place, Mistake::UnknownOption);
+            let lower = name.to_ascii_lowercase();
+            if !lower.contains("speed") && !lower.contains("geschw") {
+                found.add_unknown(place, name, Mistake::UnknownOption);
             }
         }
-        Speed::Fixed { .. } => {}
+        Speed::Fixed { value, unit } => {
+            if let Some(highest) = highest(*unit).filter(|highest| *value > f64::from(*highest)) {
+                found.add(place, Mistake::HighSpeed { highest, unit: *unit });
+            }
+        }
     }
     match &motion.termination {
         Some(Termination::ContinuousRegister(register)) => register_of_number(register, place, found),
         Some(_) => {}
         // A corner distance stands in its place, or an application's own word, which is a finding.
-        None if motion.options.starts_with("CD") || grammar::options(&motion.options).is_err() => {}
+        None if ["CD", "CR", "CTV"].iter().any(|word| motion.options.starts_with(word)) => {}
+        None if grammar::options(&motion.options).is_err() => {}
         None => found.add(place, Mistake::Termination),
     }
     if grammar::options(&motion.via_options).is_err_and(|trouble| trouble.mistake != Mistake::UnknownOption) {
@@ -35,7 +40,28 @@ pub(super) fn check(motion: &Motion, place: &str, found: &mut Found<'_>) {
     let options = Motion::options_place(place);
     if let Err(trouble) = grammar::options(options) {
         let missing = if trouble.at.is_empty() { place.get(place.len()..).unwrap_or("") } else { trouble.at };
-        found.add(missing, trouble.mistake);
+        found.add_unknown(missing, trouble.at, trouble.mistake);
+    }
+    for option in motion.each_option() {
+        let percent = option.strip_prefix("ACC").and_then(|percent| percent.trim().parse::<u16>().ok());
+        if let Some(percent) = percent.filter(|percent| (HIGHEST_ACCELERATION + 1..=500).contains(percent)) {
+            let at = options.find(option).and_then(|at| options.get(at..)).unwrap_or(place);
+            found.add(at, Mistake::Acceleration { found: percent.into() });
+        }
+    }
+}
+
+/// The greatest ACC in percent of published exports; the manuals name 150.
+const HIGHEST_ACCELERATION: u16 = 250;
+
+/// The greatest speeds of the manuals, doubled: some robots are faster than the range printed there.
+fn highest(unit: SpeedUnit) -> Option<u32> {
+    match unit {
+        SpeedUnit::MmPerSec => Some(4000),
+        SpeedUnit::CmPerMin => Some(24_000),
+        SpeedUnit::InchPerMin => Some(9448),
+        SpeedUnit::DegPerSec => Some(1000),
+        SpeedUnit::Percent | SpeedUnit::Sec | SpeedUnit::Msec => None,
     }
 }
 

@@ -12,6 +12,7 @@ enum Kind {
     Number,
     Text,
     Position,
+    Pallet,
     /// It may be any.
     Any,
 }
@@ -137,7 +138,9 @@ fn kind(value: &Expression) -> Kind {
     match value {
         Expression::Number(_) | Expression::Negative(_) => Kind::Number,
         Expression::Text(_) => Kind::Text,
-        Expression::On | Expression::Off | Expression::Not(_) => Kind::State,
+        Expression::On | Expression::Off | Expression::Rising | Expression::Falling | Expression::Not(_) => {
+            Kind::State
+        }
         Expression::CartesianPosition | Expression::JointPosition => Kind::Position,
         Expression::Item(item) => kind_of(item),
         Expression::Binary(operator, sides) => match operator {
@@ -151,6 +154,7 @@ fn kind(value: &Expression) -> Kind {
             | Operator::Greater => Kind::State,
             _ => kind(&sides.0),
         },
+        Expression::Pallet(_) => Kind::Pallet,
         Expression::System(_) | Expression::Call(..) | Expression::Untaught => Kind::Any,
     }
 }
@@ -180,11 +184,32 @@ fn assigned(item: &Item, value: &Expression) -> Option<Mistake> {
         (Kind::Number, Kind::State) if matches!(value, Expression::On | Expression::Off) => Expected::Number,
         (Kind::Number, Kind::Text) if matches!(value, Expression::Text(_)) => Expected::Number,
         (Kind::Number, Kind::Position) => Expected::Number,
-        (Kind::Position, Kind::Number | Kind::State | Kind::Text) => Expected::Position,
+        (Kind::Position, Kind::Number | Kind::State | Kind::Text | Kind::Pallet) => Expected::Position,
         (Kind::Text, Kind::State | Kind::Position) => Expected::Text,
+        (Kind::Number, Kind::Pallet) => Expected::Number,
+        (Kind::State, Kind::Pallet) => Expected::State,
+        (Kind::Text, Kind::Pallet) => Expected::Text,
+        (Kind::Position, Kind::Position) => {
+            let found = positions(value);
+            return (found > 2).then_some(Mistake::PositionSum { found });
+        }
         _ => return None,
     };
     Some(Mistake::Expected { what })
+}
+
+fn is_constant_state(value: &Expression) -> bool {
+    matches!(value, Expression::On | Expression::Off | Expression::Rising | Expression::Falling)
+}
+
+/// The positions that are added or subtracted.
+fn positions(value: &Expression) -> u32 {
+    match value {
+        Expression::Binary(Operator::Add | Operator::Subtract, sides) => {
+            positions(&sides.0) + positions(&sides.1)
+        }
+        value => u32::from(kind(value) == Kind::Position),
+    }
 }
 
 /// A comparison of what cannot be equal.
@@ -197,9 +222,7 @@ fn compared(value: &Expression) -> Option<Mistake> {
         (Operator::Equal | Operator::Unequal, Kind::State, Kind::Number) if sides.1.constant().is_some() => {
             Expected::State
         }
-        (Operator::Equal | Operator::Unequal, Kind::Number, Kind::State)
-            if matches!(sides.1, Expression::On | Expression::Off) =>
-        {
+        (Operator::Equal | Operator::Unequal, Kind::Number, Kind::State) if is_constant_state(&sides.1) => {
             Expected::Number
         }
         (Operator::And | Operator::Or, left, right)

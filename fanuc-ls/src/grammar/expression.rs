@@ -15,17 +15,34 @@ const DEEPEST: u8 = 24;
 
 /// A value or a condition.
 pub(super) fn expression(input: &str) -> Parsed<'_, Expression> {
-    level(input, 0, DEEPEST)
+    without_edges(input, level(input, 0, DEEPEST)?)
 }
 
 /// One value without an operator.
 pub(super) fn value(input: &str) -> Parsed<'_, Expression> {
-    or_fail(input, Expected::Value, |input| operand(input, DEEPEST))
+    without_edges(input, or_fail(input, Expected::Value, |input| operand(input, DEEPEST))?)
+}
+
+fn without_edges<'a>(input: &'a str, read: (&'a str, Expression)) -> Parsed<'a, Expression> {
+    if has_misplaced_edge(&read.1) { fail(input, Mistake::Edge) } else { Ok(read) }
+}
+
+/// Whether `ON+` or `OFF-` stands elsewhere than behind `=` or `<>`.
+fn has_misplaced_edge(value: &Expression) -> bool {
+    match value {
+        Expression::Rising | Expression::Falling => true,
+        Expression::Binary(operator, sides) => {
+            let is_compared = matches!(operator, Operator::Equal | Operator::Unequal)
+                && matches!(sides.1, Expression::Rising | Expression::Falling);
+            has_misplaced_edge(&sides.0) || !is_compared && has_misplaced_edge(&sides.1)
+        }
+        _ => false,
+    }
 }
 
 /// What is true or not. Outside of parentheses it compares, and AND and OR are not mixed.
 pub(super) fn condition(input: &str) -> Parsed<'_, Expression> {
-    let (rest, found) = expression(input)?;
+    let (rest, found) = level(input, 0, DEEPEST)?;
     let text = input.get(..input.len() - rest.len()).unwrap_or("");
     let is_bare = !blank(text).starts_with(['(', '!']);
     match &found {
@@ -33,6 +50,7 @@ pub(super) fn condition(input: &str) -> Parsed<'_, Expression> {
         Expression::Number(_) | Expression::Text(_) | Expression::Negative(_) => {
             fail(rest, Mistake::Expected { what: Expected::Comparison })
         }
+        found if has_misplaced_edge(found) => fail(input, Mistake::Edge),
         _ if is_bare && mixes(text) => fail(input, Mistake::MixedLogic),
         _ => Ok((rest, found)),
     }
@@ -91,9 +109,21 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         ("JPOS", Expression::JointPosition),
         ("Constant", Expression::Untaught),
     ] {
-        if let Some(rest) = next(input, keyword(word)) {
-            return Ok((rest, value));
-        }
+        let Some(rest) = next(input, keyword(word)) else { continue };
+        let (edge, rest) = match value {
+            Expression::On => (Some(Expression::Rising), rest.strip_prefix('+').ok_or(rest)),
+            Expression::Off => (Some(Expression::Falling), rest.strip_prefix('-').ok_or(rest)),
+            _ => (None, Err(rest)),
+        };
+        return match (edge, rest) {
+            (Some(edge), Ok(rest)) if depth + 1 == DEEPEST => Ok((rest, edge)),
+            (Some(_), Ok(_)) => fail(input, Mistake::Edge),
+            (_, Ok(rest) | Err(rest)) => Ok((rest, value)),
+        };
+    }
+    if let Some(rest) = next(input, keyword("ERR_NUM")) {
+        // The alarm's facility and number; it is read as a system variable is.
+        return Ok((rest, Expression::System("ERR_NUM".to_string())));
     }
     if let Some(rest) = next(input, sign("...")) {
         return Ok((rest, Expression::Untaught));
@@ -112,6 +142,9 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
             return fail(rest, Mistake::Expected { what: Expected::Quote });
         };
         return Ok((rest, Expression::Text(text.to_string())));
+    }
+    if let Some(read) = next(input, sign("[")).and_then(|rest| pallet(rest).ok()) {
+        return Ok(read);
     }
     if let Ok((rest, number)) = number(input) {
         return Ok((rest, Expression::Number(number)));
@@ -144,6 +177,22 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         return Ok((rest, Expression::Binary(Operator::Multiply, Box::new(sides))));
     }
     Ok((rest, Expression::Item(item)))
+}
+
+/// A row, a column and a layer, of which a comparison leaves some open: `1,R[2],*]`.
+fn pallet(input: &str) -> Parsed<'_, Expression> {
+    let mut rest = input;
+    for end in [",", ",", "]"] {
+        if let Some(after) = next(rest, sign("*")) {
+            rest = after;
+        } else {
+            (rest, _) = index(rest, DEEPEST)?;
+        }
+        let missing = if end == "]" { Expected::Bracket } else { Expected::Comma };
+        (rest, ()) = or_fail(rest, missing, sign(end))?;
+    }
+    let text = input.get(..input.len() - rest.len()).unwrap_or("");
+    Ok((rest, Expression::Pallet(["[", text].concat())))
 }
 
 /// What a function is given: in brackets, in parentheses, or for those of strings behind a blank.
@@ -282,7 +331,17 @@ pub(super) fn index(input: &str, depth: u8) -> Parsed<'_, Index> {
 /// The number in brackets behind an instruction, with its comment: `[3:gripper]`.
 pub(super) fn bracketed(input: &str) -> Parsed<'_, Index> {
     let (rest, ()) = sign("[").parse(input)?;
-    let (mut rest, found) = index(rest, DEEPEST)?;
+    index_to_bracket(rest)
+}
+
+/// The same of a motion group, which may be named: `[GP2:3]`.
+pub(super) fn bracketed_of_group(input: &str) -> Parsed<'_, Index> {
+    let (rest, ()) = sign("[").parse(input)?;
+    index_to_bracket(group(rest).0)
+}
+
+fn index_to_bracket(input: &str) -> Parsed<'_, Index> {
+    let (mut rest, found) = index(input, DEEPEST)?;
     if let Some(after) = next(rest, sign(":")) {
         rest = after.get(closing(after).unwrap_or(after.len())..).unwrap_or("");
     }

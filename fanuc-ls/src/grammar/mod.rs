@@ -4,6 +4,7 @@
 mod expression;
 mod operation;
 mod options;
+mod outside;
 mod table;
 
 use nom::error::{ErrorKind, ParseError};
@@ -115,12 +116,19 @@ pub(crate) fn next<'a>(
     parser.parse(input).ok().map(|(rest, ())| rest)
 }
 
-/// A number behind blanks.
+/// A number behind blanks; small ones have an exponent: `1.5e-06`.
 fn number(input: &str) -> Parsed<'_, f64> {
     let text = blank(input);
-    let found =
-        decimal_prefix(text.as_bytes()).and_then(|(value, length)| Some((text.get(length..)?, value)));
-    found.map_or_else(|| other(input), Ok)
+    let Some((value, length)) = decimal_prefix(text.as_bytes()) else { return other(input) };
+    let rest = text.get(length..).unwrap_or("");
+    let with_exponent = || {
+        let exponent = rest.strip_prefix(['e', 'E'])?;
+        let digits = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
+        let count = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        let after = digits.get(count..).filter(|_| count > 0)?;
+        Some((after, text.get(..text.len() - after.len())?.parse().ok()?))
+    };
+    Ok(with_exponent().unwrap_or((rest, value)))
 }
 
 /// Nothing but blanks.

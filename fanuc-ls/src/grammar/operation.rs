@@ -4,8 +4,8 @@ use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-use super::expression::{bracketed, condition, expression, item, name, system, value};
-use super::table::{Form, Place, ROWS};
+use super::expression::{bracketed, bracketed_of_group, condition, expression, item, name, system, value};
+use super::table::{Form, Place, ROWS, Row};
 use super::{Parsed, Trouble, blank, end, fail, is_word, keyword, next, number, or_fail, other, sign};
 use crate::expression::{Expression, Index, Item, ItemKind, Operator};
 use crate::mistake::{Expected, Mistake};
@@ -92,14 +92,21 @@ fn form<'a>(input: &'a str, name: &'static str, form: &Form) -> Parsed<'a, Opera
             command(rest, [found].into())
         }
         Form::Set(low, high) => {
-            let (rest, ()) = or_fail(input, Expected::Equals, sign("="))?;
+            let (rest, group) = match bracketed(input) {
+                Ok((rest, group)) => (rest, Some(group)),
+                Err(nom::Err::Error(_)) => (input, None),
+                Err(error) => return Err(error),
+            };
+            let (rest, ()) = or_fail(rest, Expected::Equals, sign("="))?;
             let (behind, found) = expression(rest)?;
             in_range(rest, &found, *low, *high)?;
             let behind = ["%", "mm/sec"].iter().find_map(|unit| next(behind, sign(unit))).unwrap_or(behind);
-            command(behind, [found].into())
+            command(behind, [found].into_iter().chain(group.map(Into::into)).collect())
         }
-        Form::Index(low, high) => {
-            let (rest, index) = or_fail(input, Expected::OpenBracket, bracketed)?;
+        Form::Index(low, high) | Form::IndexOfGroup(low, high) => {
+            let is_of_group = matches!(form, Form::IndexOfGroup(..));
+            let parse = if is_of_group { bracketed_of_group } else { bracketed };
+            let (rest, index) = or_fail(input, Expected::OpenBracket, parse)?;
             if matches!(index, Index::Number(number) if !(*low..=*high).contains(&number)) {
                 return fail(input, Mistake::range((*low).into(), (*high).into()));
             }
@@ -260,7 +267,9 @@ pub(super) fn call(input: &str) -> Parsed<'_, Operation> {
 }
 
 pub(super) fn run(input: &str) -> Parsed<'_, Operation> {
-    name(input).map(|(rest, program)| (rest, Operation::Run(program)))
+    let (rest, program) = name(input)?;
+    let (rest, _) = arguments(rest)?;
+    Ok((rest, Operation::Run(program)))
 }
 
 pub(super) fn monitor(input: &str) -> Parsed<'_, Operation> {
@@ -359,7 +368,15 @@ fn assign(input: &str, item: Item) -> Parsed<'_, Operation> {
         }
     }
     if let Some(after) = next(rest, keyword("PULSE")) {
-        if !matches!(item.kind, ItemKind::DigitalOutput | ItemKind::RobotOutput) {
+        let is_pulsed = matches!(
+            item.kind,
+            ItemKind::DigitalOutput
+                | ItemKind::RobotOutput
+                | ItemKind::WeldOutput
+                | ItemKind::WireOutput
+                | ItemKind::SpotOutput
+        );
+        if !is_pulsed {
             return fail(rest, Mistake::Expected { what: Expected::Value });
         }
         let Some(after) = next(after, sign(",")) else { return Ok((after, Operation::Pulse(item, None))) };
@@ -384,10 +401,9 @@ fn named(input: &str) -> Parsed<'_, Operation> {
     }
     let first = text.find(|c| !is_word(c)).unwrap_or(text.len());
     let word = text.get(..first).unwrap_or("");
-    // In English: words of other languages are too near to the names of macros.
-    let known = ROWS.iter().filter_map(|row| row.words.first()?.split(' ').next());
-    if let Some(word) = { known }.find(|known| is_near(word, known)) {
-        return fail(text, Mistake::Misspelled { word });
+    let similar = similar(word, text.get(first..).unwrap_or(""));
+    if let Some(mistake @ Mistake::Misspelled { .. }) = similar {
+        return fail(text, mistake);
     }
     let is_name =
         |c: char| is_word(c) || matches!(c, ' ' | '.' | '-' | '/' | '#' | '&' | '+' | '>' | '?' | '%');
@@ -396,10 +412,34 @@ fn named(input: &str) -> Parsed<'_, Operation> {
     let name = name.trim_end();
     let is_open = blank(rest).is_empty() || rest.starts_with(['(', ',']) || rest.starts_with(['\r', '\n']);
     if !text.starts_with(char::is_alphabetic) || name.len() > 36 || !is_open {
-        return fail(text, Mistake::Unknown);
+        return fail(text, similar.unwrap_or(Mistake::Unknown));
+    }
+    if let Some(mistake) = similar {
+        return fail(text, mistake);
     }
     let (rest, arguments) = arguments(rest)?;
     Ok((rest, Operation::Macro { name: name.to_string(), arguments }))
+}
+
+/// The instruction that a word is nearly the name of. It is misspelled if what follows fits that instruction too, and
+/// otherwise another one, which the table does not have.
+fn similar(word: &str, after: &str) -> Option<Mistake> {
+    // In English: words of other languages are too near to the names of macros.
+    let first = |row: &Row| row.words.first()?.split(' ').next();
+    let near = ROWS.iter().filter_map(|row| Some((row, first(row).filter(|known| is_near(word, known))?)));
+    let mut similar = None;
+    for (row, known) in near {
+        let text = known.to_string() + after;
+        let fits = row.words.first().is_some_and(|words| next(&text, keyword(words)).is_some())
+            && instruction(&text, Place::Line).is_ok_and(|(rest, _)| end(rest).is_ok());
+        match row.form {
+            // Anything follows it: that this does shows nothing.
+            Form::Text if fits => similar = similar.or(Some(Mistake::Similar { word: known })),
+            _ if fits => return Some(Mistake::Misspelled { word: known }),
+            _ => {}
+        }
+    }
+    similar
 }
 
 /// Whether a word is another one with a letter missing, added, changed or two changed about.

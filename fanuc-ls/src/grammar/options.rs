@@ -2,7 +2,7 @@
 
 use super::expression::{index, item};
 use super::operation::{is_near, label_of, simple};
-use super::table::OPTIONS;
+use super::table::{Choice, OPTIONS};
 use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fail, sign};
 use crate::expression::ItemKind;
 use crate::mistake::{Expected, Mistake};
@@ -34,7 +34,9 @@ pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
         let text = blank(rest);
         let length = text.find(|c: char| !is_word(c)).unwrap_or(text.len());
         let word = text.get(..length).unwrap_or("");
-        let known = OPTIONS.iter().flat_map(|choice| choice.words);
+        let after = text.get(length..).unwrap_or("");
+        let fits = |choice: &&Choice| (choice.form)(after).is_ok();
+        let known = OPTIONS.iter().filter(fits).flat_map(|choice| choice.words);
         let mistake = match { known }.find(|known| is_near(word, known)) {
             Some(word) => Mistake::Misspelled { word },
             None => Mistake::UnknownOption,
@@ -55,7 +57,9 @@ fn begins<'a>(input: &'a str, words: &'static str) -> Option<&'a str> {
         }
         rest = after;
     }
-    (!rest.starts_with(|c: char| c.is_alphabetic() || c == '_')).then_some(rest)
+    // A register may follow without a blank as well: `RT_LDR[1]`.
+    let is_register = ["R[", "AR["].iter().any(|register| rest.starts_with(register));
+    (is_register || !rest.starts_with(|c: char| c.is_alphabetic() || c == '_')).then_some(rest)
 }
 
 /// A number within a range, or a register; a percent sign may follow.
@@ -66,6 +70,23 @@ pub(super) fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
         Err(_) => or_fail(input, Expected::Number, item)?.0,
     };
     Ok((next(rest, sign("%")).unwrap_or(rest), ()))
+}
+
+/// The same, or nothing: `CTV`, `CTV50`.
+pub(super) fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
+    match number(input).is_ok() || item(input).is_ok() {
+        true => amount(input, low, high),
+        false => Ok((input, ())),
+    }
+}
+
+/// `CR5`, or with a second distance `CR5,10`.
+pub(super) fn corner(input: &str) -> Parsed<'_, ()> {
+    let (rest, ()) = amount(input, 0.0, 1000.0)?;
+    match next(rest, sign(",")).filter(|after| number(after).is_ok()) {
+        Some(after) => amount(after, 0.0, 1000.0),
+        None => Ok((rest, ())),
+    }
 }
 
 /// `Skip,LBL[1]`, and what it keeps: `,PR[1]=LPOS`.
@@ -117,18 +138,24 @@ pub(super) fn action(input: &str) -> Parsed<'_, ()> {
     Ok((rest, ()))
 }
 
-/// `Arc Start[1]`: what an application has in brackets.
+/// `Arc Start[1]`, of another equipment `Arc Start E2[1]`: what an application has in brackets.
 pub(super) fn bracketed(input: &str) -> Parsed<'_, ()> {
-    let (rest, ()) = or_fail(input, Expected::Bracket, sign("["))?;
-    match rest.split_once(']') {
-        // The brackets of a register may be inside.
-        Some((inside, after)) if inside.contains('[') => after.split_once(']').map_or_else(
-            || fail(after, Mistake::Expected { what: Expected::Bracket }),
-            |(_, after)| Ok((after, ())),
-        ),
-        Some((_, after)) => Ok((after, ())),
-        None => fail(rest, Mistake::Expected { what: Expected::Bracket }),
+    let equipment =
+        blank(input).strip_prefix('E').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+    let (rest, ()) = or_fail(equipment.unwrap_or(input), Expected::Bracket, sign("["))?;
+    // Registers inside have brackets of their own.
+    let mut depth = 1usize;
+    for (at, c) in rest.char_indices() {
+        match c {
+            '[' => depth += 1,
+            ']' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return Ok((rest.get(at + 1..).unwrap_or(""), ()));
+        }
     }
+    fail(rest, Mistake::Expected { what: Expected::Bracket })
 }
 
 /// What an application has up to the end.

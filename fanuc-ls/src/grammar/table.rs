@@ -4,7 +4,10 @@ use super::Parsed;
 use super::operation::{
     assign_to, call, case, count, decide, jump, label, message, monitor, otherwise, run, select, wait, when,
 };
-use super::options::{action, amount, bracketed, coordinated, optional_register, skip, to_end};
+use super::options::{
+    action, amount, bracketed, coordinated, corner, optional_amount, optional_register, skip, to_end,
+};
+use super::outside::{enable, receive, send};
 use crate::operation::Operation;
 
 /// An instruction. Controllers set to German write the second spelling.
@@ -20,7 +23,9 @@ pub(crate) enum Form {
     Alone(Operation),
     /// A number in brackets, within a range.
     Index(u32, u32),
-    /// `=` and a value, within a range where it is a number.
+    /// The same of a motion group, which may be named.
+    IndexOfGroup(u32, u32),
+    /// A motion group in brackets or nothing, `=` and a value, within a range where it is a number.
     Set(f64, f64),
     /// A value, within a range where it is a number.
     Value(f64, f64),
@@ -47,7 +52,7 @@ const fn row(words: &'static [&'static str], form: Form, place: Place) -> Row {
     Row { words, form, place }
 }
 
-use Form::{Alone, Condition, Index, Own, Set, State, Text, Value};
+use Form::{Alone, Condition, Index, IndexOfGroup, Own, Set, State, Text, Value};
 use Place::{Anywhere, Line};
 
 /// The instructions that begin with a word. What begins with a register or an output is an assignment.
@@ -69,7 +74,8 @@ pub(crate) static ROWS: &[Row] = &[
     row(&["ABORT", "ABBRUCH"], Alone(Operation::Abort), Anywhere),
     row(&["PAUSE"], Alone(Operation::Pause), Anywhere),
     row(&["UALM", "BALM"], Index(1, 9999), Anywhere),
-    row(&["PAYLOAD", "TRAGLST"], Index(1, 10), Anywhere),
+    row(&["PAYLOAD", "TRAGLST"], IndexOfGroup(1, 10), Anywhere),
+    row(&["RSR"], Own(enable), Anywhere),
     row(&["UFRAME_NUM", "BENUTZER_NUM"], Own(|input| assign_to(input, 0)), Anywhere),
     row(&["UTOOL_NUM", "WKZ_NUM"], Own(|input| assign_to(input, 1)), Anywhere),
     row(&["OVERRIDE"], Own(|input| assign_to(input, 2)), Anywhere),
@@ -78,7 +84,7 @@ pub(crate) static ROWS: &[Row] = &[
     row(&["OFFSET CONDITION"], Text, Line),
     row(&["TOOL_OFFSET CONDITION"], Text, Line),
     row(&["VOFFSET CONDITION"], Text, Line),
-    row(&["JOINT_MAX_SPEED"], Set(0.0, 100.0), Anywhere),
+    row(&["JOINT_MAX_SPEED"], Set(0.0, 10_000.0), Anywhere),
     row(&["LINEAR_MAX_SPEED"], Set(0.0, 10_000.0), Anywhere),
     row(&["LOCK PREG", "SPERRE PREG"], Alone(Operation::Lock), Anywhere),
     row(&["UNLOCK PREG", "FREIG. PREG"], Alone(Operation::Unlock), Anywhere),
@@ -115,9 +121,14 @@ pub(crate) static ROWS: &[Row] = &[
     row(&["RETURN_PATH_DSBL"], Text, Line),
     row(&["MAINT_PROG"], Text, Line),
     row(&["CLEAR_RESUME_PROG"], Text, Line),
+    row(&["SEND"], Own(send), Line),
+    row(&["RCV"], Own(receive), Line),
     row(&["SENSOR_ON"], Text, Line),
     row(&["SENSOR_OFF"], Text, Line),
     row(&["TORQ_LIMIT"], Text, Line),
+    row(&["CLEAR SEMAPHORE"], Index(1, 32), Anywhere),
+    row(&["POST SEMAPHORE"], Index(1, 32), Anywhere),
+    row(&["Rec Path"], Text, Line),
     row(&["STICK DETECT"], Text, Line),
     row(&["REPLACE"], Text, Line),
     row(&["INDEPENDENT GP"], Text, Line),
@@ -182,7 +193,8 @@ pub(crate) static OPTIONS: &[Choice] = &[
     choice(&["FINE"], nothing),
     choice(&["ACC"], |input| amount(input, 0.0, 500.0)),
     choice(&["CD"], |input| amount(input, 0.0, 1000.0)),
-    choice(&["CR"], |input| amount(input, 0.0, 1000.0)),
+    choice(&["CR"], corner),
+    choice(&["CTV"], |input| optional_amount(input, -100.0, 100.0)),
     choice(&["PSPD"], |input| amount(input, 0.0, 500.0)),
     choice(&["AP_LD"], |input| amount(input, 0.0, 100_000.0)),
     choice(&["RT_LD"], |input| amount(input, 0.0, 100_000.0)),
@@ -190,13 +202,19 @@ pub(crate) static OPTIONS: &[Choice] = &[
     choice(&["Ind.EV"], |input| amount(input, 0.0, 100.0)),
     choice(&["EV"], |input| amount(input, 0.0, 100.0)),
     choice(&["Skip", "Interrupt"], skip),
+    choice(&["SkipJump"], skip),
     choice(&["Offset"], optional_register),
     choice(&["Tool_Offset", "WKZ_Offset"], optional_register),
     choice(&["VOFFSET"], optional_register),
     choice(&["TB", "TIME BEFORE", "ZEIT VOR"], action),
     choice(&["TA", "TIME AFTER", "ZEIT NACH"], action),
     choice(&["DB", "DISTANCE BEFORE", "WEG VOR"], action),
+    choice(&["DA", "DISTANCE AFTER"], action),
     choice(&["PTH"], nothing),
+    choice(&["ALIM"], |input| optional_amount(input, 0.0, 100_000.0)),
+    choice(&["FPLIN"], nothing),
+    choice(&["ORNT_BASE"], to_end),
+    choice(&["TA_REF"], to_end),
     choice(&["COORD"], coordinated),
     choice(&["INC"], nothing),
     choice(&["Wjnt"], nothing),

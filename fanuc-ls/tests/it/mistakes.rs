@@ -1,6 +1,6 @@
 //! Programs with one mistake each: it is found, at its line. Programs without one: nothing is found.
 
-use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings};
+use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings, Warning};
 
 /// A sound program, with one text put into one of its sections; and the line where that begins.
 pub(crate) fn program(section: &str, text: &str) -> (String, usize) {
@@ -96,7 +96,7 @@ const SOUND: &[&str] = &[
     "$WAITTMOUT=500",
     "$WVSCH[1].$FREQUENCY=R[1]",
     "PR[1]=LPOS",
-    "PR[1]=P[9]+PR[2]-PR[R[3]]",
+    "PR[1]=P[9]-PR[R[3]]",
     "PR[GP1:1,3]=26.5",
     "PR[GP1,2:1,3:up]=PR[GP1,2:1,3]+R[1]",
     "UFRAME[5]=PR[1]",
@@ -117,6 +117,40 @@ const SOUND: &[&str] = &[
     "WAIT R[5](sec)",
     "WAIT DI[1]=ON AND DI[2]=OFF",
     "WAIT DI[1]=ON TIMEOUT,LBL[2]",
+    "WAIT DI[1]=ON+",
+    "WAIT DI[1]=OFF- AND RI[2]<>ON+ TIMEOUT,LBL[2]",
+    "WAIT ERR_NUM=11006",
+    "IF DI[1]=ON+,JMP LBL[2]",
+    "WHEN DI[1]=OFF-,CALL A",
+    "SKIP CONDITION DI[1]=OFF-",
+    "JOINT_MAX_SPEED[1]=50",
+    "JOINT_MAX_SPEED[R[1]]=R[2]",
+    "JOINT_MAX_SPEED=50",
+    "LINEAR_MAX_SPEED[2]=1200",
+    "PAYLOAD[GP1:2]",
+    "PAYLOAD[GP2:R[1:load]]",
+    "RSR[1]=ENABLE",
+    "RSR[AR[1]]=DISABLE",
+    "SEND R[1]",
+    "RCV R[1:x],LBL[2]",
+    "RUN LOGGER(1,'text',R[2])",
+    "WO[1]=PULSE,0.5sec",
+    "SEMAPHORE[1]=ON\nWAIT SEMAPHORE[1]=ON\nCLEAR SEMAPHORE[1]\nPOST SEMAPHORE[1]",
+    "PL[1]=[1,R[2],1]\nPL[1]=PL[2]\nIF PL[1]=[1,*,*],JMP LBL[2]",
+    "PALLETIZING-B_1\nL PAL_1[A_1] R[4]mm/sec CNT100\nL PAL_1[BTM] 50mm/sec FINE\nPALLETIZING-END_1",
+    "SPO[1]=ON\nWAIT SPI[1]=OFF",
+    "R[1]=(1.5e-06+R[2]*(-2E3))",
+    "L P[1] 100mm/sec CR5",
+    "L P[1] 100mm/sec CR5,10",
+    "L P[1] 100mm/sec CR5,10 ACC50",
+    "L P[1] 100mm/sec CTV",
+    "L P[1] 100mm/sec FINE CTV-50",
+    "L P[1] 4000mm/sec CNT100 ACC250",
+    "L P[1] 100mm/sec CNT100 RT_LDR[1]",
+    "L P[1] 100mm/sec CNT100 AP_LDR[1:near] RT_LD50",
+    "L P[1] 100mm/sec FINE SkipJump,LBL[2]",
+    "L P[1] 100mm/sec CNT100 DA 5.0mm,CALL A",
+    "L P[1] 100mm/sec FINE Arc Start E2[R[1],R[2]]",
     "WAIT (!F[1] OR (TIMER[1]>=5))",
     "IF R[1]=1 AND R[2]<>R[3],JMP LBL[2]",
     "IF (R[1]=1),R[2]=(5)",
@@ -198,6 +232,16 @@ fn a_long_instruction_of_a_block_goes_on_in_the_next_line() {
 }
 
 #[test]
+fn a_line_is_of_the_block_of_a_motion_only_below_one() {
+    let text = |first: &str| {
+        let text = format!("/PROG  A\n/MN\n   1:{first} ;\n     14:  IF (R[1]=1) THEN ;\n   2:  ENDIF ;\n");
+        text + "/POS\nP[1]{\n GP1:\n UF : 0, UT : 1,\n J1= 0.500 deg\n};\n/END\n"
+    };
+    assert_eq!(found(&text("  PR[1]=P[1]")), []);
+    assert_eq!(found(&text("J P[1] 5% FINE")), [(5, "not_open".to_owned(), Level::Error)]);
+}
+
+#[test]
 fn a_name_is_perhaps_a_macro_and_nothing_worse() {
     for text in ["OPEN HAND 1", "Op. Entry Menu('Chute')", "GRIP_CLOSE", "WIDE", "WHAT"] {
         let (program, first) = program("mn", text);
@@ -209,12 +253,70 @@ fn a_name_is_perhaps_a_macro_and_nothing_worse() {
 }
 
 #[test]
+fn what_the_table_does_not_have_is_a_hint_unless_it_is_named() {
+    let hints = [
+        ("TRACER ON", "macro"),
+        ("TRACKS[1]=ON", "similar"),
+        ("SENDS R[1],LBL[2]", "unknown"),
+        ("WELDER[1]=ON", "unknown"),
+        ("IF R[1]=1,WELDER[1]=ON", "unknown"),
+        ("IF WELDER[1]=ON,JMP LBL[2]", "unknown_item"),
+        ("L P[1] 100mm/sec FINE GLUE50", "unknown_option"),
+        ("L P[1] 100mm/sec FINE ACCT[1]", "unknown_option"),
+        ("L P[1] PLASMA FINE", "unknown_option"),
+    ];
+    let heads = ["TRACER", "TRACKS", "SENDS", "WELDER", "GLUE", "ACCT", "PLASMA"];
+    let named = Surroundings {
+        instructions: heads.iter().map(ToString::to_string).collect(),
+        ..Surroundings::default()
+    };
+    for (text, kind) in hints {
+        let (program, first) = program("mn", text);
+        assert_eq!(found(&program), [(first, kind.to_owned(), Level::Hint)], "{text}");
+        let document = Document::decode(&program).unwrap();
+        assert_eq!(document.findings_among(&Rules::default(), &named), [], "{text}");
+    }
+    // A name is whole, and does not hide the mistakes of instructions that are known, nor a label that is not there.
+    let all = |text: &str| {
+        let (program, _) = program("mn", text);
+        let document = Document::decode(&program).unwrap();
+        let findings = document.findings_among(&Rules::default(), &named);
+        findings.iter().map(|finding| finding.problem.to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(all("WELDERS[1]=ON"), ["the instruction is not known"]);
+    assert_eq!(all("SENDS R[1],LBL[77]"), ["there is no LBL[77]"]);
+    assert_eq!(all("welder(1,"), Vec::<String>::new());
+    assert_eq!(all("R[1]=+"), ["expected a value such as `R[1]`, `5` or `ON`"]);
+}
+
+#[test]
+fn a_macro_may_be_named_as_an_instruction_nearly_is() {
+    let (program, first) = program("mn", "CELL R1");
+    let known = Surroundings { macros: ["CALK A".to_owned()].into(), ..Surroundings::default() };
+    assert_eq!(found(&program), [(first, "misspelled".to_owned(), Level::Error)]);
+    let program = program.replace("CELL R1", "CALK A");
+    assert_eq!(Document::decode(&program).unwrap().findings_among(&Rules::default(), &known), []);
+}
+
+#[test]
+fn the_file_and_the_program_have_one_name() {
+    let document = Document::decode("/PROG  WELD_1\n/MN\n/END\n").unwrap();
+    let found = |file: Option<&str>| {
+        let around = Surroundings { file: file.map(str::to_owned), ..Surroundings::default() };
+        let findings = document.findings_among(&Rules::default(), &around);
+        findings.iter().map(|f| (f.line, f.column, f.problem)).collect::<Vec<_>>()
+    };
+    assert_eq!(found(Some("other")), [(1, 8, Problem::Warning(Warning::FileName))]);
+    assert_eq!([found(Some("weld_1")), found(None)], [vec![], vec![]]);
+}
+
+#[test]
 fn what_is_around_a_program_is_known_by_name() {
     let (program, first) =
         program("mn", "CALL WELD_ON(1)\nIF R[1]=1,CALL MISSING\nRUN Logger\nCALL SR[1]\nOpen hand 1");
     let names = |names: &[&str]| names.iter().map(ToString::to_string).collect();
-    let around =
-        Surroundings { programs: Some(names(&["WELD_ON", "LOGGER"])), macros: names(&["OPEN HAND 1"]) };
+    let (programs, macros) = (Some(names(&["WELD_ON", "LOGGER"])), names(&["OPEN HAND 1"]));
+    let around = Surroundings { programs, macros, ..Surroundings::default() };
     let findings = Document::decode(&program).unwrap().findings_among(&Rules::default(), &around);
     let found: Vec<_> = findings.iter().map(|finding| (finding.line, finding.problem)).collect();
     assert_eq!(found, [(first + 1, Problem::Mistake(Mistake::MissingProgram))]);

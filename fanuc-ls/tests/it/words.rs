@@ -6,7 +6,8 @@ use fanuc_ls::{
 };
 
 const TAKEN: &str = "correct it: a controller would not take it";
-const SPELLING: &str = "check its spelling; an option of the controller may have it";
+const SPELLING: &str =
+    "check its spelling; if an option of the controller has it, name it in a file (--instructions)";
 const BLOCK: &str = "check which block it belongs to";
 const FRAME: &str = "choose the position's frame before the motion, or teach it in the one that is chosen";
 
@@ -22,9 +23,39 @@ fn mistakes() -> Vec<(Mistake, Level, &'static str, &'static str)> {
             "unknown instruction or option: did you mean `CALL`?",
             TAKEN,
         ),
-        (Mistake::Unknown, Warning, "the instruction is not known", SPELLING),
-        (Mistake::UnknownOption, Warning, "the motion option is not known", SPELLING),
-        (Mistake::UnknownItem, Warning, "unknown register, input or output", SPELLING),
+        (Mistake::Unknown, Hint, "the instruction is not known", SPELLING),
+        (Mistake::UnknownOption, Hint, "the motion option is not known", SPELLING),
+        (Mistake::UnknownItem, Hint, "unknown register, input or output", SPELLING),
+        (
+            Mistake::Similar { word: "Track" },
+            Hint,
+            "unknown instruction, similar to `Track`: it may be a macro",
+            SPELLING,
+        ),
+        (
+            Mistake::Edge,
+            Error,
+            "`ON+` and `OFF-` belong in a condition without parentheses",
+            "use ON or OFF, or a condition without parentheses",
+        ),
+        (
+            Mistake::PositionSum { found: 3 },
+            Warning,
+            "3 positions in one instruction: not every controller takes more than two",
+            "add them two at a time",
+        ),
+        (
+            Mistake::Acceleration { found: 500 },
+            Hint,
+            "ACC500: the manuals name 150 at most",
+            "check the number: above 100, robots may shake and wear more",
+        ),
+        (
+            Mistake::HighSpeed { highest: 4000, unit: SpeedUnit::MmPerSec },
+            Hint,
+            "the speed is above 4000mm/sec",
+            "check the number, and the robot's greatest speed",
+        ),
         (
             Mistake::Macro,
             Hint,

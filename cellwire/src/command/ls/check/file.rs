@@ -56,12 +56,6 @@ impl<'a> File<'a> {
             if document.encoding() == Encoding::Latin1 {
                 text += "  note: not UTF-8; read as Latin-1\n";
             }
-            if !self.same_name() {
-                let named = printable(document.name());
-                text += &format!(
-                    "  warning: the program is named {named}, the file is not: on the controller both must be the same\n"
-                );
-            }
         }
         let content = match &self.document {
             Ok(document) => document.as_str().into(),
@@ -183,7 +177,7 @@ mod tests {
         );
         for shown in [file.text(text.as_bytes()), file.lines()] {
             assert!(!shown.contains(|c: char| c.is_control() && c != '\n'), "{shown:?}");
-            assert!(shown.contains("A\\u{9b}1m.LS:5:8: error: "), "{shown}");
+            assert!(shown.contains("A\\u{9b}1m.LS:5:8: hint: "), "{shown}");
         }
     }
 }

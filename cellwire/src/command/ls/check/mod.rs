@@ -33,6 +33,10 @@ pub(super) struct Args {
     /// A file with the names of the controller's macros, one per line, which suppresses hints for them
     #[arg(long, value_name = "FILE")]
     macros: Option<PathBuf>,
+    /// A file with the first words of instructions and motion options that fanuc-ls does not know, one per line, such as those of
+    /// an application; what begins with one of them is not reported
+    #[arg(long, value_name = "FILE")]
+    instructions: Option<PathBuf>,
     /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
@@ -71,11 +75,12 @@ impl Least {
 pub(super) fn check(args: &Args) -> Result<bool> {
     let rules = rules(args.name_limit);
     let paths = files(&args.files)?;
-    let around = around(args, &paths)?;
+    let mut around = around(args, &paths)?;
     let (mut out, mut good, mut unread, mut results) = (io::stdout().lock(), true, 0, Vec::new());
     for path in &paths {
         match std::fs::read(path).with_context(|| format!("cannot read {}", path.display())) {
             Ok(bytes) => {
+                around.file = stem(path);
                 let file = File::new(path, &bytes, &rules, &around);
                 good &= file.worst().is_none_or(|worst| worst < args.fail_on.level());
                 match args.format {
@@ -107,12 +112,24 @@ fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
         around.programs = Some(names.map(|name| name.to_string_lossy().to_uppercase()).collect());
     }
     if let Some(path) = &args.macros {
-        let text =
-            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let names = text.lines().map(str::trim).filter(|line| !line.is_empty());
-        around.macros = names.map(str::to_uppercase).collect::<BTreeSet<_>>();
+        around.macros = names(path)?;
+    }
+    if let Some(path) = &args.instructions {
+        around.instructions = names(path)?;
     }
     Ok(around)
+}
+
+/// The lines of a file that are not empty, in capitals.
+fn names(path: &Path) -> Result<BTreeSet<String>> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let names = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    Ok(names.map(str::to_uppercase).collect())
+}
+
+/// The name of a file without its extension.
+fn stem(path: &Path) -> Option<String> {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }
 
 /// Prints what the LS files in and below a folder are and have. False when there was an error.
@@ -122,7 +139,8 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
     let (rules, mut out) = (Rules::default(), io::stdout().lock());
     for path in files(&[folder.to_path_buf()])? {
         let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let file = File::new(&path, &bytes, &rules, &Surroundings::default());
+        let around = Surroundings { file: stem(&path), ..Surroundings::default() };
+        let file = File::new(&path, &bytes, &rules, &around);
         errors += usize::from(file.worst() == Some(Level::Error));
         let mut in_file: BTreeMap<_, usize> = BTreeMap::new();
         for (problem, _) in file.problems() {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fanuc_hmi_modbus::Signal;
-use fanuc_ls::{Expression, Function, Index, Item, ItemKind, Operator};
+use fanuc_ls::{AxisName, Expression, Function, Index, Item, ItemKind, Operator};
 
 use super::position::Place;
 use cellwire_sim::fanuc::Tables;
@@ -75,9 +75,15 @@ impl Memory {
             Expression::Text(text) => Value::Text(text.clone()),
             Expression::On => Value::Bit(true),
             Expression::Off => Value::Bit(false),
+            Expression::Rising | Expression::Falling => {
+                return Err("edges, ON+ and OFF-, are not modelled".into());
+            }
             Expression::CartesianPosition => Value::Place(around.here.0),
             Expression::JointPosition => Value::Place(around.here.1),
             Expression::Item(item) => self.read(item, tables, around)?,
+            Expression::System(name) if name == "ERR_NUM" => {
+                return Err("ERR_NUM is not modelled".into());
+            }
             Expression::System(name) => Value::Number(self.system.get(name).copied().unwrap_or(0.0)),
             Expression::Not(inner) => Value::Bit(!self.bit(inner, tables, around)?),
             Expression::Negative(inner) => Value::Number(-self.number(inner, tables, around)?),
@@ -90,6 +96,7 @@ impl Memory {
                 let values = values.iter().map(|value| self.number(value, tables, around));
                 Value::Number(computed(*function, &values.collect::<Result<Vec<_>, _>>()?)?)
             }
+            Expression::Pallet(_) => return Err("pallets are not modelled".into()),
             Expression::Untaught => return Err("a value is not filled in".into()),
         })
     }
@@ -179,8 +186,15 @@ impl Memory {
             }
             ItemKind::Position => {
                 let found = around.program.position(n);
-                let place = found.and_then(|position| position.groups.first()).and_then(Place::of_group);
-                Value::Place(place.ok_or_else(|| format!("P[{n}] does not exist or was never taught"))?)
+                let group = found.and_then(|position| position.groups.first());
+                let place = group.and_then(Place::of_group).ok_or_else(|| match group {
+                    None => format!("/POS does not define P[{n}]"),
+                    Some(group) if group.axes.iter().any(|axis| axis.name == AxisName::RX) => {
+                        format!("P[{n}] has RX to RR: a tool that is fixed in the cell is not modelled")
+                    }
+                    Some(_) => format!("P[{n}] was never taught, or lacks an axis of the robot"),
+                });
+                Value::Place(place?)
             }
             kind => return Err(format!("{kind}[{n}] is not modelled as a value")),
         })

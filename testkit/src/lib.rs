@@ -13,6 +13,11 @@
 #[doc = include_str!("../../README.md")]
 struct Readme;
 
+/// The example of a fuzzed program.
+#[cfg(all(doctest, feature = "links"))]
+#[doc = include_str!("../../docs/fuzzing.md")]
+struct Fuzzing;
+
 pub mod contract;
 #[cfg(feature = "links")]
 pub mod controller;

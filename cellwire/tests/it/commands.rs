@@ -4,6 +4,7 @@ use std::io::Write;
 use std::process::Stdio;
 
 use crate::tool::{Running, cellwire, run};
+use cellwire_links::Link;
 use serde_json::Value;
 
 const LINKS: [&str; 7] = [

@@ -12,17 +12,7 @@ use serde_json::Value;
 
 const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
 const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -->\n";
-const FIGURES: &str = "<!-- Figures, written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
-
-/// The work on the first page: the link, and the name of the row.
-const SHOWN: [(&str, &str); 5] = [
-    ("fanuc-hmi-modbus", "decode a reply of 38 registers, copy them"),
-    ("val2-alter", "turn-around: decode a 36-byte request, limit six axes, encode six values"),
-    ("isra-ball", "decode a packet"),
-    ("kawasaki-msg", "a packet of lines: parsed, checked, queued"),
-    ("robot-work-queue", "queue and complete, u64, its number checked"),
-];
 
 /// The crates with costs that are no links: the name, and the folder.
 const OTHERS: [(&str, &str); 4] = [
@@ -67,26 +57,7 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
         Ok((path, page))
     };
     let pages = LINKS.iter().map(|link| (link.name, link.name)).chain(OTHERS).map(page);
-    let first = root.join("README.md");
-    let text = put(&std::fs::read_to_string(&first)?, FIGURES, &figures(&counts)?);
-    let text = text.with_context(|| first.display().to_string())?;
-    pages.chain([Ok((first, text))]).collect()
-}
-
-/// The table of the first page: each work with its instructions, and those of other crates, whose rows follow it.
-fn figures(counts: &[Count]) -> Result<String> {
-    let mut table =
-        "| link | work | instructions | other crates, same work |\n| --- | --- | ---: | --- |\n".to_owned();
-    for (link, work) in SHOWN {
-        let mut rows = counts.iter().skip_while(|row| (&*row.link, &*row.what) != (link, work));
-        let row = rows.next().with_context(|| format!("benches/results.json has no {link}: {work}"))?;
-        let peers = rows.take_while(|row| row.what.starts_with(['…', '–']));
-        let peers = peers.filter_map(|row| Some(format!("{} {}", peer(&row.what)?, row.instructions())));
-        let each = if row.each == "byte" { " a byte" } else { "" };
-        let (count, peers) = (row.instructions(), peers.collect::<Vec<_>>().join(", "));
-        let _ = writeln!(table, "| {link} | {work} | {count}{each} | {peers} |");
-    }
-    Ok(table)
+    pages.collect()
 }
 
 /// A page with another table after this mark.
@@ -123,15 +94,6 @@ fn costs(name: &str, sizes: &str, counts: &[Count]) -> String {
         table += &instructions;
     }
     format!("{}\n", table.trim_end())
-}
-
-/// The crate that a row is of, if another's: `– rmodbus 0.13`, `– the same by rtrb`.
-fn peer(what: &str) -> Option<&str> {
-    let what = what.strip_prefix("– ")?;
-    what.strip_prefix("the same by ").or_else(|| {
-        let (name, version) = what.split_once(' ')?;
-        version.starts_with(|c: char| c.is_ascii_digit()).then_some(name)
-    })
 }
 
 /// Whether a row of the counts is neither another crate's, nor a limit by hand, nor a line that is out of order.

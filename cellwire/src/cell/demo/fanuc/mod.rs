@@ -1,4 +1,4 @@
-//! `cellwire demo fanuc-hmi-modbus`: a trajectory becomes a spline program, the simulated robot runs it, its telemetry is
+//! `cellwire demo fanuc`: a trajectory becomes a spline program, the simulated robot runs it, its telemetry is
 //! logged over Modbus TCP and compared with the trajectory.
 
 mod robot;

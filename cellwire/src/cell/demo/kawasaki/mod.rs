@@ -1,4 +1,4 @@
-//! `cellwire demo kawasaki-msg`: the source's own application, a PC that lets a robot draw a picture.
+//! `cellwire demo kawasaki`: the source's own application, a PC that lets a robot draw a picture.
 
 pub mod tally;
 

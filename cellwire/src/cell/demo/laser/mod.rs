@@ -1,4 +1,4 @@
-//! `cellwire demo laser-eb90`.
+//! `cellwire demo laser`.
 
 pub mod host;
 pub mod path;

@@ -1,4 +1,4 @@
-//! `cellwire demo mmacell-proto`: the pick-and-place task over three TCP connections into a simulated cell.
+//! `cellwire demo mma`: the pick-and-place task over three TCP connections into a simulated cell.
 
 pub mod cell;
 pub mod central;

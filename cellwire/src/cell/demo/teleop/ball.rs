@@ -1,4 +1,4 @@
-//! `cellwire demo isra-ball`: the teleoperation cell, seen from the ball.
+//! `cellwire demo ball`: the teleoperation cell, seen from the ball.
 
 use anyhow::Result;
 use isra_ball::{BallConfig, timing};

@@ -1,4 +1,4 @@
-//! `cellwire demo val2-alter`: the teleoperation cell, seen from the robot.
+//! `cellwire demo alter`: the teleoperation cell, seen from the robot.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

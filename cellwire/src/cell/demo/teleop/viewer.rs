@@ -1,4 +1,4 @@
-//! `cellwire demo val2-viewer`: the teleoperation cell, seen from the workstation.
+//! `cellwire demo viewer`: the teleoperation cell, seen from the workstation.
 
 use anyhow::Result;
 

@@ -20,6 +20,7 @@ mod peer;
 mod pty;
 #[cfg(feature = "puma")]
 pub mod puma;
+mod remote;
 mod running;
 mod simulator;
 #[cfg(feature = "viewer")]
@@ -42,6 +43,7 @@ pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
 pub use robot_session;
+pub use remote::Remote;
 pub use running::Running;
 pub use simulator::{Simulator, Told};
 #[cfg(feature = "viewer")]

@@ -42,8 +42,8 @@ pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
-pub use robot_session;
 pub use remote::Remote;
+pub use robot_session;
 pub use running::Running;
 pub use simulator::{Simulator, Told};
 #[cfg(feature = "viewer")]

@@ -11,12 +11,14 @@ use crate::io::input::seconds;
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
 use crate::io::{interrupt, output};
+use crate::links::control::Control;
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
 
 /// Simulates a device until interrupted.
 ///
-/// Prints one line of JSON when the device is ready, with the address or path to connect to, then one line for each event.
+/// Prints one line of JSON when the device is ready, with the address or path to connect to and the address of --control, then one line for
+/// each event.
 ///
 /// These protocols have no authentication: any program that reaches the address can connect and send commands. Listen on
 /// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new client of a
@@ -37,6 +39,10 @@ pub struct Args {
     /// fanuc: the listing of $SNPX_ASG, which maps variables to holding registers (setting `assignments`)
     #[arg(long, value_name = "FILE")]
     assignments: Option<String>,
+    /// Accept commands to the simulator on this TCP address: faults, inputs, the list of what was executed. One JSON object a line, such as
+    /// {"do":"help"}; see docs/simulate.md. A port alone means 127.0.0.1, port 0 any free port
+    #[arg(long, value_name = "ADDR")]
+    control: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
     /// Disconnect a client after this many seconds without a byte in either direction; 0: never
@@ -84,6 +90,7 @@ pub fn run(args: &Args) -> Result<bool> {
         idle_timeout: (!args.idle_timeout.is_zero()).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,
+        control: args.control.as_deref().map(Control::bind).transpose()?,
     };
     (args.device.simulate)(&options).map_err(|error| args.set.located(error))?;
     Ok(true)

@@ -335,7 +335,7 @@ fn controller(order: WordOrder) -> String {
     let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
     thread::spawn(move || {
         let trace = TraceArgs::off().start("fanuc");
-        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None };
+        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
         let listener = Listener::new(listener).unwrap();
         serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
     });

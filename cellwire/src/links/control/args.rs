@@ -49,8 +49,7 @@ impl Args {
     /// # Errors
     /// One is missing, unknown or has another type.
     pub fn read<T: DeserializeOwned>(self) -> Result<T, String> {
-        let Self { name, fields } = self;
-        serde_json::from_value(Value::Object(fields)).map_err(|error| format!("{name}: {error}"))
+        serde_json::from_value(Value::Object(self.fields)).map_err(|error| error.to_string())
     }
 
     /// Checks that a command without fields has none.
@@ -59,7 +58,7 @@ impl Args {
     /// It has.
     pub fn none(self) -> Result<(), String> {
         match self.fields.keys().next() {
-            Some(field) => Err(format!("{}: unknown field `{field}`, the command has no fields", self.name)),
+            Some(field) => Err(format!("unknown field `{field}`, the command has no fields")),
             None => Ok(()),
         }
     }

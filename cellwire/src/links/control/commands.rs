@@ -105,8 +105,7 @@ pub(super) struct Commands<D: Device> {
 struct Messages {
     next: Option<usize>,
     every: Option<u64>,
-    #[serde(default)]
-    of: Of,
+    of: Option<Of>,
     #[serde(default)]
     now: bool,
     ms: Option<f64>,
@@ -114,10 +113,9 @@ struct Messages {
 }
 
 /// The sender of a message.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Of {
-    #[default]
     Answer,
     Request,
 }
@@ -149,17 +147,20 @@ impl<D: Device + 'static> Commands<D> {
     }
 
     fn execute(&self, args: Args) -> Result<Fields, String> {
+        let name = args.name.clone();
+        let mut names = self.all().map(|command| command.name);
+        if !names.any(|known| known == name) {
+            let names: Vec<&str> = self.all().map(|command| command.name).collect();
+            return Err(format!("unknown command `{name}`; {} has {}", self.device, one_of(&names)));
+        }
+        self.dispatch(args).map_err(|error| format!("{name}: {error}"))
+    }
+
+    fn dispatch(&self, args: Args) -> Result<Fields, String> {
         match args.name.as_str() {
             "drop" | "delay" | "corrupt" | "cut" | "close" | "twice" => self.message(args),
-            "freeze" => {
-                let name = args.name.clone();
-                let time: Time = args.read()?;
-                self.at_once(Fault::Freeze(time.required().map_err(|error| format!("{name}: {error}"))?))
-            }
-            "restart" => {
-                let time = args.read::<Time>()?.read().map_err(|error| format!("restart: {error}"))?;
-                self.at_once(Fault::Restart(time.unwrap_or(OFF)))
-            }
+            "freeze" => self.at_once(Fault::Freeze(args.read::<Time>()?.required()?)),
+            "restart" => self.at_once(Fault::Restart(args.read::<Time>()?.read()?.unwrap_or(OFF))),
             "forget" => args.none().and_then(|()| self.at_once(Fault::Forget)),
             "clear" => {
                 args.none()?;
@@ -190,15 +191,11 @@ impl<D: Device + 'static> Commands<D> {
                 });
                 Ok(fields([("device", self.device.into()), ("commands", commands.collect())]))
             }
-            name if self.own.commands.iter().any(|own| own.name == name) => {
+            _ => {
                 let execute = self.own.execute;
                 let called =
                     self.remote.call(BEGINS_WITHIN, move |device| execute(device.device_mut(), args));
                 called.ok_or("the device is busy, and did not begin the command within 2 s; try again")?
-            }
-            name => {
-                let names: Vec<&str> = self.all().map(|command| command.name).collect();
-                Err(format!("unknown command `{name}`; {} has {}", self.device, one_of(&names)))
             }
         }
     }
@@ -206,15 +203,14 @@ impl<D: Device + 'static> Commands<D> {
     /// A fault of messages.
     fn message(&self, args: Args) -> Result<Fields, String> {
         let name = args.name.clone();
-        let fail = |error: &str| format!("{name}: {error}");
         let Messages { next, every, of, now, ms, seconds } = args.read()?;
         let time = Time::new(ms, seconds);
         let fault = match name.as_str() {
-            "delay" => Fault::Delay(time.required().map_err(|error| fail(&error))?),
+            "delay" => Fault::Delay(time.required()?),
             _ if ms.is_some() || seconds.is_some() => {
-                return Err(fail(
-                    "unknown field `ms` or `seconds`; only delay, freeze and restart have a time",
-                ));
+                return Err(
+                    "unknown field `ms` or `seconds`; only delay, freeze and restart have a time".into()
+                );
             }
             "drop" => Fault::Drop,
             "corrupt" => Fault::Corrupt,
@@ -225,23 +221,23 @@ impl<D: Device + 'static> Commands<D> {
         let faults = self.remote.faults();
         match (next, every) {
             _ if now && !matches!(fault, Fault::Cut | Fault::Close) => {
-                return Err(fail("only cut and close have `now`"));
+                return Err("only cut and close have `now`".into());
             }
-            (None, None) if now => return self.at_once(fault),
-            _ if now => return Err(fail("give `now`, `next` or `every`, not two of them")),
-            (Some(_), Some(_)) => return Err(fail("give `next` or `every`, not both")),
-            (_, Some(every @ 1..)) => faults.follow(match of {
+            (None, None) if now && of.is_none() => return self.at_once(fault),
+            _ if now => return Err("with `now`, there is no `next`, `every` or `of`".into()),
+            (Some(_), Some(_)) => return Err("give `next` or `every`, not both".into()),
+            (_, Some(every @ 1..)) => faults.follow(match of.unwrap_or(Of::Answer) {
                 Of::Answer => Script::new().every_answer(every, fault),
                 Of::Request => Script::new().every_request(every, fault),
             }),
-            (_, Some(0)) => return Err(fail("`every` is 1 or more")),
+            (_, Some(0)) => return Err("`every` is 1 or more".into()),
             (next, None) => {
                 let next = next.unwrap_or(1);
                 if !(1..=MOST).contains(&next) {
-                    return Err(fail("`next` is 1 to 1000"));
+                    return Err("`next` is 1 to 1000".into());
                 }
                 for _ in 0..next {
-                    match of {
+                    match of.unwrap_or(Of::Answer) {
                         Of::Answer => faults.next_answer(fault),
                         Of::Request => faults.next_request(fault),
                     }
@@ -262,7 +258,7 @@ impl<D: Device + 'static> Commands<D> {
     fn happened(&self, args: Args) -> Result<Fields, String> {
         let Listed { from, most } = args.read()?;
         if from != 0 {
-            return Err("happened: unknown field `from`, expected `most`".into());
+            return Err("unknown field `from`, expected `most`".into());
         }
         let (happened, most) = (self.remote.faults().happened(), number(most)?);
         let last = happened.get(happened.len().saturating_sub(most)..).unwrap_or_default();

@@ -34,14 +34,12 @@ pub(super) fn own() -> Own<FanucController> {
             },
         ],
         execute: |fanuc, args| {
-            let name = args.name.clone();
-            let fail = |error: String| format!("{name}: {error}");
             if args.name == "get" {
                 let Get { signal, table, address, count } = args.read()?;
-                let (table, address) = place(signal.as_deref(), table, address).map_err(fail)?;
+                let (table, address) = place(signal.as_deref(), table, address)?;
                 let count = count.unwrap_or(1);
                 if count > MOST || signal.is_some() && count != 1 {
-                    return Err("get: `count` is 0 to 1000, and 1 for a signal".into());
+                    return Err("`count` is 0 to 1000, and 1 for a signal".into());
                 }
                 let values = fanuc.controller().values(table, address, count);
                 let values = values.ok_or_else(|| outside(table))?;
@@ -51,11 +49,11 @@ pub(super) fn own() -> Own<FanucController> {
                 });
             }
             let Set { signal, table, address, value, values } = args.read()?;
-            let (table, address) = place(signal.as_deref(), table, address).map_err(fail)?;
+            let (table, address) = place(signal.as_deref(), table, address)?;
             let values = match (value, values) {
                 (Some(value), None) => vec![value],
                 (None, Some(values)) if signal.is_none() => values,
-                _ => return Err("set: give `value`, or `values` with an address".into()),
+                _ => return Err("give `value`, or `values` with an address".into()),
             };
             let values = values.into_iter().map(|value| word(table, value)).collect::<Result<Vec<_>, _>>()?;
             fanuc.controller().set_values(table, address, &values).ok_or_else(|| outside(table))?;
@@ -116,8 +114,8 @@ fn word(table: Table, value: Value) -> Result<u16, String> {
     };
     match word.filter(|word| !is_bit || *word < 2) {
         Some(word) => Ok(word),
-        None if is_bit => Err("set: a bit is 0, 1, false or true".into()),
-        None => Err("set: a register is -32768 to 65535".into()),
+        None if is_bit => Err("a bit is 0, 1, false or true".into()),
+        None => Err("a register is -32768 to 65535".into()),
     }
 }
 

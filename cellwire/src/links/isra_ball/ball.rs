@@ -50,7 +50,7 @@ fn own() -> Own<HeldBall> {
                 let Set { grip } = args.read()?;
                 let grip = grip.map(|Held { force, moment, keys }| {
                     let down = keys.iter().try_fold(Keys::NONE, |down, key| {
-                        (1..=8).contains(key).then(|| down.with(*key)).ok_or("set: `keys` are 1 to 8")
+                        (1..=8).contains(key).then(|| down.with(*key)).ok_or("`keys` are 1 to 8")
                     })?;
                     Ok::<_, String>(Grip { force, moment, keys: down })
                 });

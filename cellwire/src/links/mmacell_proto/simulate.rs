@@ -94,7 +94,7 @@ fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
             if args.name == "end_motion" {
                 let End { fate } = args.read()?;
                 if !device.moves() {
-                    return Err("end_motion: no motion is under way; send a motion first".into());
+                    return Err("no motion is under way; send a motion first".into());
                 }
                 device.end_motion(match fate {
                     Ending::Arrives => Fate::Arrives,

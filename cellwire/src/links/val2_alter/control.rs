@@ -27,7 +27,7 @@ pub(super) fn own() -> Own<MarkIii> {
         execute: |robot, args| {
             if args.name == "incident" {
                 let Asked { incident } = args.read()?;
-                robot.incident(script::incident(&incident).map_err(|error| format!("incident: {error:#}"))?);
+                robot.incident(script::incident(&incident).map_err(|error| format!("{error:#}"))?);
                 return Ok(Fields::new());
             }
             args.none()?;

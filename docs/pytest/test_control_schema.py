@@ -1,5 +1,7 @@
 """Every command of every device, and every answer, against docs/simulate-control.schema.json."""
 
+import pathlib
+import re
 import socket
 import time
 
@@ -19,6 +21,20 @@ COMMON = {
 OWN = {
     "puma": {"incident"}, "ball": {"set"}, "fanuc": {"set"}, "mma-robot": {"end_motion"}, "mma-platform": {"end_motion"}
 }  # fmt: skip
+
+
+PAGE = (pathlib.Path(__file__).parent.parent / "simulate.md").read_text()
+
+
+def test_the_page_has_every_command_and_its_program_runs(simulate, capsys):
+    assert COMMON == {line.split("`")[1] for line in PAGE.splitlines() if line.startswith("| `")} & COMMON
+    for device, commands in OWN.items():
+        [row] = [line for line in PAGE.splitlines() if line.startswith("| `") and f"`{device}`" in line]
+        assert all(f"`{command}`" in row for command in commands | {"get"}), row
+    port = simulate("fanuc").ready["control"].rpartition(":")[2]
+    [program] = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    exec(program.replace("9301", port), {})
+    assert "'fault': 'restart', 'seconds': 0.5" in capsys.readouterr().out
 
 
 def test_the_schema_is_one():

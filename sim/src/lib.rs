@@ -42,7 +42,7 @@ pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
-pub use remote::Remote;
+pub use remote::{Indexed, Remote};
 pub use robot_session;
 pub use running::Running;
 pub use simulator::{Simulator, Told};

@@ -27,6 +27,9 @@ struct Inner<D: Device> {
     executed: Mutex<Stored<D::Work>>,
 }
 
+/// An executed command, and its index among all that the device has executed.
+pub type Indexed<W> = (u64, Executed<W>);
+
 /// A call; `None` once it has begun, or its caller has given up.
 type Slot<D> = Arc<Mutex<Option<Call<D>>>>;
 
@@ -72,7 +75,7 @@ impl<D: Device> Remote<D> {
 
     /// The number of commands that the device has executed, and up to `most` of them with their indices, from index `from` on. The last
     /// 10 000 are stored.
-    pub fn executed(&self, from: u64, most: usize) -> (u64, Vec<(u64, Executed<D::Work>)>) {
+    pub fn executed(&self, from: u64, most: usize) -> (u64, Vec<Indexed<D::Work>>) {
         let stored = lock(&self.0.executed);
         let dropped = stored.total.saturating_sub(stored.last.len() as u64);
         let skipped = usize::try_from(from.saturating_sub(dropped)).unwrap_or(usize::MAX);

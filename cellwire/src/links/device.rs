@@ -110,7 +110,7 @@ impl Attached {
     /// Called between two turns: ends the connection after [`Told::Close`](cellwire_sim::Told::Close), and makes one when the device can be
     /// reached again.
     pub fn keep_up<D: Simulated>(&mut self, closes: bool, line: &mut Line, device: &mut Simulator<D>) {
-        if !device.wants_input() {
+        if device.is_held() {
             line.pass();
         }
         let now = line.now();
@@ -156,7 +156,7 @@ pub fn on_line<D: Simulated>(
     let (mut connected, mut left) = (false, 0);
     while !stop.load(Ordering::Relaxed) {
         let line = driver.transport_mut();
-        if !device.wants_input() {
+        if device.is_held() {
             line.pass();
         }
         let now = line.now();

@@ -45,6 +45,9 @@ pub fn fields<const N: usize>(fields: [(&str, Value); N]) -> Fields {
     fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
+/// Shows an executed command.
+pub type Show<W> = Box<dyn Fn(&W) -> Value + Send + Sync>;
+
 /// The commands that only this kind of device has.
 #[allow(missing_debug_implementations, reason = "it holds functions")]
 pub struct Own<D: Device> {
@@ -53,7 +56,7 @@ pub struct Own<D: Device> {
     /// Executes one of them, in the thread of the device. An error states what is allowed.
     pub execute: fn(&mut D, Args) -> Result<Fields, String>,
     /// An executed command, for `executed`.
-    pub show: Box<dyn Fn(&D::Work) -> Value + Send + Sync>,
+    pub show: Show<D::Work>,
 }
 
 impl SimulateOptions {

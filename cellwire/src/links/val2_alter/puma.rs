@@ -151,7 +151,7 @@ fn follow(
     let mut record = Recording::new(keeps_all);
     let (mut driver, mut was_connected) = (Driver::new(RobotLine::new(line)), false);
     while !stop.load(Ordering::Relaxed) {
-        if !robot.wants_input() {
+        if robot.is_held() {
             driver.transport_mut().pass();
         }
         let now = driver.transport_mut().now;

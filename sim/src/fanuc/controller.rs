@@ -205,8 +205,10 @@ mod tests {
     #[test]
     fn values_are_set_whole_or_not_at_all() {
         let mut controller = Controller::new(Box::new(circle), WordOrder::LowFirst);
+        // DI[9999] to RI[2].
+        assert_eq!(controller.values(Table::DiscreteInputs, 9_998, 4), Some(vec![1, 0, 0, 1]));
         assert_eq!(controller.set_values(Table::DiscreteInputs, 9_999, &[1, 7]), Some(()));
-        assert_eq!(controller.values(Table::DiscreteInputs, 9_998, 4), Some(vec![0, 1, 1, 0]));
+        assert_eq!(controller.values(Table::DiscreteInputs, 9_998, 4), Some(vec![1, 1, 1, 1]));
         assert_eq!(controller.set_values(Table::HoldingRegisters, 16_447, &[5, 6]), None);
         assert_eq!(controller.values(Table::HoldingRegisters, 16_447, 1), Some(vec![0]));
         assert_eq!(controller.values(Table::HoldingRegisters, u16::MAX, 2), None);

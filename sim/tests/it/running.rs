@@ -35,7 +35,7 @@ fn a_call_runs_once_in_the_thread_of_the_device_or_not_at_all() {
     let here = std::thread::current().id();
     let thread = sim.call(move |_| (std::thread::current().id() != here, Instant::now() > begun)).unwrap();
     assert_eq!(thread, (true, true));
-    // What was asked for at once before has happened.
+    // Faults that were asked for before the call have happened.
     for restarts in 1..=5 {
         sim.faults().restart(MS);
         assert!(sim.call(|_| ()).is_some());

@@ -47,15 +47,15 @@ impl Args {
     /// The fields, as the command has them.
     ///
     /// # Errors
-    /// One is missing, unknown or has another type.
+    /// A field is missing, unknown or has another type.
     pub fn read<T: DeserializeOwned>(self) -> Result<T, String> {
         serde_json::from_value(Value::Object(self.fields)).map_err(|error| error.to_string())
     }
 
-    /// Checks that a command without fields has none.
+    /// Checks that there are no fields.
     ///
     /// # Errors
-    /// It has.
+    /// There is one; the error names it.
     pub fn none(self) -> Result<(), String> {
         match self.fields.keys().next() {
             Some(field) => Err(format!("unknown field `{field}`, the command has no fields")),
@@ -77,7 +77,7 @@ impl Time {
         Self { ms, seconds }
     }
 
-    /// The time; `None` if there is none.
+    /// The time; `None` if neither field is given.
     pub(super) fn read(self) -> Result<Option<Duration>, String> {
         let seconds = match (self.ms, self.seconds) {
             (None, None) => return Ok(None),

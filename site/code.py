@@ -22,6 +22,7 @@ ELSEWHERE = {
     ("README.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../README.md")]'),
     ("docs/bridge.md", "toml"): ("bridge/tests/it/file.rs", "docs/bridge.md"),
     ("docs/bridge.md", "python"): (".ci/sparkplug/whole_site.py", "docs/bridge.md"),
+    ("docs/simulate.md", "python"): ("docs/pytest/test_control_schema.py", "simulate.md"),
     ("reference/ports/python/README.md", "python"): ("reference/checks/wire.py", "README.md"),
     ("reference/ports/c/README.md", "c"): (".ci/ports-c", "README.md"),
 }

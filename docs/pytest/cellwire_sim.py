@@ -6,6 +6,11 @@
         robot = simulate("fanuc", "--set", "faults=nan:1-2")
         my_program.connect(robot.address)
         assert robot.wait_for("connected")["peer"].startswith("127.0.0.1:")
+        robot.do("set", signal="DI[1]", value=1)
+        robot.do("cut")  # the connection ends in the middle of the next reply
+        my_program.expects_a_reconnect()
+
+The commands of `do` are those of --control, in docs/simulate.md; robot.do("help") lists them.
 
 Copy this file beside your tests. It needs Python 3.9, pytest, and `cellwire` in PATH or in the variable CELLWIRE.
 """
@@ -13,10 +18,15 @@ Copy this file beside your tests. It needs Python 3.9, pytest, and `cellwire` in
 import json
 import os
 import queue
+import socket
 import subprocess
 import threading
 
 import pytest
+
+
+class Refused(Exception):
+    """The simulator did not execute a command."""
 
 
 class Simulator:
@@ -24,6 +34,8 @@ class Simulator:
 
     def __init__(self, device, *arguments, endpoint=("--listen", "127.0.0.1:0"), timeout=10):
         command = [os.environ.get("CELLWIRE", "cellwire"), "simulate", device, *endpoint, *arguments]
+        command += ["--control", "127.0.0.1:0"]
+        self._control = None
         self.events = []
         self._lines = queue.Queue()
         self._errors = []
@@ -39,6 +51,9 @@ class Simulator:
         try:
             #: What the simulator has said when it was ready: where it listens, or which pseudo-terminal it is.
             self.ready = self._wait(lambda line: "ready" in line, "line that says ready", timeout)
+            connection = socket.create_connection(_address(self.ready["control"]), timeout)
+            self._control = connection.makefile("rw", encoding="utf-8", newline="\n")
+            connection.close()  # when the file is closed
         except BaseException:
             self.stop()
             raise
@@ -46,8 +61,22 @@ class Simulator:
     @property
     def address(self):
         """The host and the port to connect to."""
-        host, _, port = self.ready["listen"].rpartition(":")
-        return host.strip("[]"), int(port)
+        return _address(self.ready["listen"])
+
+    def do(self, command, **fields):
+        """Executes a command, such as do("delay", ms=200), and returns the fields of its answer."""
+        answer = self.exchange({"do": command, **fields})
+        if not answer["ok"]:
+            raise Refused(answer["error"])
+        return answer
+
+    def exchange(self, request):
+        """Sends a request and returns its answer, an error too."""
+        print(json.dumps(request), file=self._control, flush=True)
+        line = self._control.readline()
+        if not line:
+            raise RuntimeError(f"the simulator has ended: {''.join(self._errors).strip()}")
+        return json.loads(line)
 
     def wait_for(self, event, timeout=10):
         """The next event of this name; those before it are in `events`, too."""
@@ -68,6 +97,8 @@ class Simulator:
     def stop(self):
         """Ends it; what it has said since is in `events`."""
         self._process.terminate()
+        if self._control:
+            self._control.close()
         try:
             self._process.wait(10)
         except subprocess.TimeoutExpired:
@@ -90,6 +121,11 @@ class Simulator:
 
     def _read_errors(self):
         self._errors.extend(self._process.stderr)
+
+
+def _address(text):
+    host, _, port = text.rpartition(":")
+    return host.strip("[]"), int(port)
 
 
 @pytest.fixture

@@ -185,17 +185,24 @@ impl Faults {
 
     /// The device neither reads nor sends from now on, for this long.
     pub fn freeze(&self, time: Duration) {
-        self.now(Fault::Freeze(time));
+        self.at_once(Fault::Freeze(time));
     }
 
     /// The device loses its power now, and is there again after `off`.
     pub fn restart(&self, off: Duration) {
-        self.now(Fault::Restart(off));
+        self.at_once(Fault::Restart(off));
     }
 
     /// The device loses now what it holds and has not executed.
     pub fn forget(&self) {
-        self.now(Fault::Forget);
+        self.at_once(Fault::Forget);
+    }
+
+    /// The number of messages that the device has received and sent so far, those with a fault included.
+    #[must_use]
+    pub fn messages(&self) -> (u64, u64) {
+        let state = self.lock();
+        (state.requests, state.answers)
     }
 
     /// What has gone wrong, in this order, and when.
@@ -204,7 +211,9 @@ impl Faults {
         self.lock().happened.clone()
     }
 
-    fn now(&self, fault: Fault) {
+    /// A fault at once: a freeze, a restart, a loss of what the device holds, or the end of every connection of the device. A fault that needs a
+    /// message happens to the next message that the device sends.
+    pub fn at_once(&self, fault: Fault) {
         self.lock().incidents.push((When::At(Duration::ZERO), fault));
         self.0.waits.store(true, Ordering::Release);
     }

@@ -20,6 +20,7 @@ mod peer;
 mod pty;
 #[cfg(feature = "puma")]
 pub mod puma;
+mod remote;
 mod running;
 mod simulator;
 #[cfg(feature = "viewer")]
@@ -41,6 +42,7 @@ pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
+pub use remote::{Indexed, Remote};
 pub use robot_session;
 pub use running::Running;
 pub use simulator::{Simulator, Told};

@@ -14,6 +14,7 @@ use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait
 
 use crate::device::{Device, Error, Executed};
 use crate::faults::Faults;
+use crate::remote::Remote;
 use crate::simulator::{Simulator, Told};
 
 /// How often a fault that was asked for, a new connection and the end are looked for.
@@ -26,7 +27,7 @@ const CALL: Duration = Duration::from_secs(1);
 pub struct Running<D: Device> {
     address: SocketAddr,
     path: String,
-    faults: Faults,
+    remote: Remote<D>,
     shared: Shared<D>,
     thread: Option<JoinHandle<()>>,
 }
@@ -117,10 +118,10 @@ impl<D: Device + Send + 'static> Running<D> {
             ends: AtomicBool::new(false),
             clock: Instant::now(),
         });
-        let (faults, record) = (simulator.faults().clone(), Arc::clone(&shared));
+        let (remote, record) = (simulator.remote(), Arc::clone(&shared));
         let thread = thread::Builder::new().name("simulator".into());
         let thread = Some(thread.spawn(move || run(&mut simulator, &record))?);
-        Ok(Self { address, path, faults, shared, thread })
+        Ok(Self { address, path, remote, shared, thread })
     }
 }
 
@@ -140,7 +141,27 @@ impl<D: Device> Running<D> {
 
     /// What goes wrong with it.
     pub fn faults(&self) -> &Faults {
-        &self.faults
+        self.remote.faults()
+    }
+
+    /// Calls `call` in the thread of the device and returns its result, such as to set an input of a controller:
+    ///
+    /// ```
+    /// # #[cfg(feature = "fanuc")] {
+    /// # use cellwire_sim::{Device as _, Fanuc, Settings as _, robot_session::End as _};
+    /// # use fanuc_hmi_modbus::Signal;
+    /// let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    /// sim.call(|fanuc| fanuc.device().controller().tables_mut().set_signal(Signal::Di(1), 1));
+    /// # let read = sim.call(|fanuc| fanuc.device().controller().tables_mut().signal(Signal::Di(1)));
+    /// # assert_eq!(read, Some(Some(1))); }
+    /// ```
+    ///
+    /// `None` if the thread has not begun the call within a second.
+    pub fn call<R: Send + 'static>(
+        &self,
+        call: impl FnOnce(&mut Simulator<D>) -> R + Send + 'static,
+    ) -> Option<R> {
+        self.remote.call(CALL, call)
     }
 
     /// What was executed, in this order.

@@ -7,6 +7,7 @@ use robot_session::Session;
 
 use crate::device::{Device, Executed, Notes};
 use crate::faults::{Fault, Faults};
+use crate::remote::Remote;
 
 /// A device with its faults: a [`Session`], which any driver runs.
 ///
@@ -17,6 +18,7 @@ pub struct Simulator<D: Device> {
     device: D,
     faults: Faults,
     notes: Notes<D::Event, D::Work>,
+    remote: Option<Remote<D>>,
     told: VecDeque<Told<D::Event>>,
     /// What is sent later, and when.
     outgoing: VecDeque<(Duration, Vec<u8>)>,
@@ -67,6 +69,7 @@ impl<D: Device> Simulator<D> {
             connection,
             seen,
             notes: Notes::default(),
+            remote: None,
             told: VecDeque::new(),
             outgoing: VecDeque::new(),
             incoming: VecDeque::new(),
@@ -83,8 +86,8 @@ impl<D: Device> Simulator<D> {
     /// The same device on one more connection, with the same faults; `None` where a new connection takes the place of the one before.
     pub fn another(&self) -> Option<Self> {
         let Self { keeps, frozen, off, .. } = *self;
-        let device = self.device.another()?;
-        Some(Self { keeps, frozen, off, ..Self::with(device, self.faults.clone()) })
+        let (device, remote) = (self.device.another()?, self.remote.clone());
+        Some(Self { keeps, frozen, off, remote, ..Self::with(device, self.faults.clone()) })
     }
 
     /// The same, without [executed commands](Self::poll_executed), which are not kept.
@@ -92,6 +95,12 @@ impl<D: Device> Simulator<D> {
     pub fn keeping_nothing(mut self) -> Self {
         self.keeps = false;
         self
+    }
+
+    /// A handle for other threads. From now on executed commands are stored for it; [other connections](Self::another) that are made later
+    /// have the same handle.
+    pub fn remote(&mut self) -> Remote<D> {
+        self.remote.get_or_insert_with(|| Remote::new(self.faults.clone())).clone()
     }
 
     /// What goes wrong with it.
@@ -120,6 +129,13 @@ impl<D: Device> Simulator<D> {
         self.off <= now
     }
 
+    /// Returns whether a fault, or the lack of a connection, keeps the device from reading. If the time of a transport passes only while it is
+    /// read, the caller advances it then.
+    pub fn is_held(&self) -> bool {
+        let is_free = self.is_there() && self.incoming.is_empty() && self.outgoing.is_empty();
+        !is_free && !self.wants_input()
+    }
+
     /// What was executed since the last call, oldest first.
     pub fn poll_executed(&mut self) -> Option<Executed<D::Work>> {
         self.notes.executed.pop_front()
@@ -129,19 +145,33 @@ impl<D: Device> Simulator<D> {
     fn go_on(&mut self, now: Duration) {
         self.is_settled &= now <= self.now;
         self.now = self.now.max(now);
-        while let Some(fault) = self.faults.due(self.now) {
-            self.happen(fault);
-        }
-        while let Some((at, fault)) = self.faults.elsewhere(self.connection, &mut self.seen) {
-            self.suffer(at, fault);
+        loop {
+            // The faults that were asked for before this call are due.
+            let call = self.remote.as_ref().filter(|remote| remote.is_called()).and_then(Remote::next);
+            while let Some(fault) = self.faults.due(self.now) {
+                if matches!(fault, Fault::Cut | Fault::Close) {
+                    self.faults.spread(self.connection, self.now, fault);
+                }
+                self.happen(fault);
+            }
+            while let Some((at, fault)) = self.faults.elsewhere(self.connection, &mut self.seen) {
+                self.suffer(at, fault);
+            }
+            let Some(call) = call else { break };
+            self.is_settled = false;
+            call(self);
         }
         if self.off > self.now || core::mem::replace(&mut self.is_settled, true) {
             return;
         }
+        let before = self.notes.executed.len();
         loop {
             self.device.advance(self.now, &mut self.notes);
             let Some(event) = self.device.session_mut().poll_event() else { break };
             self.device.take(self.now, event, &mut self.notes);
+        }
+        if let Some(remote) = self.remote.as_ref().filter(|_| self.notes.executed.len() > before) {
+            remote.store(self.notes.executed.iter().skip(before));
         }
         if !self.keeps {
             self.notes.executed.clear();
@@ -167,8 +197,7 @@ impl<D: Device> Simulator<D> {
                 self.device.restart(self.now);
                 self.suffer(self.now, fault);
             }
-            Fault::Cut => self.close("the set fault: the connection ends in the middle of a message"),
-            Fault::Close => self.close("the set fault: the connection ends before the reply"),
+            Fault::Cut | Fault::Close => self.suffer(self.now, fault),
             Fault::Drop | Fault::Delay(_) | Fault::Corrupt | Fault::Twice => {}
         }
     }
@@ -182,6 +211,8 @@ impl<D: Device> Simulator<D> {
                 self.notes.close = None;
                 self.close("the power is gone");
             }
+            Fault::Cut => self.close("the set fault: the connection ends in the middle of a message"),
+            Fault::Close => self.close("the set fault: the connection ends before the reply"),
             _ => {}
         }
     }

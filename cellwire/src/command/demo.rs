@@ -88,14 +88,6 @@ pub fn run(args: &Args) -> Result<bool> {
     let settings = args.set.read(&known)?;
     interrupt::handle()?;
     let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), std::io::stdout());
-    if !args.json {
-        let (count, plural) = (links.len(), if links.len() == 1 { "" } else { "s" });
-        writeln!(
-            out,
-            "{count} robot link{plural}, simulated. Nothing real moves.\n\n{}",
-            table::HEAD.trim_end()
-        )?;
-    }
     let mut rest = links.as_slice();
     while let Some((link, others)) = rest.split_first() {
         // One run of the cell shows its three links.
@@ -114,6 +106,10 @@ pub fn run(args: &Args) -> Result<bool> {
             let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
             let picture = options.out.clone().filter(|_| report.summary().0 == link.short);
             let judged = Judged { report, check_times, picture };
+            if all.is_empty() && !args.json {
+                let (count, plural) = (links.len(), if links.len() == 1 { "" } else { "s" });
+                write!(out, "{count} robot link{plural}, simulated. Nothing real moves.\n\n{}", table::HEAD)?;
+            }
             tell(args, &judged, &mut out)?;
             all.push(judged);
         }

@@ -11,12 +11,14 @@ use crate::io::interrupt;
 use crate::io::output::{self, EventArgs};
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
+use crate::links::control::Control;
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
 
 /// Simulates a device until interrupted.
 ///
-/// Prints one line of JSON when the device is ready, with the address or path to connect to, then one line for each event.
+/// Prints one line of JSON when the device is ready, with the address or path to connect to and the address of --control, then one line for
+/// each event.
 ///
 /// These protocols have no authentication: any program that reaches the address can connect and send commands. Listen on
 /// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new client of a
@@ -31,6 +33,10 @@ pub struct Args {
     device: &'static Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
+    /// Accept commands to the simulator on this TCP address: faults, inputs, the list of what was executed. One JSON object a line, such as
+    /// {"do":"help"}; see docs/simulate.md. A port alone means 127.0.0.1, port 0 any free port
+    #[arg(long, value_name = "ADDR")]
+    control: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
     /// Disconnect a client after this time without a byte in either direction, or `never`
@@ -76,6 +82,7 @@ pub fn run(args: &Args) -> Result<bool> {
         idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,
+        control: args.control.as_deref().map(Control::bind).transpose()?,
     };
     (args.device.simulate)(&options).map_err(|error| args.set.located(error))?;
     Ok(true)

@@ -41,6 +41,8 @@ pub enum Notice<'a, E> {
     Disconnected(SocketAddr, &'a str),
     /// Its bytes were written there.
     Traced(PathBuf),
+    /// The time, before clients are accepted and at each [look](Service::look). If the handler breaks, no client is accepted now.
+    Look(Duration),
 }
 
 /// How clients are served.
@@ -52,6 +54,8 @@ pub struct Service<'a> {
     pub trace: &'a Trace,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
+    /// The interval at which sessions are called even if nothing arrives and nothing is due: something else may have changed them.
+    pub look: Option<Duration>,
 }
 
 impl Service<'_> {
@@ -80,6 +84,7 @@ impl Service<'_> {
             handle,
         };
         serving.poll.registry().register(&mut serving.listener, ARRIVALS, Interest::READABLE)?;
+        serving.due = self.look.map(|look| self.clock.now() + look);
         serving.run()
     }
 }
@@ -152,6 +157,10 @@ where
 
     fn accept(&mut self, now: Duration) -> Result<()> {
         loop {
+            if (self.handle)(Notice::Look(now)).is_break() {
+                self.wait_until(now + RETRY);
+                return Ok(());
+            }
             let (mut stream, peer) = match self.listener.accept() {
                 Ok(Arrival::Nobody) => return Ok(()),
                 Ok(Arrival::Client(stream, peer)) => (stream, peer),
@@ -216,6 +225,9 @@ where
     }
 
     fn time_out(&mut self, now: Duration) {
+        if let Some(look) = self.service.look {
+            self.wait_until(now + look);
+        }
         let keys: Vec<usize> = self.clients.iter().map(|(key, _)| key).collect();
         for key in keys {
             let Some(client) = self.clients.get_mut(key) else { continue };

@@ -5,17 +5,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Driver, Session, Transport as _};
+use cellwire_sim::{Device as Simulated, Simulator, Told};
+use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Map, Value};
 
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::ready;
 use crate::io::priority::{self, Rank};
 use crate::io::serial::PtyLink;
 use crate::io::tcp::{self, Dialing};
 use crate::io::trace::TraceArgs;
+use crate::links::control::Control;
 use cellwire_links::Link;
 use cellwire_links::settings::Setting;
 
@@ -60,6 +61,8 @@ pub struct SimulateOptions {
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
     pub settings: Map<String, Value>,
+    /// The socket of `--control`.
+    pub control: Option<Control>,
 }
 
 /// Where clients reach a simulated device.
@@ -91,12 +94,12 @@ pub fn serve(
         Endpoint::Pty(path) => {
             let (_link, port) = PtyLink::create(path)?;
             let mut line = Line::over_port(port, path, clock, baud, trace)?;
-            ready(name, "pty", &path.to_string_lossy())?;
+            options.ready(name, "pty", &path.to_string_lossy())?;
             device(&mut line, clock)
         }
         Endpoint::Listen(address) => {
             let listener = tcp::listen(address)?;
-            ready(name, "listen", &listener.local_addr()?.to_string())?;
+            options.ready(name, "listen", &listener.local_addr()?.to_string())?;
             let listener = Listener::new(listener)?;
             device(&mut Line::over_tcp(listener, options.idle_timeout, clock, baud, trace)?, clock)
         }
@@ -104,29 +107,71 @@ pub fn serve(
     }
 }
 
-/// How often a stop, and a client that comes or goes, are looked for.
-const LOOK: Duration = Duration::from_millis(10);
+/// The connection of a device on a line that lasts, whether or not a client is there, until a fault ends it.
+#[derive(Debug, Default)]
+pub struct Attached {
+    is_up: bool,
+}
+
+impl Attached {
+    /// Called between two turns: ends the connection after [`Told::Close`](cellwire_sim::Told::Close), and makes one when the device can be
+    /// reached again.
+    pub fn keep_up<D: Simulated>(&mut self, closes: bool, line: &mut Line, device: &mut Simulator<D>) {
+        if device.is_held() {
+            line.pass();
+        }
+        let now = line.now();
+        if closes {
+            line.hang_up();
+            device.handle_disconnected(now);
+            self.is_up = false;
+        }
+        if !device.accepts(now) {
+            line.discard();
+        } else if !self.is_up && !line.hangs_up() {
+            device.handle_connected(now);
+            self.is_up = true;
+        }
+    }
+}
+
+/// Whether a client is connected and the device has power. Bytes to a device without power are lost.
+pub fn is_there<D: Simulated>(line: &mut Line, device: &Simulator<D>, now: Duration) -> bool {
+    let has_power = device.accepts(now);
+    if !has_power {
+        line.discard();
+    }
+    has_power && line.is_connected()
+}
+
+/// How often a stop, a client that comes or goes, and commands are looked for.
+pub const LOOK: Duration = Duration::from_millis(10);
 
 /// Runs a simulated device on a line until it is to stop, or until the line is gone for good. `handle` is given its events, and whether a
 /// client has the other end open when that changes.
 ///
 /// # Errors
 /// What `handle` returns.
-pub fn on_line<S: Session>(
+pub fn on_line<D: Simulated>(
     line: &mut Line,
-    device: &mut S,
+    device: &mut Simulator<D>,
     stop: &AtomicBool,
-    mut handle: impl FnMut(Result<S::Event, bool>) -> Result<()>,
+    mut handle: impl FnMut(Result<Told<D::Event>, bool>) -> Result<()>,
 ) -> Result<()> {
     priority::raise(Rank::Hardware);
     let mut driver = Driver::new(line);
     let (mut connected, mut left) = (false, 0);
     while !stop.load(Ordering::Relaxed) {
-        let now = driver.transport_mut().now();
+        let line = driver.transport_mut();
+        if device.is_held() {
+            line.pass();
+        }
+        let now = line.now();
+        let is_there = is_there(line, device, now);
         // The next client may be there already.
-        let before = core::mem::replace(&mut left, driver.transport_mut().left());
+        let before = core::mem::replace(&mut left, line.left());
         let has_left = connected && before != left;
-        if driver.transport_mut().is_connected() != connected || has_left {
+        if is_there != connected || has_left {
             connected = !connected;
             if connected {
                 device.handle_connected(now);
@@ -135,7 +180,15 @@ pub fn on_line<S: Session>(
             }
             handle(Err(connected))?;
         }
-        if !turn(&mut driver, device, Some(LOOK), |_, event| handle(Ok(event)))? {
+        let mut closes = false;
+        let goes_on = turn(&mut driver, device, Some(LOOK), |_, event| {
+            closes |= matches!(event, Told::Close(_));
+            handle(Ok(event))
+        })?;
+        if closes {
+            driver.transport_mut().hang_up();
+        }
+        if !goes_on {
             break;
         }
     }

@@ -2,6 +2,7 @@
 //!
 //! A new device is a line of [`DEVICES`].
 
+pub mod control;
 pub mod device;
 pub mod fanuc_hmi_modbus;
 pub mod isra_ball;

@@ -213,7 +213,7 @@ fn check_prints_findings_in_other_forms_and_fails_by_level() {
         serde_json::from_str(out(&folder.run("ls check cell/OTHER.LS --format json"))).unwrap();
     assert_eq!(object["findings"][0]["kind"], "file_name");
     assert_eq!((&object["findings"][0]["level"], &object["same_name"]), (&"warning".into(), &false.into()));
-    let output = folder.run("ls cell");
+    let output = folder.run("ls list cell");
     assert!(out(&output).contains("  warning file name: 1 in 1 files\n"), "{}", out(&output));
     std::fs::remove_file(folder.0.join("cell/OTHER.LS")).unwrap();
     // An instruction that is not known is a hint until it is named.
@@ -368,7 +368,7 @@ fn controller(order: WordOrder) -> String {
     let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
     thread::spawn(move || {
         let trace = TraceArgs::off().start("fanuc");
-        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None };
+        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
         let listener = Listener::new(listener).unwrap();
         serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
     });

@@ -13,6 +13,7 @@ mod capture;
 mod captures;
 mod commands;
 mod connections;
+mod control;
 mod controller;
 #[cfg(target_os = "linux")]
 mod danger;

@@ -5,7 +5,7 @@ mod hand;
 use core::convert::Infallible;
 use core::time::Duration;
 
-use isra_ball::{Ball, BallConfig, BallEvent, timing};
+use isra_ball::{Ball, BallConfig, BallEvent, Keys, timing};
 
 pub use self::hand::{Grip, PERIOD, grip};
 use crate::device::{Device, Error, Notes, Settings};
@@ -35,7 +35,8 @@ impl Settings for TeachBall {
 
     fn device(&self) -> Result<HeldBall, Error> {
         let ball = Ball::new(self.config).map_err(Error::settings)?;
-        Ok(HeldBall { settings: *self, ball, measured: Duration::ZERO })
+        let grip = Grip { force: [0; 3], moment: [0; 3], keys: Keys::NONE };
+        Ok(HeldBall { settings: *self, ball, measured: Duration::ZERO, held: None, grip })
     }
 }
 
@@ -55,6 +56,23 @@ pub struct HeldBall {
     ball: Ball,
     /// When there are new values.
     measured: Duration,
+    /// The grip in place of that of the settings' hand.
+    held: Option<Grip>,
+    /// The values of the last measurement.
+    grip: Grip,
+}
+
+impl HeldBall {
+    /// From now on the ball measures this grip; `None`: the grip of the settings' hand again.
+    pub fn hold(&mut self, grip: Option<Grip>) {
+        self.held = grip;
+        self.measured = Duration::ZERO;
+    }
+
+    /// The values of the last measurement.
+    pub fn grip(&self) -> Grip {
+        self.grip
+    }
 }
 
 impl Device for HeldBall {
@@ -77,7 +95,8 @@ impl Device for HeldBall {
     /// Measures when a poll may come.
     fn advance(&mut self, now: Duration, _: &mut Notes<BallEvent, Infallible>) {
         if now >= self.measured {
-            let Grip { force, moment, keys } = (self.settings.hand)(now);
+            self.grip = self.held.unwrap_or_else(|| (self.settings.hand)(now));
+            let Grip { force, moment, keys } = self.grip;
             self.ball.measure(force, moment, keys);
             self.measured = now.saturating_add(MEASURING);
         }

@@ -3,7 +3,9 @@
 use core::ops::Range;
 use core::time::Duration;
 
-use fanuc_hmi_modbus::{Bits, BitsMut, Exception, Registers, TelemetryBlock, WordOrder, Words, WordsMut};
+use fanuc_hmi_modbus::{
+    Bits, BitsMut, Exception, Registers, Signal, Table, TelemetryBlock, WordOrder, Words, WordsMut,
+};
 
 use super::background::{PERIOD, Pose, background_task};
 use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
@@ -81,6 +83,26 @@ impl Controller {
     /// The registers and signals, to look at them and to set what comes from outside.
     pub fn tables_mut(&mut self) -> &mut Tables {
         &mut self.tables
+    }
+
+    /// The values from this PDU address of a table on, 0 or 1 of a bit; `None` outside the table.
+    pub fn values(&self, table: Table, address: u16, count: u16) -> Option<Vec<u16>> {
+        let place = |offset| Signal::at(table, address.checked_add(offset)?);
+        (0..count).map(|offset| self.tables.signal(place(offset)?)).collect()
+    }
+
+    /// Sets values from this PDU address of a table on, 0 or 1 of a bit, as the cell, an operator or the controller itself does, and a
+    /// program reads them. `None` outside the table: then nothing is set.
+    pub fn set_values(&mut self, table: Table, address: u16, values: &[u16]) -> Option<()> {
+        let end = usize::from(address) + values.len();
+        self.values(table, address, u16::try_from(values.len()).ok()?)?;
+        for (address, value) in (address..).zip(values) {
+            self.tables.set_signal(Signal::at(table, address)?, *value)?;
+        }
+        if let (Source::Program(program), Table::HoldingRegisters) = (&mut self.source, table) {
+            program.written(address.into()..end, &self.tables);
+        }
+        Some(())
     }
 
     /// Its power was lost: the background task restarts, and values written by clients are lost.
@@ -179,6 +201,18 @@ impl Registers for Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_are_set_whole_or_not_at_all() {
+        let mut controller = Controller::new(Box::new(circle), WordOrder::LowFirst);
+        // DI[9999] to RI[2].
+        assert_eq!(controller.values(Table::DiscreteInputs, 9_998, 4), Some(vec![1, 0, 0, 1]));
+        assert_eq!(controller.set_values(Table::DiscreteInputs, 9_999, &[1, 7]), Some(()));
+        assert_eq!(controller.values(Table::DiscreteInputs, 9_998, 4), Some(vec![1, 1, 1, 1]));
+        assert_eq!(controller.set_values(Table::HoldingRegisters, 16_447, &[5, 6]), None);
+        assert_eq!(controller.values(Table::HoldingRegisters, 16_447, 1), Some(vec![0]));
+        assert_eq!(controller.values(Table::HoldingRegisters, u16::MAX, 2), None);
+    }
 
     #[test]
     fn the_task_overwrites_its_registers_at_its_next_run_and_no_others() {

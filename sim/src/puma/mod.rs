@@ -147,6 +147,12 @@ impl MarkIii {
         self.port.controller()
     }
 
+    /// Lets an incident happen now, or as soon as ALTER runs.
+    pub fn incident(&mut self, incident: Incident) {
+        let elapsed = self.begun_at.map_or(Duration::ZERO, |begun| self.now.saturating_sub(begun));
+        self.settings.incidents.insert(self.happened, (elapsed, incident));
+    }
+
     /// The incident that is next, and when it is due.
     fn next_incident(&self) -> Option<(Duration, Incident)> {
         let (at, incident) = self.settings.incidents.get(self.happened).copied()?;

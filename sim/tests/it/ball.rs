@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use cellwire_sim::ball::{Grip, grip};
+use cellwire_sim::ball::{Grip, HeldBall, grip};
 use cellwire_sim::robot_session::Session as _;
-use cellwire_sim::{Device as _, Fault, Script, Settings as _, TeachBall, Told};
-use isra_ball::{BallEvent, Host, HostConfig, HostEvent};
+use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, TeachBall, Told};
+use isra_ball::{BallEvent, Host, HostConfig, HostEvent, Keys};
 
 const S: Duration = Duration::from_secs(1);
 
@@ -34,6 +34,33 @@ fn ten_minutes_of_polls_with_a_silence() {
     let replies = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(BallEvent::Reply(_))));
     assert!(replies.count() >= fresh, "the ball tells of each reply");
     assert_eq!(stale, [60], "the values were too old once, while it was silent");
+}
+
+#[test]
+fn a_grip_that_is_set_is_measured_until_the_hand_goes_on() {
+    let mut bench = TeachBall::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    bench.wire.baud = Some(9600);
+    let held = Grip { force: [1, -2, 3], moment: [-4, 5, -6], keys: Keys::NONE.with(2).with(8) };
+    bench.run_for(S);
+    bench.device_mut().hold(Some(held));
+    bench.run_for(S);
+    drop(bench.take_events());
+    bench.run_for(3 * S);
+    let grips = |bench: &mut Bench<Host, HeldBall>| {
+        let packets = bench.take_events().filter_map(|event| match event {
+            HostEvent::Packet(packet) => {
+                Some(Grip { force: packet.force, moment: packet.moment, keys: packet.keys })
+            }
+            _ => None,
+        });
+        packets.collect::<Vec<_>>()
+    };
+    let seen = grips(&mut bench);
+    assert!(seen.len() > 50 && seen.iter().all(|seen| *seen == held), "{seen:?}");
+    assert_eq!(bench.device().grip(), held);
+    bench.device_mut().hold(None);
+    bench.run_for(7 * S);
+    assert!(grips(&mut bench).iter().filter(|seen| **seen != held).count() > 100);
 }
 
 /// Force, moment and keys in thousandths of a second, in the first round.

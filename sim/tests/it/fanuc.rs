@@ -10,7 +10,7 @@ use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Registers as _, Reply, Request,
-    ServerEvent, Signal, TelemetryBlock, WordOrder, Words,
+    ServerEvent, Signal, Table, TelemetryBlock, WordOrder, Words,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -63,6 +63,41 @@ async fn a_position_register_is_written_and_read_whole() {
     assert_eq!(sim.executed().len(), 1, "one request");
     let beyond = robot.read_position(16_400, WordOrder::LowFirst).await;
     assert!(matches!(beyond, Err(Error::Exception(Exception::IllegalDataAddress))), "{beyond:?}");
+}
+
+#[tokio::test]
+async fn a_running_controller_is_called_from_the_test() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.run());
+    assert_eq!(robot.read_discrete_inputs(1..2).await.unwrap(), [false]);
+    let is_set = sim.call(|fanuc| {
+        let mut controller = fanuc.device().controller();
+        controller.set_values(Table::DiscreteInputs, 1, &[1])
+    });
+    assert_eq!(is_set, Some(Some(())));
+    assert_eq!(robot.read_discrete_inputs(1..2).await.unwrap(), [true]);
+}
+
+/// The simulator of the device, which accepts connections, may be the first to see the fault.
+#[tokio::test]
+async fn a_connection_is_closed_at_once_whichever_simulator_sees_that_first() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
+    for closed in 1..=8 {
+        // It may not know yet that the connection before was closed.
+        while robot.read_holding_registers(300..301).await.is_err() {
+            tokio::time::sleep(MS).await;
+        }
+        sim.faults().at_once(Fault::Close);
+        let closes = || sim.told().iter().filter(|(_, told)| matches!(told, Told::Close(_))).count();
+        let begun = std::time::Instant::now();
+        while closes() < closed {
+            assert!(begun.elapsed() < 20 * S, "connection {closed} stays open");
+            tokio::time::sleep(MS).await;
+        }
+    }
 }
 
 #[tokio::test]

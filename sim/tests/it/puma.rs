@@ -45,6 +45,22 @@ async fn an_arm_goes_on_after_a_lost_reply_and_stands_still_in_between() {
 }
 
 #[test]
+fn an_incident_that_is_asked_for_waits_for_alter_and_happens_once() {
+    let mut bench = Puma::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
+    let incidents = |bench: &Bench<Host, MarkIii>| {
+        let told = bench.told().iter();
+        told.filter(|(_, told)| matches!(told, Told::Device(PumaEvent::Incident(_)))).count()
+    };
+    bench.device_mut().incident(Incident::Finish);
+    assert_eq!(incidents(&bench), 0);
+    bench.run_for(2 * S);
+    assert_eq!(incidents(&bench), 1);
+    bench.device_mut().incident(Incident::Finish);
+    bench.run_for(5 * S);
+    assert_eq!(incidents(&bench), 2);
+}
+
+#[test]
 fn a_quarter_of_an_hour_of_cycles() {
     let incidents = vec![(2 * S, Incident::Interrupt(S)), (5 * S, Incident::Misread(ErrorCode::Checksum))];
     let mut bench =

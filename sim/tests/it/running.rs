@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Read, Write as _};
 use std::net::TcpStream;
 use std::time::Instant;
 
+use cellwire_sim::robot_session::Session as _;
 use cellwire_sim::{Running, Simulator};
 
 use crate::gadget::{Gadget, Line};
@@ -20,6 +21,46 @@ fn waiting_ends_with_what_is_waited_for_or_with_its_time() {
     let begun = Instant::now();
     assert!(sim.wait_for(1, 20 * S) && begun.elapsed() < 10 * S, "{:?}", begun.elapsed());
     assert!(!sim.wait_for(2, MS));
+}
+
+#[test]
+fn a_call_runs_once_in_the_thread_of_the_device_or_not_at_all() {
+    let gadget = Gadget { work: Some(NOW), ..Gadget::default() };
+    let mut simulator = Simulator::new(gadget.clone());
+    let remote = simulator.remote();
+    let begun = Instant::now();
+    assert_eq!(remote.call(10 * MS, |_| panic!("nothing runs the device")), None::<()>);
+    assert!(begun.elapsed() >= 10 * MS);
+    let sim = Running::listen(simulator, "127.0.0.1:0").unwrap();
+    let here = std::thread::current().id();
+    let thread = sim.call(move |_| (std::thread::current().id() != here, Instant::now() > begun)).unwrap();
+    assert_eq!(thread, (true, true));
+    // Faults that were asked for before the call have happened.
+    for restarts in 1..=5 {
+        sim.faults().restart(MS);
+        assert!(sim.call(|_| ()).is_some());
+        assert_eq!(sim.faults().happened().len(), restarts);
+    }
+    drop(sim);
+    assert_eq!(remote.call(MS, |_| ()), None, "the device is gone");
+}
+
+#[test]
+fn the_last_executed_commands_are_stored_and_all_are_counted() {
+    let mut simulator = Simulator::new(Gadget { work: Some(NOW), ..Gadget::default() }).keeping_nothing();
+    let remote = simulator.remote();
+    assert_eq!(remote.executed(0, 9).0, 0);
+    for ms in 0..10_003 {
+        simulator.handle_timeout(MS * ms);
+        simulator.device_mut().work = Some(MS * ms);
+    }
+    simulator.handle_timeout(MS * 20_000);
+    let (total, first) = remote.executed(0, 2);
+    let (_, last) = remote.executed(total - 1, 9);
+    assert_eq!((total, first.len(), last.len()), (10_004, 2, 1));
+    assert_eq!([first[0].0, first[1].0, last[0].0], [4, 5, 10_003]);
+    assert_eq!([first[0].1.at, last[0].1.at], [4 * MS, 20_000 * MS]);
+    assert!(remote.executed(total, 9).1.is_empty() && remote.executed(u64::MAX, 9).1.is_empty());
 }
 
 #[test]

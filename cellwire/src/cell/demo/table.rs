@@ -133,6 +133,7 @@ pub fn verdict(all: &[Judged]) -> String {
         (missed, count) => {
             let stalled: Duration = all.iter().map(|it| it.report.stalled()).max().unwrap_or_default();
             let verb = if missed == 1 { "was" } else { "were" };
+            let plural = if count == 1 { "" } else { "s" };
             let why = match stalled {
                 Duration::ZERO => String::new(),
                 time => format!(" Other programs stalled this machine, {:.1} s in all.", time.as_secs_f64()),
@@ -140,7 +141,7 @@ pub fn verdict(all: &[Judged]) -> String {
             let checked = all.iter().any(|it| it.check_times);
             let more = if checked { "" } else { " On a quiet machine --check-times makes that a failure." };
             let names = late.join(", ");
-            let line = format!("{missed} of {count} deadlines {verb} missed: {names}.{why}{more}");
+            let line = format!("{missed} of {count} deadline{plural} {verb} missed: {names}.{why}{more}");
             text.push_str(&wrapped(&line, 0));
         }
     }

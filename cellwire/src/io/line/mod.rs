@@ -87,6 +87,8 @@ pub struct Line {
     had_client: bool,
     /// The client does not read, and bytes were lost.
     is_overrun: bool,
+    /// The device ends the connection once its bytes are carried.
+    hangs_up: bool,
 }
 
 /// Bytes that were read, when, and how many clients had left then.
@@ -109,6 +111,8 @@ struct Presence {
     under_way: AtomicUsize,
     /// How many clients have left: what is on the line then is lost.
     left: AtomicUsize,
+    /// The device has ended the connection.
+    is_ended: AtomicBool,
 }
 
 impl Feed {
@@ -126,6 +130,12 @@ impl Feed {
     fn leave(&self) {
         self.client.left.fetch_add(1, Ordering::Release);
         self.connect(false);
+        self.client.is_ended.store(false, Ordering::Release);
+    }
+
+    /// Whether the device has ended the connection.
+    fn is_ended(&self) -> bool {
+        self.client.is_ended.load(Ordering::Acquire)
     }
 }
 
@@ -238,6 +248,7 @@ impl Line {
             trace,
             had_client: false,
             is_overrun: false,
+            hangs_up: false,
         })
     }
 
@@ -315,9 +326,31 @@ impl Line {
         core::mem::take(&mut self.late)
     }
 
-    /// Whether a client has the other end open.
+    /// Whether a client has the other end open, and the device does not end its connection.
     pub fn is_connected(&self) -> bool {
-        self.client.is_connected.load(Ordering::Relaxed)
+        !self.hangs_up() && self.client.is_connected.load(Ordering::Relaxed)
+    }
+
+    /// Ends the connection of the client once the bytes to it are carried. A client of a pseudo-terminal keeps it open, and is connected
+    /// again.
+    pub fn hang_up(&mut self) {
+        self.hangs_up = self.client.is_connected.load(Ordering::Relaxed);
+    }
+
+    /// Whether the connection is being ended.
+    pub fn hangs_up(&self) -> bool {
+        self.hangs_up || self.client.is_ended.load(Ordering::Acquire)
+    }
+
+    /// Carries bytes up to now while the device does not read.
+    pub fn pass(&mut self) {
+        self.driven = self.driven.max(self.clock.now());
+        self.wait(self.driven);
+    }
+
+    /// Discards the bytes on the line to the device, which has no power.
+    pub fn discard(&mut self) {
+        self.receiving = Direction::default();
     }
 
     /// How many clients have left: a client may follow another one at once.
@@ -369,7 +402,10 @@ impl Line {
         if self.sending.bytes.is_empty() {
             self.late += now - last;
         }
-        if !due.is_empty() && self.is_connected() && !self.client.is_deaf.load(Ordering::Relaxed) {
+        if !due.is_empty()
+            && self.client.is_connected.load(Ordering::Relaxed)
+            && !self.client.is_deaf.load(Ordering::Relaxed)
+        {
             // Another error means that the client has just disconnected: the bytes are lost.
             if let Err(error) = self.writer.write_all(&due)
                 && is_silence(&error)
@@ -377,6 +413,9 @@ impl Line {
             {
                 remark("warning: the client does not read; bytes to it are lost");
             }
+        }
+        if self.sending.bytes.is_empty() && core::mem::take(&mut self.hangs_up) {
+            self.client.is_ended.store(true, Ordering::Release);
         }
     }
 }

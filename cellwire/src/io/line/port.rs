@@ -20,6 +20,10 @@ pub(super) fn read(mut port: Box<dyn SerialPort>, path: &Path, feed: &Feed) {
     // When the client has closed its end, until what it has sent is carried.
     let mut closed: Option<Duration> = None;
     while feed.is_wanted() {
+        if feed.is_ended() {
+            closed = None;
+            feed.leave();
+        }
         let read = port.read(&mut buffer);
         let is_open = match &read {
             Ok(_) => true,

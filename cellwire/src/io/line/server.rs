@@ -92,7 +92,8 @@ impl Server {
             if self.next.is_some() {
                 connection.look_ahead(feed.clock.now());
             }
-            let Err(why) = connection.serve(feed, self.idle_timeout) else { continue };
+            let served = if feed.is_ended() { Err(None) } else { connection.serve(feed, self.idle_timeout) };
+            let Err(why) = served else { continue };
             if let Some(why) = why {
                 remark(&format!("the client {} is disconnected: {why}", connection.peer));
             }

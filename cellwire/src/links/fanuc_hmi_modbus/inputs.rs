@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use fanuc_hmi_modbus::Signal;
 
+use super::signal;
 use cellwire_sim::fanuc::Tables;
 
 /// The setting `inputs`: `DI[1]:0-5,RI[2]:3-`, an input and the seconds since the start between which it is on.
@@ -26,17 +27,7 @@ impl Inputs {
                 )
             };
             let (name, times) = item.split_once(':').with_context(wrong)?;
-            let (letters, n) =
-                name.trim().strip_suffix(']').and_then(|it| it.split_once('[')).with_context(wrong)?;
-            let n: u16 = n.parse().ok().with_context(wrong)?;
-            let signal = match letters {
-                "DI" => Signal::Di(n),
-                "RI" => Signal::Ri(n),
-                "UI" => Signal::Ui(n),
-                "SI" => Signal::Si(n),
-                "GI" => Signal::Gi(n),
-                _ => anyhow::bail!(wrong()),
-            };
+            let signal = signal::parse(name).filter(is_input).with_context(wrong)?;
             ensure!(signal.place().is_some(), "inputs={item}: there is no {name}");
             let (from, to) = times.split_once('-').with_context(wrong)?;
             let seconds = |text: &str| -> Result<Duration> {
@@ -61,4 +52,9 @@ impl Inputs {
             let _ = tables.set_signal(*signal, u16::from(is_on));
         }
     }
+}
+
+/// Whether the setting has this kind of signal.
+fn is_input(signal: &Signal) -> bool {
+    matches!(signal, Signal::Di(_) | Signal::Ri(_) | Signal::Ui(_) | Signal::Si(_) | Signal::Gi(_))
 }

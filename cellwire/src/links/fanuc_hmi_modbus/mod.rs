@@ -1,11 +1,13 @@
 //! fanuc-hmi-modbus in the tool: the simulated controller, and a client for scripts.
 
 pub mod client;
+mod control;
 pub mod inputs;
 pub mod mapping;
 pub mod options;
 pub mod program;
 pub mod robot;
+mod signal;
 pub mod simulate;
 
 use crate::links::device::Device;

@@ -1,5 +1,6 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
+use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,20 +11,23 @@ use anyhow::{Context, Result, bail};
 use cellwire_sim::fanuc::{Controller, FanucController, Shared, TelemetryFaults, circle};
 use cellwire_sim::{Simulator, Told};
 use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
+use robot_session::{Driver, Session as _};
 use serde_json::{Value, json};
 
+use super::control;
 use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
 use super::program::{Machine, load};
 use super::robot::{Reporting, Reports, Robot};
+use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::{log, ready};
+use crate::io::output::log;
 use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
-use crate::links::device::{Endpoint, SimulateOptions};
+use crate::links::device::{Attached, Endpoint, LOOK, SimulateOptions};
 use cellwire_links::settings;
 use cellwire_motion::{Arm, Limits, Planner, Pose};
 
@@ -50,20 +54,25 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         Endpoint::Listen(address) => {
             let config = settings.on_tcp();
             let listener = tcp::listen(address)?;
-            ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
+            options.ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
+            let mut first = connection(&controller, config)?;
+            options.control("fanuc", &mut first, control::own())?;
+            let look = options.control.as_ref().map(|_| LOOK);
             if runs {
                 keep_running(&controller, &reports, clock)?;
             }
-            let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout };
+            let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
             // A script that reads no more is none of our business.
-            serve_tcp(Listener::new(listener)?, &controller, config, &service, |event| drop(log(&event)))
+            serve_clients(Listener::new(listener)?, first, &service, |event| drop(log(&event)))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
                 keep_running(&controller, &reports, clock)?;
             }
-            serve_line(line, &controller, settings.on_line())
+            let mut robot = connection(&controller, settings.on_line())?;
+            options.control("fanuc", &mut robot, control::own())?;
+            serve_line(line, &mut robot)
         }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
@@ -127,11 +136,30 @@ pub fn serve_tcp(
     controller: &Shared,
     config: ServerConfig,
     service: &Service<'_>,
+    notify: impl FnMut(Value),
+) -> Result<()> {
+    serve_clients(listener, connection(controller, config)?, service, notify)
+}
+
+/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected.
+fn serve_clients(
+    listener: Listener,
+    first: Simulator<FanucController>,
+    service: &Service<'_>,
     mut notify: impl FnMut(Value),
 ) -> Result<()> {
-    let open = || connection(controller, config);
+    let first = RefCell::new(first);
+    let open = || first.borrow().another().context("cannot make another connection of the controller");
     service.run(listener, open, |notice| {
         match notice {
+            Notice::Look(now) => {
+                let mut first = first.borrow_mut();
+                first.handle_timeout(now);
+                while first.poll_event().is_some() {}
+                if !first.accepts(now) {
+                    return ControlFlow::Break("the controller has no power".into());
+                }
+            }
             Notice::Connected(peer) => {
                 notify(json!({"event": "connected", "peer": peer}));
             }
@@ -154,15 +182,22 @@ pub fn serve_tcp(
 }
 
 /// An RTU line until it is gone for good.
-fn serve_line(line: &mut Line, controller: &Shared, config: ServerConfig) -> Result<()> {
-    robot_session::drive(&mut connection(controller, config)?, line, |_, event| {
-        // A line has no connection that could be closed.
-        if let Told::Device(event) = event {
-            report(event, &mut |event| drop(log(&event)));
+fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>) -> Result<()> {
+    let mut driver = Driver::new(line);
+    let (mut attached, mut closes) = (Attached::default(), false);
+    loop {
+        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
+        let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
+            closes |= matches!(told, Told::Close(_));
+            if let Told::Device(event) = told {
+                report(event, &mut |event| drop(log(&event)));
+            }
+            Ok(())
+        })?;
+        if !goes_on {
+            return Ok(());
         }
-        ControlFlow::<()>::Continue(())
-    })?;
-    Ok(())
+    }
 }
 
 /// One connection, without a record of writes.

@@ -1,5 +1,6 @@
 //! kawasaki-msg in the tool: both ends simulated, and a picture to draw.
 
+mod control;
 pub mod meeting;
 pub mod options;
 pub mod pc;

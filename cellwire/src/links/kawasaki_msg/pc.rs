@@ -30,6 +30,11 @@ pub trait Program {
     /// Whatever ends the run as a failure.
     fn step(&mut self, session: &mut Self::Session) -> Result<bool>;
 
+    /// Whether a robot can connect now.
+    fn accepts(&self, _session: &Self::Session, _now: Duration) -> bool {
+        true
+    }
+
     /// Keeps what has to survive the program, before what the session has written is sent.
     ///
     /// # Errors
@@ -54,19 +59,19 @@ pub type Event<P> = <<P as Program>::Session as Session>::Event;
 
 /// An event that may end the connection.
 pub trait Ends {
-    /// Whether it does.
-    fn ends(&self) -> bool;
+    /// The reason, if it does.
+    fn ends(&self) -> Option<&'static str>;
 }
 
 impl Ends for PcEvent {
-    fn ends(&self) -> bool {
-        *self == Self::Disconnect
+    fn ends(&self) -> Option<&'static str> {
+        (*self == Self::Disconnect).then_some("the robot is silent")
     }
 }
 
 impl Ends for Told<PcEvent> {
-    fn ends(&self) -> bool {
-        matches!(self, Self::Close(_))
+    fn ends(&self) -> Option<&'static str> {
+        if let Self::Close(why) = self { Some(why) } else { None }
     }
 }
 
@@ -136,7 +141,10 @@ impl<P: Program> Server<'_, P> {
     fn meet(&mut self, meeting: &mut Meeting) -> Result<()> {
         let now = self.driver.transport_mut().now();
         let is_open = self.driver.transport_mut().is_connected();
-        if now < self.retry_at || is_open && !meeting.takes_another() {
+        if now < self.retry_at
+            || is_open && !meeting.takes_another()
+            || !self.program.accepts(&self.session, now)
+        {
             return Ok(());
         }
         let (carrier, peer) = match meeting.meet()? {
@@ -166,15 +174,14 @@ impl<P: Program> Server<'_, P> {
         let turn = driver.turn_keeping(session, Some(GLANCE), keep, |session, event| {
             let ends = event.ends();
             match program.borrow_mut().notify(session, Notification::Event(event)) {
-                Err(error) => ControlFlow::Break(Some(error)),
-                Ok(()) if ends => ControlFlow::Break(None),
-                Ok(()) => ControlFlow::Continue(()),
+                Err(error) => ControlFlow::Break(Err(error)),
+                Ok(()) => ends.map_or(ControlFlow::Continue(()), |why| ControlFlow::Break(Ok(why))),
             }
         });
         match outcome(turn, "the robot closed the connection") {
             ControlFlow::Continue(lost) => Ok(lost),
-            ControlFlow::Break(None) => Ok(Err("the robot is silent".into())),
-            ControlFlow::Break(Some(error)) => Err(error),
+            ControlFlow::Break(Ok(why)) => Ok(Err(why.into())),
+            ControlFlow::Break(Err(error)) => Err(error),
         }
     }
 

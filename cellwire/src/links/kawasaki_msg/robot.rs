@@ -107,13 +107,35 @@ pub fn run(
     stroke: impl FnMut(Stroke),
     notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
-    let mut driver = Driver::new(Peer::new(trace));
-    switch.lock().1 = Some(driver.waker()?);
+    execute(simulator(setup)?, meeting, trace, switch, stroke, notify)
+}
+
+/// The robot.
+///
+/// # Errors
+/// Settings that cannot work.
+pub fn simulator(setup: &Setup) -> Result<Simulator<Kawasaki<AnyWork>>> {
     let Setup { config, layout, queue, speed, job_time } = setup.clone();
     let time_of = Lines::of(&layout).ok().map(|lines| -> TimeOf<AnyWork> {
         Arc::new(move |work| Duration::from_secs_f64(lines.line(work).length() / speed))
     });
-    let robot = KawasakiRobot { config, ranges: layout, queue, job_time, time_of }.simulator()?;
+    Ok(KawasakiRobot { config, ranges: layout, queue, job_time, time_of }.simulator()?)
+}
+
+/// As [`run`], with a robot that was made before.
+///
+/// # Errors
+/// As [`run`].
+pub fn execute(
+    robot: Simulator<Kawasaki<AnyWork>>,
+    meeting: &mut Meeting,
+    trace: &Trace,
+    switch: &Switch,
+    stroke: impl FnMut(Stroke),
+    notify: impl FnMut(Notification<'_>) -> Result<()>,
+) -> Result<Run> {
+    let mut driver = Driver::new(Peer::new(trace));
+    switch.lock().1 = Some(driver.waker()?);
     let mut task = Task {
         session: Unpacking { robot, times: Samples::default() },
         orders: 0,
@@ -145,14 +167,14 @@ struct Task<'a, S, T> {
 /// Why the handler ends a turn.
 enum Break {
     Connect,
-    Silent,
+    Close(&'static str),
     Failed(anyhow::Error),
 }
 
 impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> {
     fn run(&mut self, meeting: &mut Meeting, switch: &Switch) -> Result<()> {
         while !switch.is_off() {
-            if meeting.takes_another() {
+            if meeting.takes_another() && self.session.robot.accepts(self.driver.transport_mut().now()) {
                 self.take_newest(meeting)?;
             }
             if let Err(why) = self.turn(meeting)? {
@@ -184,13 +206,13 @@ impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> 
                 stroke(Stroke { order, job: done.work });
             }
         };
-        // A PC that connects waits this long at most.
-        let wait = meeting.takes_another().then_some(GLANCE);
+        // A PC that connects, and a command to the simulator, wait this long at most.
+        let (wait, takes_another) = (Some(GLANCE), meeting.takes_another());
         let turn = driver.turn(session, wait, |session, told| {
             let event = match told {
-                Told::Connect if wait.is_some() => return ControlFlow::Continue(()),
+                Told::Connect if takes_another => return ControlFlow::Continue(()),
                 Told::Connect => return ControlFlow::Break(Break::Connect),
-                Told::Close(_) => return ControlFlow::Break(Break::Silent),
+                Told::Close(why) => return ControlFlow::Break(Break::Close(why)),
                 Told::Device(RobotEvent::Connect) => return ControlFlow::Continue(()),
                 Told::Device(event) => event,
                 _ => return ControlFlow::Continue(()),
@@ -211,7 +233,7 @@ impl<S: FnMut(Stroke), T: FnMut(Notification<'_>) -> Result<()>> Task<'_, S, T> 
         match outcome(turn, "the PC closed the connection") {
             ControlFlow::Continue(lost) => Ok(lost),
             ControlFlow::Break(Break::Connect) => self.connect(meeting),
-            ControlFlow::Break(Break::Silent) => Ok(Err("the PC is silent".into())),
+            ControlFlow::Break(Break::Close(why)) => Ok(Err(why.into())),
             ControlFlow::Break(Break::Failed(error)) => Err(error),
         }
     }

@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
+use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 use cellwire_sim::kawasaki::Pc;
@@ -11,13 +12,14 @@ use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
 use kawasaki_msg::{PcEvent, RobotEvent};
 use serde_json::json;
 
+use super::control;
 use super::meeting::Meeting;
 use super::options::{PcSettings, RobotSettings};
 use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke, Switch};
 use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
-use crate::io::output::{log, ready, remark};
+use crate::io::output::{log, remark};
 use crate::links::device::SimulateOptions;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::settings;
@@ -36,10 +38,11 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let jobs = Lines::of(&layout)?.jobs(&picture).into();
     let config = settings.plant.pc(settings.config)?;
     let PcSettings { order, repeat, .. } = settings;
-    let pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
+    let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
         Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing)?;
-    ready("kawasaki-pc", kind, &place)?;
+    options.ready("kawasaki-pc", kind, &place)?;
+    options.control("kawasaki-pc", &mut pc, control::pc())?;
     pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
     Ok(())
 }
@@ -57,7 +60,9 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
     let (mut meeting, kind, place) = Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing)?;
-    ready("kawasaki-robot", kind, &place)?;
+    options.ready("kawasaki-robot", kind, &place)?;
+    let mut simulator = robot::simulator(&setup)?;
+    options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     let trace = options.trace.start("kawasaki-robot");
     let mut order = Vec::new();
@@ -69,13 +74,8 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         }
         let _ = sender.send(stroke);
     };
-    robot::run(
-        &setup,
-        &mut meeting,
-        &trace,
-        &Switch::default(),
-        executed,
-        |notification| match notification {
+    robot::execute(simulator, &mut meeting, &trace, &Switch::default(), executed, |notification| {
+        match notification {
             robot::Notification::Event(event) => {
                 let executed = strokes.try_iter();
                 order.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
@@ -93,8 +93,8 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
             robot::Notification::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
             robot::Notification::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
             robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
-        },
-    )?;
+        }
+    })?;
     Ok(())
 }
 
@@ -134,6 +134,10 @@ impl Program for Alone {
 
     fn step(&mut self, _: &mut Self::Session) -> Result<bool> {
         Ok(true)
+    }
+
+    fn accepts(&self, session: &Self::Session, now: Duration) -> bool {
+        session.accepts(now)
     }
 
     fn notify(

@@ -19,8 +19,8 @@ use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::io::serial::READ_TIMEOUT;
-use crate::links::device::SimulateOptions;
-use crate::links::device::serve;
+use crate::links::control::{Command, Own, fields};
+use crate::links::device::{Attached, SimulateOptions, serve};
 use cellwire_links::settings;
 
 /// What a robot has done.
@@ -50,9 +50,30 @@ impl RobotCounts {
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let robot = settings::read("laser", Laser::default(), &options.settings)?;
     serve("laser", "laser", options, robot.baud, |line, clock| {
-        run(robot, 1, line, clock, &Switch::default(), |event| log(&event), None)?;
+        let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
+        options.control("laser", &mut simulator, own(&robot))?;
+        execute(&robot, simulator, line, clock, &Switch::default(), |event| log(&event), None)?;
         Ok(())
     })
+}
+
+/// The commands of `--control`: the length of the queue.
+fn own(settings: &Laser) -> Own<LaserRobot> {
+    let settings = *settings;
+    Own {
+        commands: &[Command {
+            name: "get",
+            about: "the number of instructions that the robot holds",
+            examples: &[r#"{"do":"get"}"#],
+        }],
+        execute: |robot, args| {
+            args.none()?;
+            Ok(fields([("held", robot.held().into())]))
+        },
+        show: Box::new(
+            move |Job { word, parameters }| json!({"word": word, "items": Items::new(parameters, &settings.config.profile)}),
+        ),
+    }
 }
 
 /// How a robot is stopped.
@@ -95,14 +116,25 @@ pub fn run(
     line: &mut Line,
     clock: Clock,
     switch: &Switch,
+    notify: impl FnMut(Value) -> Result<()>,
+    executed: Option<&Mutex<Vec<Job>>>,
+) -> Result<RobotCounts> {
+    let robot = Simulator::new(LaserRobot::new(settings, boot)?);
+    execute(&settings, robot, line, clock, switch, notify, executed)
+}
+
+fn execute(
+    settings: &Laser,
+    mut robot: Simulator<LaserRobot>,
+    line: &mut Line,
+    clock: Clock,
+    switch: &Switch,
     mut notify: impl FnMut(Value) -> Result<()>,
     executed: Option<&Mutex<Vec<Job>>>,
 ) -> Result<RobotCounts> {
     priority::raise(Rank::Hardware);
-    let mut robot = Simulator::new(LaserRobot::new(settings, boot)?);
     let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
     let mut driver = Driver::new(measured);
-    robot.handle_connected(driver.transport_mut().now());
     if executed.is_none() {
         robot = robot.keeping_nothing();
     }
@@ -111,12 +143,14 @@ pub fn run(
             executed.extend(core::iter::from_fn(|| robot.poll_executed()).map(|done| done.work));
         }
     };
-    let mut refused = 0;
+    let (mut refused, mut attached, mut closes) = (0, Attached::default(), false);
     while !switch.is_off() {
+        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut().line, &mut robot);
         let goes_on = turn(&mut driver, &mut robot, Some(READ_TIMEOUT), |_, told| {
+            closes |= matches!(told, Told::Close(_));
             let Told::Device(event) = told else { return Ok(()) };
             refused += u64::from(matches!(event, LaserEvent::Refused(_)));
-            show(&event, &settings).map_or(Ok(()), &mut notify)
+            show(&event, settings).map_or(Ok(()), &mut notify)
         })?;
         keep(&mut robot);
         if !goes_on {

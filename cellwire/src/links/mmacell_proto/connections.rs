@@ -84,6 +84,11 @@ impl Connections {
         Ok(Self { newest, stopped, waker, accepted })
     }
 
+    /// The newest connection, if there is one within this time.
+    pub fn next_within(&self, wait: Duration) -> Option<TcpStream> {
+        self.accepted.recv_timeout(wait).ok()
+    }
+
     /// What ends them.
     pub fn stop(&self) -> Stop {
         Stop {

@@ -1,24 +1,27 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
 use std::io::{self, ErrorKind};
+use std::net::TcpStream;
 use std::ops::ControlFlow;
+use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use cellwire_sim::mma::{Mma, MmaDevice, MmaEvent, Simulated};
+use cellwire_sim::mma::{Fate, Mma, MmaDevice, MmaEvent, Simulated};
 use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, Simulator, Told};
 use robot_session::spec::Configure;
 use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::connections::Connections;
 use crate::io::drive::Traced;
 use crate::io::line::Clock;
-use crate::io::output::{log, ready};
+use crate::io::output::log;
 use crate::io::stream::Stream;
 use crate::io::tcp;
-use crate::links::device::{Endpoint, SimulateOptions};
+use crate::links::control::{Command, Fields, Own, fields};
+use crate::links::device::{Endpoint, LOOK, SimulateOptions};
 use cellwire_links::settings;
 
 /// The robot until interrupted.
@@ -49,15 +52,19 @@ where
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
     let mut device = settings.simulator()?.keeping_nothing();
     let listener = tcp::listen(address)?;
-    ready(name, "listen", &listener.local_addr()?.to_string())?;
+    options.ready(name, "listen", &listener.local_addr()?.to_string())?;
+    options.control(name, &mut device, own())?;
+    // Without commands, everything that happens to the device comes from its client.
+    let look = options.control.as_ref().map(|_| LOOK);
     let clock = Clock::start();
     let trace = options.trace.start(name);
-    for stream in Connections::accept(listener, options.idle_timeout)? {
+    let mut connections = Connections::accept(listener, options.idle_timeout)?;
+    while let Some(stream) = next(&mut connections, &mut device, clock, look)? {
         let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
         log(&json!({"event": "connected", "peer": peer}))?;
         let mut watched =
             Watched { stream: Stream::new(stream), clock, idle: options.idle_timeout, heard: clock.now() };
-        let why = serve(&mut device, Traced::new(&mut watched, &trace, clock))?;
+        let why = serve(&mut device, Traced::new(&mut watched, &trace, clock), look)?;
         // What would end it from another thread has a second handle to it.
         watched.stream.close();
         log(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
@@ -68,15 +75,90 @@ where
     Ok(())
 }
 
+/// The commands of `--control`: the end of a motion, and the pose.
+fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
+    Own {
+        commands: &[
+            Command {
+                name: "end_motion",
+                about: "the `fate` of the motion that is under way: arrives, fails (half-way, with an error) or stalls (half-way, without one)",
+                examples: &[r#"{"do":"end_motion","fate":"stalls"}"#],
+            },
+            Command {
+                name: "get",
+                about: "the pose in mm and rad, whether the device moves, and the number of motions",
+                examples: &[r#"{"do":"get"}"#],
+            },
+        ],
+        execute: |device, args| {
+            if args.name == "end_motion" {
+                let End { fate } = args.read()?;
+                if !device.moves() {
+                    return Err("no motion is under way; send a motion first".into());
+                }
+                device.end_motion(match fate {
+                    Ending::Arrives => Fate::Arrives,
+                    Ending::Fails => Fate::Fails,
+                    Ending::Stalls => Fate::Stalls,
+                });
+                return Ok(Fields::new());
+            }
+            args.none()?;
+            Ok(fields([
+                ("pose", json!(device.pose())),
+                ("moves", device.moves().into()),
+                ("motions", device.motions().into()),
+            ]))
+        },
+        show: Box::new(|motion| json!({"to": motion.to, "at": motion.at})),
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct End {
+    fate: Ending,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Ending {
+    Arrives,
+    Fails,
+    Stalls,
+}
+
+/// The next connection, while the device has power. Calls the device meanwhile, each time that `look` has passed.
+fn next<P: Simulated + Serialize>(
+    connections: &mut Connections,
+    device: &mut Simulator<MmaDevice<P>>,
+    clock: Clock,
+    look: Option<Duration>,
+) -> Result<Option<TcpStream>> {
+    let Some(look) = look else { return Ok(connections.next()) };
+    loop {
+        device.handle_timeout(clock.now());
+        while let Some(told) = device.poll_event() {
+            show(&told).map_or(Ok(()), |line| log(&line))?;
+        }
+        if !device.accepts(clock.now()) {
+            thread::sleep(look);
+        } else if let Some(stream) = connections.next_within(look) {
+            return Ok(Some(stream));
+        }
+    }
+}
+
 /// One connection until it ends, and why it ended.
 fn serve<P: Simulated + Serialize>(
     device: &mut Simulator<MmaDevice<P>>,
     transport: impl Transport,
+    look: Option<Duration>,
 ) -> Result<String> {
     let mut driver = Driver::new(transport);
     device.handle_connected(driver.transport_mut().now());
     let why = loop {
-        let turn = driver.turn(device, None, |_, told| match told {
+        let turn = driver.turn(device, look, |_, told| match told {
             Told::Close(why) => ControlFlow::Break(Ok(why)),
             told => match show(&told).map_or(Ok(()), |line| log(&line)) {
                 Ok(()) => ControlFlow::Continue(()),
@@ -149,7 +231,6 @@ impl Transport for Watched {
 #[cfg(test)]
 mod tests {
     use std::io::{BufRead as _, BufReader, Write as _};
-    use std::thread;
 
     use super::*;
     use crate::io::trace::Trace;
@@ -163,7 +244,7 @@ mod tests {
             let mut device = MmaRobot::default().simulator().unwrap();
             let trace = Trace::new("x", 0, None);
             for stream in Connections::accept(listener, None).unwrap() {
-                let _ = serve(&mut device, Traced::new(Stream::new(stream), &trace, Clock::start()));
+                let _ = serve(&mut device, Traced::new(Stream::new(stream), &trace, Clock::start()), None);
             }
         });
         let mut first = tcp::connect(&address, tcp::Dialing::default()).unwrap();

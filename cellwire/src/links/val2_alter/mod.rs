@@ -1,5 +1,6 @@
 //! val2-alter in the tool: the simulated robot, and what its host is measured by.
 
+mod control;
 pub mod judge;
 pub mod options;
 pub mod puma;

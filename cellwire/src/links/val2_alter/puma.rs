@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, ControllerState, ErrorCode};
 
+use super::control;
 use super::judge::{Judge, Taken};
 use super::robot_line::{Request, RobotLine};
 use super::script::{self, Script};
@@ -19,8 +20,7 @@ use crate::io::line::Line;
 use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
-use crate::links::device::SimulateOptions;
-use crate::links::device::serve;
+use crate::links::device::{SimulateOptions, is_there, serve};
 use cellwire_links::settings;
 
 /// How often the stop, and a client that comes or goes, are looked for.
@@ -114,9 +114,17 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
     let config = settings::read("puma", config, &options.settings)?;
     serve("puma", "robot", options, config.puma.config.baud, |line, _| {
-        run(line, config, &AtomicBool::new(false), |at, told| log(&to_json(at, told)))?;
+        let mut robot = simulator(&config)?;
+        options.control("puma", &mut robot, control::own())?;
+        let notify = |at, told| log(&to_json(at, told));
+        follow(line, robot, config.keeps_all, &AtomicBool::new(false), notify)?;
         Ok(())
     })
+}
+
+fn simulator(config: &PumaConfig) -> Result<Simulator<MarkIii>> {
+    let PumaConfig { puma, script: Script(incidents), .. } = config;
+    Ok(Puma { incidents: incidents.clone(), ..puma.clone() }.simulator()?.keeping_nothing())
 }
 
 /// Runs the robot's program until told to stop, or until the connection is gone.
@@ -127,15 +135,27 @@ pub fn run(
     line: &mut Line,
     config: PumaConfig,
     stop: &AtomicBool,
+    notify: impl FnMut(Duration, Notification) -> Result<()>,
+) -> Result<PumaRecord> {
+    follow(line, simulator(&config)?, config.keeps_all, stop, notify)
+}
+
+fn follow(
+    line: &mut Line,
+    mut robot: Simulator<MarkIii>,
+    keeps_all: bool,
+    stop: &AtomicBool,
     mut notify: impl FnMut(Duration, Notification) -> Result<()>,
 ) -> Result<PumaRecord> {
     priority::raise(Rank::Hardware);
-    let PumaConfig { puma, script: Script(incidents), keeps_all } = config;
-    let mut robot = Puma { incidents, ..puma }.simulator()?.keeping_nothing();
     let mut record = Recording::new(keeps_all);
     let (mut driver, mut was_connected) = (Driver::new(RobotLine::new(line)), false);
     while !stop.load(Ordering::Relaxed) {
-        let (now, connected) = (driver.transport_mut().now, driver.transport_mut().line.is_connected());
+        if robot.is_held() {
+            driver.transport_mut().pass();
+        }
+        let now = driver.transport_mut().now;
+        let connected = is_there(driver.transport_mut().line, &robot, now);
         if core::mem::replace(&mut was_connected, connected) != connected {
             if connected {
                 robot.handle_connected(now);
@@ -144,12 +164,16 @@ pub fn run(
             }
             notify(now, Notification::Connected(connected))?;
         }
-        let mut events = Vec::new();
+        let (mut events, mut closes) = (Vec::new(), false);
         let turn = driver.turn(&mut robot, Some(IDLE), |_, told| {
+            closes |= matches!(told, Told::Close(_));
             events.extend(if let Told::Device(event) = told { Some(event) } else { None });
             ControlFlow::<()>::Continue(())
         })?;
         let line = driver.transport_mut();
+        if closes {
+            line.line.hang_up();
+        }
         for event in events {
             for told in record.take(event, &robot, line) {
                 notify(line.now, told)?;
@@ -314,7 +338,7 @@ fn to_json(at: Duration, told: Notification) -> Value {
     }
 }
 
-fn position(pose: &Pose) -> [f64; 3] {
+pub(super) fn position(pose: &Pose) -> [f64; 3] {
     pose.p.map(|mm| (mm * 1000.0).round() / 1000.0)
 }
 

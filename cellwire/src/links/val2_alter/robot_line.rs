@@ -31,6 +31,19 @@ impl<'a> RobotLine<'a> {
     }
 }
 
+impl RobotLine<'_> {
+    /// Carries bytes up to now while the robot does not read.
+    pub(super) fn pass(&mut self) {
+        self.line.pass();
+        self.go_on();
+    }
+
+    fn go_on(&mut self) {
+        self.stood += self.line.take_lateness();
+        self.now = self.now.max(self.line.now().saturating_sub(self.stood));
+    }
+}
+
 impl Transport for RobotLine<'_> {
     fn now(&self) -> Duration {
         self.now
@@ -38,8 +51,7 @@ impl Transport for RobotLine<'_> {
 
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = Transport::receive(self.line, buffer, wait)?;
-        self.stood += self.line.take_lateness();
-        self.now = self.now.max(self.line.now().saturating_sub(self.stood));
+        self.go_on();
         // What comes before the request has left is an answer to the one before.
         if let (Received::Bytes(_), Some(request)) = (received, &mut self.request)
             && self.now >= request.arrived

@@ -44,12 +44,18 @@ impl From<Script> for Vec<String> {
 }
 
 fn parse(text: &str) -> Result<(Duration, Incident)> {
+    let (at, text) = text.trim_start().split_once(char::is_whitespace).unwrap_or((text, ""));
+    Ok((time(at)?, incident(text)?))
+}
+
+fn time(word: &str) -> Result<Duration> {
+    humantime::parse_duration(word).with_context(|| format!("`{word}` is not a time such as 2s or 500ms"))
+}
+
+/// An incident without its time.
+pub(super) fn incident(text: &str) -> Result<Incident> {
     let mut words = text.split_whitespace();
     let mut word = || words.next().unwrap_or_default();
-    let time = |word: &str| {
-        humantime::parse_duration(word).with_context(|| format!("`{word}` is not a time such as 2s or 500ms"))
-    };
-    let at = time(word())?;
     let incident = match word() {
         "interrupt" => Incident::Interrupt(time(word())?),
         "misread" => {
@@ -64,11 +70,11 @@ fn parse(text: &str) -> Result<(Duration, Incident)> {
         },
         "finish" => Incident::Finish,
         "restart" => Incident::Restart,
-        _ => bail!("give a time, then interrupt TIME, misread ERROR, corrupt, status N, finish or restart"),
+        _ => bail!("an incident is interrupt TIME, misread ERROR, corrupt, status N, finish or restart"),
     };
     match words.next() {
         Some(word) => bail!("unexpected word `{word}`"),
-        None => Ok((at, incident)),
+        None => Ok(incident),
     }
 }
 
@@ -122,9 +128,11 @@ mod tests {
             error("soon restart"),
             "`soon restart`: `soon` is not a time such as 2s or 500ms: expected number at 0"
         );
-        assert!(error("1s").ends_with(
-            "give a time, then interrupt TIME, misread ERROR, corrupt, status N, finish or restart"
-        ));
+        assert!(
+            error("1s").ends_with(
+                "an incident is interrupt TIME, misread ERROR, corrupt, status N, finish or restart"
+            )
+        );
         assert_eq!(
             error("1s misread it"),
             "`1s misread it`: misread what: checksum, format, overflow, incomplete, mark, timeout"

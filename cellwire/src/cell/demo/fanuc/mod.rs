@@ -168,7 +168,7 @@ impl Log {
         let (shared, config) = (Arc::new(Mutex::new(controller)), settings.server);
         // It ends with the process, as the listener does.
         thread::spawn(move || {
-            let service = Service { clock, trace: &trace, idle_timeout: None };
+            let service = Service { clock, trace: &trace, idle_timeout: None, look: None };
             serve_tcp(listener, &shared, config, &service, |_| {})
         });
         let proxy =

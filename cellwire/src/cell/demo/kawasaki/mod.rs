@@ -326,8 +326,9 @@ mod tests {
         let drawn = given.with_extension("drawn.svg");
         let mut options = options(&[("speed", 200_000)]);
         (options.drawing, options.out) = (Some(given.clone()), Some(drawn.clone()));
-        let object = demo(&options).unwrap().to_json();
-        assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &6.into()), "{object}");
+        let report = demo(&options).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        assert_eq!((is_good, &object["executed_once"]), (true, &6.into()), "{object}");
         let [given, drawn] = [given, drawn].map(|file| {
             let picture = Picture::from_file(&file, SHEET, false).unwrap();
             std::fs::remove_file(file).unwrap();
@@ -340,9 +341,10 @@ mod tests {
     fn over_a_connection_that_breaks_every_line_is_drawn_once() {
         let mut options = options(&[("speed", 1_000_000)]);
         options.faults = true;
-        let object = demo(&options).unwrap().to_json();
+        let report = demo(&options).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
         let lines = Picture::built_in(SHEET).unwrap().lines.len();
-        assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &lines.into()), "{object}");
+        assert_eq!((is_good, &object["executed_once"]), (true, &lines.into()), "{object}");
         assert!(object["disconnects"].as_u64() > Some(0), "{object}");
     }
 
@@ -351,7 +353,8 @@ mod tests {
         // The pen needs more than two seconds to the first corner: that job is finished, the others are withdrawn.
         let (file, mut options) = (square("short"), options(&[("speed", 40), ("queue", 4)]));
         (options.drawing, options.seconds) = (Some(file.clone()), Some(Duration::from_secs(1)));
-        let object = demo(&options).unwrap().to_json();
+        let report = demo(&options).unwrap();
+        let object = report.to_json();
         std::fs::remove_file(file).unwrap();
         let [pictures, once, lost] = ["pictures", "executed_once", "lost"].map(|key| &object[key]);
         assert_eq!((pictures, once, lost), (&0.into(), &1.into(), &0.into()), "{object}");

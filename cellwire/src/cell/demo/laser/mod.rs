@@ -303,7 +303,8 @@ mod tests {
             lines,
             progress: ProgressBar::hidden(),
         };
-        let object = demo(&options).unwrap().to_json();
+        let report = demo(&options).unwrap();
+        let object = report.to_json();
         assert_eq!((&object["lost"], &object["repeated"]), (&0.into(), &0.into()), "{object}");
         assert_eq!(object["restarts"], 1, "{object}");
         assert!(object["executed_once"].as_u64() > Some(20), "{object}");

@@ -390,8 +390,9 @@ mod tests {
     fn every_part_is_placed_and_the_picture_shows_it() {
         let path = std::env::temp_dir().join(format!("cellwire-timeline-{}.svg", std::process::id()));
         let options = DemoOptions { out: Some(path.clone()), ..options(false, &["parts=12", "speed=100"]) };
-        let object = demo(&options).unwrap().to_json();
-        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(12)), "{object}");
+        let report = demo(&options).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        assert_eq!((is_good, &object["parts_placed"]), (true, &json!(12)), "{object}");
         let attempts = 12 + object["missed"].as_u64().unwrap() + object["fallen"].as_u64().unwrap();
         assert_eq!(object["attempts"], attempts);
         assert_eq!(object["cycle"]["count"], 12);
@@ -404,16 +405,18 @@ mod tests {
 
     #[test]
     fn over_connections_that_break_every_part_is_placed_too() {
-        let object = demo(&options(true, &["parts=15"])).unwrap().to_json();
-        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(15)), "{object}");
+        let report = demo(&options(true, &["parts=15"])).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        assert_eq!((is_good, &object["parts_placed"]), (true, &json!(15)), "{object}");
         assert_eq!((&object["lost"], &object["repeated"]), (&json!(0), &json!(0)), "{object}");
     }
 
     /// A robot that is at rest half-way, without an error, has not arrived: nothing is let go there.
     #[test]
     fn a_robot_that_stalls_lets_nothing_go_in_the_wrong_place() {
-        let object = demo(&options(false, &["parts=10", "stall_every=7"])).unwrap().to_json();
-        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(10)), "{object}");
+        let report = demo(&options(false, &["parts=10", "stall_every=7"])).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        assert_eq!((is_good, &object["parts_placed"]), (true, &json!(10)), "{object}");
         assert_eq!(
             (&object["let_go_in_place"], &object["let_go_elsewhere"]),
             (&json!(10), &json!(0)),

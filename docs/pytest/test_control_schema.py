@@ -127,7 +127,7 @@ def test_a_program_reads_an_input_and_a_register_that_are_set(simulate, tmp_path
     program.write_text("/PROG P\n/MN\n   1:  WAIT DI[1]=ON ;\n   2:  R[41]=R[40]+1 ;\n   3:  DO[3]=ON ;\n/POS\n/END\n")
     assigned = {"ADDRESS": 201, "SIZE": 20, "VAR_NAME": "'R[40]'", "MULTIPLY": 1}
     assignments.write_text("".join(f"SETVAR $SNPX_ASG[1].${name} {value}\n" for name, value in assigned.items()))
-    robot = simulate("fanuc", "--program", str(program), "--assignments", str(assignments))
+    robot = simulate("fanuc", "--set", f"program={program}", "--set", f"assignments={assignments}")
     robot.do("set", address=200, value=41)
     assert robot.do("get", signal="DO[3]")["value"] == 0
     robot.do("set", signal="DI[1]", value=True)

@@ -127,6 +127,11 @@ pub fn remark(text: &str) {
     let _ = io::stderr().lock().write_all(line.as_bytes());
 }
 
+/// A number of things: `1 file`, `2 files`.
+pub fn counted(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.
 pub fn printable(text: &str) -> String {
     let mut line = String::with_capacity(text.len() + 1);

@@ -74,7 +74,7 @@ fn check_reports_an_error_with_its_line_and_column() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
         out(&output),
-        "BAD.LS: BAD, 1 instructions (no motions), 0 positions\n\
+        "BAD.LS: BAD, 1 instruction (no motions), 0 positions\n\
          BAD.LS:3:21: error: expected CNT with 0 to 100, or with a register\n \
          3 |    1:J P[1] 100% CNT101    ;\n   |                     ^\n  help: correct it: a controller would not take it\n"
     );
@@ -108,7 +108,7 @@ fn check_reports_warnings_and_succeeds() {
             "  help: delete the position, or check which motion should go there",
             "FANUCTEST2_TDMAX05TDMIN005.LS:38:1: warning: P[5] is not used",
             "  help: delete the position, or check which motion should go there",
-            "GRUEN.LS: GRUEN, 1 instructions (no motions), 0 positions",
+            "GRUEN.LS: GRUEN, 1 instruction (no motions), 0 positions",
             "  note: not UTF-8; read as Latin-1",
         ]
     );
@@ -133,7 +133,7 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
         (output.status.code(), out(&output)),
         (
             Some(0),
-            "backup: 1 files, 1 programs: 2 lines, 2 motions, 2 positions\n  warning unused position: 1 in 1 files\n"
+            "backup: 1 file, 1 program: 2 lines, 2 motions, 2 positions\n  warning unused position: 1 in 1 file\n"
         )
     );
     folder.write("backup/old/B.ls", b"/PROG  B\n/MN\n   1:J P[1] FINE ;\n");
@@ -142,9 +142,9 @@ fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
     assert_eq!(
         out(&output).lines().skip(1).collect::<Vec<_>>(),
         [
-            "  error   end: 1 in 1 files",
-            "  warning unused position: 1 in 1 files",
-            "1 files have errors: `cellwire ls check backup` shows where"
+            "  error   end: 1 in 1 file",
+            "  warning unused position: 1 in 1 file",
+            "1 file has errors: `cellwire ls check backup` shows where"
         ]
     );
     let output = folder.run("ls check backup");
@@ -214,7 +214,7 @@ fn check_prints_findings_in_other_forms_and_fails_by_level() {
     assert_eq!(object["findings"][0]["kind"], "file_name");
     assert_eq!((&object["findings"][0]["level"], &object["same_name"]), (&"warning".into(), &false.into()));
     let output = folder.run("ls list cell");
-    assert!(out(&output).contains("  warning file name: 1 in 1 files\n"), "{}", out(&output));
+    assert!(out(&output).contains("  warning file name: 1 in 1 file\n"), "{}", out(&output));
     std::fs::remove_file(folder.0.join("cell/OTHER.LS")).unwrap();
     // An instruction that is not known is a hint until it is named.
     folder.write("GLUE.LS", b"/PROG  GLUE\n/MN\n   1:  GLUE START[1] ;\n   2:J P[1] 5% FINE GLUE50 ;\n/POS\nP[1]{\n GP1:\n UF : 0, UT : 1,\n J1= 0 deg\n};\n/END\n");

@@ -67,7 +67,8 @@ impl Jobs {
         let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
         let lines = Lines::of(&layout)?;
         let rows = (1..).zip(lines.jobs(&picture)).collect();
-        Self::new(rows, plant, layout).with_context(|| file.display().to_string())
+        let jobs = Self::new(rows, plant, layout).with_context(|| file.display().to_string())?;
+        Ok(Self { lines: Vec::new(), ..jobs })
     }
 
     fn new(rows: Vec<(u64, AnyWork)>, plant: &Plant, layout: Layout) -> Result<Self> {

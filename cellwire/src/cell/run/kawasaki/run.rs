@@ -255,11 +255,14 @@ impl<'a> Runner<'a> {
         self.operator.progress(self.journal.tally());
     }
 
-    /// An event about jobs that follow one another: the number of the first, and the lines of the file that they are from.
+    /// An event about jobs that follow one another: the number of the first, and the lines of the table that they are from.
     fn span(&self, event: &str, first: usize, count: usize) -> Value {
-        let line = |at: usize| self.jobs.lines.get(at).copied().unwrap_or_default();
-        let lines = [line(first), line(first + count.max(1) - 1)];
-        json!({"event": event, "first": first + 1, "count": count, "lines": lines})
+        let mut span = json!({"event": event, "first": first + 1, "count": count});
+        let ends = [first, first + count.max(1) - 1].map(|at| self.jobs.lines.get(at));
+        if let (Some(fields), [Some(from), Some(to)]) = (span.as_object_mut(), ends) {
+            fields.insert("lines".into(), json!([from, to]));
+        }
+        span
     }
 
     fn event(&mut self, event: PcEvent) -> Result<()> {

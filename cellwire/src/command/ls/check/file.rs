@@ -8,7 +8,7 @@ use fanuc_ls::{
 use serde_json::{Value, json};
 
 use crate::command::ls::same_name;
-use crate::io::output::printable;
+use crate::io::output::{counted, printable};
 
 pub(super) struct File<'a> {
     pub(super) path: &'a Path,
@@ -126,7 +126,8 @@ fn summary(document: &Document) -> String {
     let comment = comment(document).filter(|comment| !comment.is_empty());
     let comment = comment.map(|comment| format!(" \"{comment}\"")).unwrap_or_default();
     let (lines, points) = (lines(document), document.positions().count());
-    format!("{}{comment}, {lines} instructions ({counts}), {points} positions", document.name())
+    let (lines, points) = (counted(lines, "instruction"), counted(points, "position"));
+    format!("{}{comment}, {lines} ({counts}), {points}", document.name())
 }
 
 fn lines(document: &Document) -> usize {

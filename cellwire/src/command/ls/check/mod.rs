@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use fanuc_ls::{Level, Rules, Surroundings};
 
 use super::rules;
-use crate::io::output::{log, printable, remark};
+use crate::io::output::{counted, log, printable, remark};
 use file::{File, kind, motions};
 
 /// Reports errors in LS files, with line, column and advice.
@@ -159,16 +159,17 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
         sums.iter_mut().zip(found).for_each(|(sum, found)| *sum += found);
     }
     let [files, programs, lines, motions, positions] = sums;
+    let (files, programs) = (counted(files, "file"), counted(programs, "program"));
+    let (lines, motions, positions) =
+        (counted(lines, "line"), counted(motions, "motion"), counted(positions, "position"));
     let folder = printable(&folder.display().to_string());
-    writeln!(
-        out,
-        "{folder}: {files} files, {programs} programs: {lines} lines, {motions} motions, {positions} positions",
-    )?;
+    writeln!(out, "{folder}: {files}, {programs}: {lines}, {motions}, {positions}",)?;
     for ((core::cmp::Reverse(level), kind), (findings, files)) in kinds {
-        writeln!(out, "  {:7} {kind}: {findings} in {files} files", level.text())?;
+        writeln!(out, "  {:7} {kind}: {findings} in {}", level.text(), counted(files, "file"))?;
     }
     if errors > 0 {
-        writeln!(out, "{errors} files have errors: `cellwire ls check {folder}` shows where")?;
+        let verb = if errors == 1 { "has" } else { "have" };
+        writeln!(out, "{} {verb} errors: `cellwire ls check {folder}` shows where", counted(errors, "file"))?;
     }
     Ok(errors == 0)
 }

@@ -9,7 +9,7 @@ use super::settings::SetArgs;
 use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::output::{self, EventArgs};
-use crate::io::tcp::ConnectArgs;
+use crate::io::tcp::{self, ConnectArgs};
 use crate::io::trace::TraceArgs;
 use crate::links::control::Control;
 use crate::links::device::{Device, Endpoint, SimulateOptions};
@@ -68,7 +68,10 @@ struct EndpointArgs {
 pub fn run(args: &Args) -> Result<bool> {
     let endpoint = match &args.endpoint {
         EndpointArgs { listen: Some(address), .. } => Endpoint::Listen(address.clone()),
-        EndpointArgs { connect: Some(address), .. } => Endpoint::Connect(address.clone()),
+        EndpointArgs { connect: Some(address), .. } => {
+            tcp::check(address)?;
+            Endpoint::Connect(address.clone())
+        }
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };

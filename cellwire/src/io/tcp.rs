@@ -102,6 +102,18 @@ impl ConnectArgs {
     }
 }
 
+/// Whether an address has a port, before anything else is done.
+///
+/// # Errors
+/// When it has none.
+pub fn check(address: &str) -> Result<()> {
+    let port = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
+    match port {
+        Some((host, _)) if !host.is_empty() => Ok(()),
+        _ => Err(anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")),
+    }
+}
+
 /// Connects, without Nagle's delay, because each exchange is one packet in each direction. Returns after the pause.
 ///
 /// # Errors

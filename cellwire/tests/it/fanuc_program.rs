@@ -314,6 +314,25 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
 }
 
 #[test]
+fn a_program_keeps_the_registers_that_it_uses() {
+    let folder = Folder::new("kept");
+    folder.write("A.LS", &program("A", "R[1]=1234\nLBL[1]\nWAIT .10(sec)\nJMP LBL[1]", &[]));
+    let file = format!("program={}", folder.0.join("A.LS").display());
+    let first = |more: &[&str]| {
+        let simulator = Simulator::start("127.0.0.1:0", &[&["--set", &file], more].concat());
+        thread::sleep(Duration::from_millis(300));
+        let read = format!("fanuc read {} real --address 0", simulator.address);
+        (object(&folder.run(&read))["value"].as_f64(), simulator.events.try_recv().ok())
+    };
+    let (value, event) = first(&[]);
+    assert_eq!(value, Some(1234.0));
+    assert!(event.unwrap()["what"].as_str().unwrap().contains("the program uses R[1]; set telemetry=N"));
+    // As it is set.
+    let (value, event) = first(&["--set", "telemetry=1"]);
+    assert!(value < Some(1234.0) && event.is_none(), "{value:?} {event:?}");
+}
+
+#[test]
 fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
     let folder = Folder::new("logged");
     let instructions = "J P[1] 100% FINE\nLBL[1]\nL P[2] 200mm/sec FINE\nL P[1] 200mm/sec FINE\nJMP LBL[1]";

@@ -16,6 +16,7 @@ use crate::io::bell::Bell;
 use crate::io::input::time;
 use crate::io::journal::Tally;
 use crate::io::output::{log, ready};
+use crate::io::tcp;
 use crate::io::trace::TraceArgs;
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
@@ -89,6 +90,9 @@ fn execute(args: &Args) -> Result<bool> {
         is_somewhere,
         "give --listen ADDR if the robot connects, --connect ADDR if it listens, or --dry-run"
     );
+    if let Some(address) = &args.connect_to {
+        tcp::check(address)?;
+    }
     let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
     let config = settings.plant.pc(settings.config)?;
     let jobs = Jobs::read(file, &settings, args.allow.is_some())?;

@@ -86,7 +86,7 @@ impl Configure for ProgramSettings {
             "INPUT:FROM-TO in seconds since the start, with commas between them, such as DI[1]:0-5,RI[2]:3-";
         fields.text("inputs", shape, "all are off", "inputs that are on, with times", inputs);
         fields.flag("repeat", "begin the program again when it has ended", repeat);
-        let about = "the first register of the background task's telemetry; 0: none";
+        let about = "the first register of the background task's telemetry; 0: none, which is the default if the program uses R[1] to R[19]";
         fields.whole("telemetry", 0..=16_000, "", about, telemetry);
     }
 }

@@ -36,14 +36,19 @@ use cellwire_motion::{Arm, Limits, Planner, Pose};
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
+    let mut settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
     settings.program.check()?;
+    let without_task = match options.settings.contains_key("telemetry") {
+        true => None,
+        false => leave_registers(&mut settings.program)?,
+    };
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let reports = Reports::default();
     let controller = match &settings.program.program {
         None => Controller::new(Box::new(circle), settings.word_order),
         Some(program) => {
-            let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
+            let mut robot = robot(Path::new(program), &settings.program, settings.word_order)?;
+            without_task.into_iter().for_each(|event| robot.machine.report(event));
             let robot = Reporting { robot, reports: Arc::clone(&reports) };
             Controller::running(Box::new(robot), settings.word_order)
         }
@@ -77,6 +82,31 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
 }
+
+/// Switches the background task off if it would write registers that the program uses; the event that says so.
+///
+/// # Errors
+/// When a program cannot be read.
+fn leave_registers(settings: &mut ProgramSettings) -> Result<Option<Value>> {
+    let Some(program) = &settings.program else { return Ok(None) };
+    let (_, programs, _) = load(Path::new(program), &settings.macros)?;
+    let first = u32::from(settings.telemetry);
+    let last = first + BACKGROUND_REGISTERS - 1;
+    let used = programs
+        .values()
+        .flat_map(|program| program.registers())
+        .find(|number| (first..=last).contains(number));
+    Ok(used.map(|number| {
+        settings.telemetry = 0;
+        let what = format!(
+            "the background task does not run: it would write R[{first}] to R[{last}], and the program uses R[{number}]; set telemetry=N to write R[N] and those after it"
+        );
+        json!({"event": "not_modelled", "what": what, "count": 1})
+    }))
+}
+
+/// How many registers the background task writes.
+const BACKGROUND_REGISTERS: u32 = 19;
 
 /// The robot that runs a program; what is not modelled of it is the first of its events.
 ///

@@ -22,8 +22,8 @@ use cellwire_links::settings;
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("ball", TeachBall::default(), &options.settings)?;
+    let mut ball = settings.simulator()?;
     serve("ball", "ball", options, settings.baud, |line, _| {
-        let mut ball = settings.simulator()?;
         options.control("ball", &mut ball, own())?;
         answer_polls(line, &mut ball, &AtomicBool::new(false), |event| log(&event))
     })

@@ -49,8 +49,8 @@ impl RobotCounts {
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let robot = settings::read("laser", Laser::default(), &options.settings)?;
+    let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
     serve("laser", "laser", options, robot.baud, |line, clock| {
-        let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
         options.control("laser", &mut simulator, own(&robot))?;
         execute(&robot, simulator, line, clock, &Switch::default(), |event| log(&event), None)?;
         Ok(())

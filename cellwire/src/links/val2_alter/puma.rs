@@ -113,8 +113,8 @@ pub struct PumaRecord {
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
     let config = settings::read("puma", config, &options.settings)?;
+    let mut robot = simulator(&config)?;
     serve("puma", "robot", options, config.puma.config.baud, |line, _| {
-        let mut robot = simulator(&config)?;
         options.control("puma", &mut robot, control::own())?;
         let notify = |at, told| log(&to_json(at, told));
         follow(line, robot, config.keeps_all, &AtomicBool::new(false), notify)?;

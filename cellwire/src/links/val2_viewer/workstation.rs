@@ -20,8 +20,8 @@ use cellwire_links::settings;
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("viewer", Viewer::default(), &options.settings)?;
+    let mut screen = settings.simulator()?.keeping_nothing();
     serve("viewer", "viewer", options, settings.baud, |line, _| {
-        let mut screen = settings.simulator()?.keeping_nothing();
         options.control("viewer", &mut screen, own())?;
         draw(line, &mut screen, &AtomicBool::new(false), |event| log(&event))
     })

@@ -1,6 +1,6 @@
 //! LS files as something that runs, and what of them does not.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -104,6 +104,28 @@ fn beside(path: &Path, name: &str) -> Option<std::path::PathBuf> {
             part.is_some_and(|part| part.eq_ignore_ascii_case(text))
         };
         is(path.file_stem(), name) && is(path.extension(), "ls")
+    })
+}
+
+impl Loaded {
+    /// The numbers of the registers `R[n]` that its instructions name.
+    pub fn registers(&self) -> BTreeSet<u32> {
+        let text = self.program.to_text(&Rules::default()).unwrap_or_default();
+        let lines = text
+            .lines()
+            .skip_while(|line| !line.starts_with("/MN"))
+            .take_while(|line| !line.starts_with("/POS"));
+        lines.flat_map(registers).collect()
+    }
+}
+
+/// The numbers of `R[n]` in a line; what ends with that, such as `PR[n]`, is no register.
+fn registers(line: &str) -> impl Iterator<Item = u32> {
+    line.match_indices("R[").filter_map(|(at, name)| {
+        let before = line.get(..at)?.chars().next_back();
+        let inside = line.get(at + name.len()..)?;
+        let digits = inside.find(|c: char| !c.is_ascii_digit()).and_then(|end| inside.get(..end))?;
+        digits.parse().ok().filter(|_| !before.is_some_and(|c| c.is_alphanumeric() || c == '_'))
     })
 }
 

@@ -215,11 +215,11 @@ impl Machine {
                 self.due = self.rest;
                 return;
             }
-            self.event("program_ended", &json!({}));
             if self.repeat {
                 self.due = self.now + PERIOD; // an empty program ends at once, again and again
                 self.begin();
             } else {
+                self.event("program_ended", &json!({}));
                 self.state = State::Ended;
             }
             return;

@@ -208,6 +208,10 @@ impl<'a> Runner<'a> {
             }
             while let Some(output) = task.poll_output(now()) {
                 self.carry_out(task, output, robot, platform, periphery)?;
+                if has_failed && matches!(output, Output::Grip { .. }) {
+                    // A periphery that is not listened to any more is not waited for.
+                    task.handle_event(now(), Event::Done(Device::Gripper));
+                }
                 idle = false;
             }
             if idle {

@@ -54,11 +54,11 @@ pub struct EventArgs {
     json: bool,
 }
 
-/// Whether [`log`] prints lines for people.
+/// Whether [`log()`] prints lines for people.
 static IS_FOR_PEOPLE: AtomicBool = AtomicBool::new(false);
 
 impl EventArgs {
-    /// From now on [`log`] prints lines for people if standard output is a terminal, or of JSON.
+    /// From now on [`log()`] prints lines for people if standard output is a terminal, or of JSON.
     pub fn choose(self) {
         IS_FOR_PEOPLE.store(!self.json && io::stdout().is_terminal(), Ordering::Relaxed);
     }

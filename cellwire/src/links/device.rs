@@ -114,7 +114,7 @@ pub struct Attached {
 }
 
 impl Attached {
-    /// Called between two turns: ends the connection after [`Told::Close`](cellwire_sim::Told::Close), and makes one when the device can be
+    /// Called between two turns: ends the connection after [`Told::Close`], and makes one when the device can be
     /// reached again.
     pub fn keep_up<D: Simulated>(&mut self, closes: bool, line: &mut Line, device: &mut Simulator<D>) {
         if device.is_held() {

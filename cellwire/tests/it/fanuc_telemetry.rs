@@ -195,13 +195,14 @@ fn registers_are_read_and_written_by_their_types() {
     let simulator = Simulator::start("127.0.0.1:0", &[]);
     let address = simulator.address.as_str();
     let position = r#"{"cartesian":{"xyzwpr":[500.0,-1.5,300.0,180.0,0.0,45.0],"external":[0.0,0.0,0.0],"configuration":{"flip":0,"left":0,"up":1,"front":1,"turns":[0,0,-1]}},"user_frame":1,"user_tool":2}"#;
-    for (kind, at, value, more) in [
-        ("int16", "1000", "-1234", &[][..]),
-        ("int32", "1002", "100000", &[]),
-        ("int32", "1004", "-12.34", &["--multiply", "100"]),
-        ("real", "1006", "0.5", &["--word-order", "high-first"]),
-        ("string", "1010", "\"PART 7\"", &["--size", "10"]),
-        ("position", "1100", position, &[]),
+    for (kind, at, value, quantity, more) in [
+        ("int16", "1000", "-1234", 1, &[][..]),
+        ("int32", "1002", "100000", 2, &[]),
+        ("int32", "1004", "-12.34", 2, &["--multiply", "100"]),
+        ("real", "1006", "0.5", 2, &["--word-order", "high-first"]),
+        ("string", "1010", "\"PART 7\"", 10, &["--size", "10"]),
+        ("string", "1020", "\"PART 7\"", 40, &[]),
+        ("position", "1100", position, 50, &[]),
     ] {
         let place = [&[address, kind, "--address", at][..], more].concat();
         let write = folder.command(&[&["fanuc", "write"][..], &place, &[value]].concat()).output().unwrap();
@@ -210,13 +211,20 @@ fn registers_are_read_and_written_by_their_types() {
         let same =
             |found: &Value| found == &value || found.as_f64().is_some_and(|it| Some(it) == value.as_f64());
         assert!(same(&written["value"]) && written["written"] == true, "{kind}: {written}");
+        let first = at.parse::<u16>().unwrap();
+        assert_eq!(written["registers"], json!([first, first + quantity - 1]), "{kind}");
         let read = folder.command(&[&["fanuc", "read"][..], &place].concat()).output().unwrap();
         assert!(same(&object(&read)["value"]), "{kind}: {}", out(&read));
     }
     // What it has not: refused by the controller; what it cannot hold: refused here; what holds no position: none.
     for (arguments, code, message) in [
-        (vec!["read", address, "real", "--address", "16447"], 1, "error: the controller refuses: "),
+        (vec!["read", address, "real", "--address", "16447"], 6, "error: the controller refuses: "),
         (vec!["write", address, "int16", "--address", "5", "40000"], 2, "error: 40000 does not fit"),
+        (
+            vec!["write", address, "int16", "--address", "5", "1.5"],
+            2,
+            "error: 1.5 does not fit: int16 holds ",
+        ),
         (
             vec!["write", address, "string", "--address", "5", "--size", "2", "\"ABCDE\""],
             2,

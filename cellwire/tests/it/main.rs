@@ -21,6 +21,7 @@ mod fanuc;
 mod fanuc_cell;
 mod fanuc_program;
 mod fanuc_telemetry;
+mod fanuc_write;
 #[cfg(target_os = "linux")]
 mod handshake;
 mod identify;

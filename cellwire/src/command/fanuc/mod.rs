@@ -3,6 +3,7 @@
 mod evaluate;
 mod log;
 mod variable;
+mod write;
 
 use std::io::Write;
 
@@ -33,19 +34,24 @@ Examples:
   cellwire fanuc log 192.168.0.10:502 --csv a.csv --limits r.json and mark unreachable poses
   cellwire fanuc evaluate path.csv run.csv --out plots           deviation from the plan
   cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
-  cellwire fanuc write 192.168.0.10:502 string --address 400 '\"PART 7\"'
+  cellwire fanuc write 192.168.0.10:502 string --address 400 --size 10 '\"PART 7\"'
 
 Exit status of log:
   0 success   1 no samples   2 the command could not be run   3 no connection at the end
   5 implausible telemetry: its rows have a note, and the final table counts them
-  7 the file could not be written";
+  7 the file could not be written
+
+Exit status of read and write:
+  0 success   1 no usable reply to a read, or the controller holds a different value after a write
+  2 the command could not be run   3 the connection was lost, and nothing was written
+  6 the controller refuses   8 the write may have been executed: there is no reply, or it could not be read back";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Log(log::Args),
     Evaluate(evaluate::Args),
     Read(variable::ReadArgs),
-    Write(variable::WriteArgs),
+    Write(write::WriteArgs),
 }
 
 /// Does what the arguments ask for; false when nothing usable was read.
@@ -57,7 +63,7 @@ pub fn run(args: &Args) -> Result<bool> {
         Command::Log(args) => log::log(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
         Command::Read(args) => variable::read(args),
-        Command::Write(args) => variable::write(args),
+        Command::Write(args) => write::write(args),
     }
 }
 

@@ -88,12 +88,17 @@ struct PortArgs {
 /// A server has refused a request.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Refused(String);
+pub struct Refused(pub(super) String);
 
 /// A request that is no read has no reply: a server may have executed it.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Unknown(String);
+pub struct Unknown(pub(super) String);
+
+/// The hint after a timeout: how to find the units that answer.
+pub(super) fn silent_unit(server: &str, unit: u8) -> String {
+    format!("`cellwire modbus scan {server}` shows which units answer; {unit} was asked")
+}
 
 /// Returns true when there was a usable reply to every request.
 ///

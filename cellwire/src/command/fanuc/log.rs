@@ -39,8 +39,8 @@ const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 ///
 /// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
 /// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A lost
-/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
-/// `restarted`, after which the time starts at 0 again.
+/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so are `no block for …` (the
+/// controller has not replied within the setting `timeout`) and `restarted`, after which the time starts at 0 again.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The controller: HOST:PORT, where the port is usually 502
@@ -132,6 +132,8 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         recording: Recording::new(period),
         turn_around: Samples::default(),
         tally: Tally::default(),
+        unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
+        lost_at: None,
         progress: ProgressBar::with_draw_target(None, target),
         clock,
     };
@@ -172,8 +174,29 @@ struct Log {
     recording: Recording,
     turn_around: Samples,
     tally: Tally,
+    unread: Unread,
+    /// The time at which the connection was lost, while there is no other.
+    lost_at: Option<Duration>,
     progress: ProgressBar,
     clock: Clock,
+}
+
+/// The time without a block on an open connection.
+struct Unread {
+    /// The longest time that needs no note: the timeout of a request.
+    timeout: Duration,
+    /// The time of the last block, or at which the connection was opened.
+    since: Duration,
+    /// Whether a request has failed since then.
+    failed: bool,
+}
+
+impl Unread {
+    /// Returns the time without a block if it needs a note, and measures from `now` on.
+    fn end(&mut self, now: Duration) -> Option<Duration> {
+        let time = now.saturating_sub(core::mem::replace(&mut self.since, now));
+        (core::mem::take(&mut self.failed) && time > self.timeout).then_some(time)
+    }
 }
 
 /// What the recording itself does not count.
@@ -185,7 +208,7 @@ struct Tally {
     /// Why there was no block, the last time.
     why: Option<String>,
     disconnected: u64,
-    /// Without a connection.
+    /// The time without a connection, up to the end of the log.
     away: Duration,
 }
 
@@ -194,24 +217,29 @@ impl Log {
         match reading {
             Reading::Failed(failure) => {
                 self.tally.failed += 1;
+                self.unread.failed = true;
                 self.progress.set_message(format!("no block: {failure}"));
                 self.tally.why = Some(failure.to_owned());
             }
             Reading::Registers(registers, took) => {
                 self.turn_around.add(took);
                 self.tally.blocks += 1;
+                self.note_unread()?;
                 for block in self.order.push(registers)? {
                     self.block(&block)?;
                 }
             }
             Reading::Disconnected(why) => {
                 self.tally.disconnected += 1;
+                self.lost_at = Some(self.clock.now());
                 self.progress.println(format!("{why}; reconnecting"));
                 recording::write_event(&mut self.out, "disconnected")?;
             }
             Reading::Retried(why) => self.progress.set_message(why.to_owned()),
             Reading::Reconnected(after) => {
                 self.tally.away += after;
+                self.lost_at = None;
+                self.unread.end(self.clock.now());
                 self.plausibility.reconnected();
                 self.progress.println(format!("reconnected after {:.1} s", after.as_secs_f64()));
                 recording::write_event(
@@ -219,6 +247,14 @@ impl Log {
                     &format!("reconnected after {:.3} s", after.as_secs_f64()),
                 )?;
             }
+        }
+        Ok(())
+    }
+
+    /// Writes a note if there was no block for longer than the timeout.
+    fn note_unread(&mut self) -> Result<()> {
+        if let Some(time) = self.unread.end(self.clock.now()) {
+            recording::write_event(&mut self.out, &format!("no block for {:.3} s", time.as_secs_f64()))?;
         }
         Ok(())
     }
@@ -245,6 +281,10 @@ impl Log {
     /// What still waits for its word order is written as it is, if it is in the usual one.
     fn end(&mut self) -> Result<()> {
         self.progress.finish_and_clear();
+        match self.lost_at.take() {
+            Some(lost) => self.tally.away += self.clock.now().saturating_sub(lost),
+            None => self.note_unread()?,
+        }
         for registers in std::mem::take(&mut self.order.waiting) {
             let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
             recording::write_marked(&mut self.out, &block, "word order unknown")?;

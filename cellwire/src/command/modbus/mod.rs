@@ -4,6 +4,7 @@ mod poll;
 mod range;
 mod requests;
 mod scan;
+mod seen;
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -5,13 +5,13 @@ use std::time::Duration;
 use anyhow::{Error, Result};
 use serde_json::{Map, Value, json};
 
-use super::PortArgs;
 use super::range::{Range, values};
+use super::{PortArgs, silent_unit};
 use crate::io::drive::Lost;
 use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Clock;
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
 /// Polls addresses, and prints changes.
@@ -43,7 +43,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), args.every);
-    let mut all = true;
+    let (mut all, mut hinted) = (true, false);
     let mut next = clock.now();
     let goes_on = || args.duration.is_none_or(|end| clock.now() < end) && !interrupt::requested();
     while goes_on() {
@@ -59,6 +59,9 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
             all &= answer.is_ok();
             for line in watched.changes(answer) {
                 log(&event(&clock, line))?;
+            }
+            if let Some(unit) = client.silent_unit().filter(|_| !core::mem::replace(&mut hinted, true)) {
+                remark(&silent_unit(&args.server, unit));
             }
         }
         // What was missed is not made up for.

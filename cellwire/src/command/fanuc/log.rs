@@ -13,7 +13,7 @@ use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
-use super::print;
+use super::{USES, print};
 use crate::cell::report::Report;
 use crate::cell::telemetry::logger::{Logger, Reading, Source};
 use crate::cell::telemetry::plausibility::{Fault, Implausible, Plausibility};
@@ -26,8 +26,7 @@ use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
-use cellwire_links::settings;
+use cellwire_links::fanuc_hmi_modbus::Frames;
 
 const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 
@@ -63,9 +62,9 @@ pub(super) struct Args {
     /// The Modbus unit [default: the setting `unit` of a file, or 1]
     #[arg(long, value_name = "N")]
     unit: Option<u8>,
-    /// Word order of 32-bit values
-    #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
-    word_order: OrderArg,
+    /// Word order of 32-bit values [default: the setting `word_order` of a file, or auto]
+    #[arg(long, value_enum)]
+    word_order: Option<OrderArg>,
     /// The robot description, as for `ls make`, to mark unreachable poses
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
@@ -101,11 +100,11 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         }
         None => None,
     };
-    let (view, given) = args.set.read_client()?;
+    let given = args.set.read_client("fanuc log", &USES)?;
+    let view = given.view;
     let mut config =
         if view.frames == Frames::Rtu { ClientConfig::rtu_over_tcp() } else { ClientConfig::tcp() };
-    settings::read("fanuc log", ClientSettings(&mut config), &given)
-        .map_err(|error| args.set.located(error.into()))?;
+    args.set.configure(&given, &mut config)?;
     interrupt::note()?;
     let clock = Clock::start();
     let source = Source {
@@ -121,9 +120,10 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let target =
         if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
     let known = match args.word_order {
-        OrderArg::Auto => None,
-        OrderArg::LowFirst => Some(WordOrder::LowFirst),
-        OrderArg::HighFirst => Some(WordOrder::HighFirst),
+        None => given.word_order,
+        Some(OrderArg::Auto) => None,
+        Some(OrderArg::LowFirst) => Some(WordOrder::LowFirst),
+        Some(OrderArg::HighFirst) => Some(WordOrder::HighFirst),
     };
     let mut log = Log {
         out: LineWriter::new(file), // whole lines, however it ends

@@ -5,13 +5,14 @@ mod log;
 mod variable;
 mod write;
 
+use std::collections::BTreeSet;
 use std::io::Write;
 
 use anyhow::Result;
 use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
-use super::settings::connect_settings;
+use super::settings::client_help;
 use crate::cell::report::Report;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{self, Setting};
@@ -69,8 +70,15 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    [settings::list(ClientSettings(&mut ClientConfig::tcp())), connect_settings()].concat()
+    let mut session = settings::list(ClientSettings(&mut ClientConfig::rtu_over_tcp()));
+    session.extend(settings::list(ClientSettings(&mut ClientConfig::tcp())));
+    let mut names = BTreeSet::new();
+    session.retain(|it| names.insert(it.name.clone()));
+    client_help(session, &USES)
 }
+
+/// The settings of the link's bytes that the commands use.
+const USES: [&str; 4] = ["framing", "word_order", "unit", "address"];
 
 /// Word order of 32-bit values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

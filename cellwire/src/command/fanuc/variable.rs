@@ -6,14 +6,13 @@ use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
 use fanuc_hmi_modbus::{Exception, Failure, PositionRegister, Reply, Request, WordOrder, text};
 use serde_json::{Value, json};
 
-use super::OrderArg;
+use super::{OrderArg, USES};
 use crate::command::modbus::{Refused, silent_unit};
 use crate::command::settings::SetArgs;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
-use cellwire_links::settings;
+use cellwire_links::fanuc_hmi_modbus::Frames;
 
 /// Reads variables from holding registers, one JSON line each.
 ///
@@ -38,9 +37,9 @@ pub(super) struct PlaceArgs {
     /// The PDU address of its first register, from 0 [default: the setting `address`]
     #[arg(long, value_name = "N")]
     address: Option<u16>,
-    /// The registers of a string, two characters each: $SIZE
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(1..=120))]
-    size: u16,
+    /// The registers of a string, two characters each: $SIZE [default: 40]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=120))]
+    size: Option<u16>,
     /// $MULTIPLY of an integer
     #[arg(long, value_name = "X", default_value = "1", value_parser = scale)]
     pub(super) multiply: Multiply,
@@ -122,13 +121,19 @@ pub(super) struct Variable<'a> {
 impl PlaceArgs {
     /// The variable and the port of its controller, by the command line and the settings.
     pub(super) fn variable(&self) -> Result<(Variable<'_>, Port)> {
-        let (view, given) = self.set.read_client()?;
-        let order = self.word_order.map_or(view.word_order, WordOrder::from);
-        let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
+        if !matches!(self.kind, KindArg::Int16 | KindArg::Int32) && self.multiply.value() != 1.0 {
+            bail!("--multiply has no effect on this type: it scales int16 and int32");
+        }
+        if self.kind != KindArg::String && self.size.is_some() {
+            remark("--size has no effect on this type: it is for a string");
+        }
+        let given = self.set.read_client("fanuc", &USES)?;
+        let order = self.word_order.map_or(given.view.word_order, WordOrder::from);
+        let (server, rtu) = (self.server.clone(), given.view.frames == Frames::Rtu);
         let dialing = self.set.dialing(None, self.connect)?;
         let mut port = Port::new(PortKind::Tcp { server, rtu }, dialing);
-        settings::read("fanuc", ClientSettings(&mut port.config), &given)
-            .map_err(|error| self.set.located(error.into()))?;
+        self.set.configure(&given, &mut port.config)?;
+        let view = given.view;
         let unit = self.unit.or(view.unit).unwrap_or(1);
         let address = self.address.or(view.address).context("give --address, or the setting `address`")?;
         Ok((Variable { place: self, order, unit, address }, port))
@@ -141,7 +146,7 @@ impl Variable<'_> {
         match self.place.kind {
             KindArg::Int16 => 1,
             KindArg::Int32 | KindArg::Real => 2,
-            KindArg::String => self.place.size,
+            KindArg::String => self.place.size.unwrap_or(40),
             KindArg::Position => PositionRegister::QUANTITY,
         }
     }

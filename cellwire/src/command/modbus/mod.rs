@@ -13,12 +13,13 @@ use anyhow::Result;
 use clap::Subcommand;
 use fanuc_hmi_modbus::ClientConfig;
 
-use super::settings::{SetArgs, connect_settings};
+use super::settings::{SetArgs, client_help};
+use crate::io::output::remark;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames, client_settings};
-use cellwire_links::settings;
+use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
+use cellwire_links::settings::Setting;
 
 /// Sends Modbus requests; scans for units and addresses; polls values
 #[derive(Debug, clap::Args)]
@@ -64,6 +65,9 @@ enum Command {
     Scan(scan::Args),
     Poll(poll::Args),
 }
+
+/// The settings of the link's bytes that the commands use.
+const USES: [&str; 2] = ["framing", "unit"];
 
 /// How long a reply may take, unless it is set.
 const REPLY: Duration = Duration::from_secs(1);
@@ -117,8 +121,8 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 /// What can be set of a client, for the help.
-pub fn settings() -> Vec<settings::Setting> {
-    [client_settings(), connect_settings()].concat()
+pub fn settings() -> Vec<Setting> {
+    client_help(client_settings(), &USES)
 }
 
 impl PortArgs {
@@ -135,17 +139,19 @@ impl PortArgs {
         defaults: impl FnOnce(&mut ClientConfig),
     ) -> Result<(Port, u8)> {
         let is_path = server.contains('/') || !server.contains(':');
-        let (frames, given) = self.set.read_client()?;
+        let given = self.set.read_client("modbus", &USES)?;
         let kind = if is_path {
             PortKind::Serial { path: server.to_owned(), baud: self.baud, mode: self.mode }
         } else {
-            PortKind::Tcp { server: server.to_owned(), rtu: frames.frames == Frames::Rtu }
+            PortKind::Tcp { server: server.to_owned(), rtu: given.view.frames == Frames::Rtu }
         };
         let mut port = Port::new(kind, self.set.dialing(None, self.connect)?);
         port.config.timeout = timeout;
         defaults(&mut port.config);
-        settings::read("modbus", ClientSettings(&mut port.config), &given)
-            .map_err(|error| self.set.located(error.into()))?;
-        Ok((port, self.unit.or(frames.unit).unwrap_or(1)))
+        self.set.configure(&given, &mut port.config)?;
+        if is_path && given.frames_given && given.view.frames == Frames::Tcp {
+            remark("the setting framing=tcp has no effect on a serial port: its frames are RTU");
+        }
+        Ok((port, self.unit.or(given.view.unit).unwrap_or(1)))
     }
 }

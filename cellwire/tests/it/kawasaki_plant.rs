@@ -247,11 +247,9 @@ fn a_simulated_pc_sends_example_jobs_in_a_plant_whose_jobs_are_not_lines() {
         ),
         "{said}"
     );
-    for remark in [
-        "the plant's jobs are not lines: [[job]] has no numbers kind, x1, y1, x2, y2: an order is 10 jobs with example values of its fields\n",
-    ] {
-        assert!(said.contains(remark), "{said}");
-    }
+    let remark = "the plant's jobs are not lines: [[job]] has no numbers kind, x1, y1, x2, y2: an order is 10 jobs with example values of \
+                  its fields\n";
+    assert!(said.contains(remark), "{said}");
 }
 
 fn pc_with(plant: &str) -> [&str; 6] {

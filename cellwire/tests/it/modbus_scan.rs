@@ -145,3 +145,32 @@ fn a_wrong_request_is_an_error_with_its_key_and_one_line_number() {
         "error: line 2 is not a message object: column 26: EOF while parsing a value\n"
     );
 }
+
+/// On a serial line the first request waits: that time is reported, and is not part of the time to poll.
+#[cfg(unix)]
+#[test]
+fn the_wait_before_the_first_request_on_a_serial_line_is_reported() {
+    use fanuc_hmi_modbus::crc::crc16;
+    let (mut device, client) = serialport::TTYPort::pair().unwrap();
+    let path = serialport::SerialPort::name(&client).unwrap();
+    thread::spawn(move || {
+        let (mut request, mut held, mut value) = ([0; 8], 0, 0);
+        loop {
+            match device.read(&mut request[held..]) {
+                Ok(length) => held += length,
+                Err(_) => thread::sleep(Duration::from_millis(5)),
+            }
+            if held == 8 {
+                (held, value) = (0, value + 1);
+                let reply = [1, 3, 2, 0, value];
+                device.write_all(&[&reply[..], &crc16(&reply).to_le_bytes()].concat()).unwrap();
+            }
+        }
+    });
+    let poll = ["poll", &path, "holding:0", "--every", "50ms", "--for", "1s", "--set", "timeout=500ms"];
+    let output = modbus(&poll, "");
+    let remark = "the first request waits 1.5 s, for a reply to a request of an earlier client (the settings timeout and settle)\n";
+    assert_eq!(err(&output), remark);
+    assert!(out(&output).lines().count() > 5, "{}", out(&output));
+    drop(client);
+}

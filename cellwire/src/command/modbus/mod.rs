@@ -17,7 +17,7 @@ use super::settings::{SetArgs, client_help};
 use crate::io::output::remark;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
-use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
+use crate::links::fanuc_hmi_modbus::client::{Client, Port, PortKind};
 use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
 use cellwire_links::settings::Setting;
 
@@ -72,6 +72,9 @@ const USES: [&str; 2] = ["framing", "unit"];
 /// How long a reply may take, unless it is set.
 const REPLY: Duration = Duration::from_secs(1);
 
+/// A shorter wait before the first request is not reported.
+const MIN_REPORTED: Duration = Duration::from_secs(1);
+
 /// How the servers are reached.
 #[derive(Debug, clap::Args)]
 struct PortArgs {
@@ -99,6 +102,22 @@ pub struct Refused(pub(super) String);
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Unknown(pub(super) String);
+
+/// Opens a client. A remark says if its first request has to wait.
+///
+/// # Errors
+/// Those of [`Client::open`].
+fn open(port: &Port) -> Result<Client> {
+    let client = Client::open(port)?;
+    let wait = client.first_wait();
+    if wait >= MIN_REPORTED {
+        remark(&format!(
+            "the first request waits {:.1} s, for a reply to a request of an earlier client (the settings timeout and settle)",
+            wait.as_secs_f64()
+        ));
+    }
+    Ok(client)
+}
 
 /// The hint after a timeout: how to find the units that answer.
 pub(super) fn silent_unit(server: &str, unit: u8) -> String {

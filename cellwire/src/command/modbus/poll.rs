@@ -1,6 +1,6 @@
 //! `cellwire modbus poll`.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -29,17 +29,25 @@ pub(super) struct Args {
     /// The polling period
     #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = time(Duration::from_millis(1)..=Duration::from_secs(86_400)))]
     every: Duration,
-    /// How long to read [default: until interrupted]
+    /// How long to read, from the first request on [default: until interrupted]
     #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
     duration: Option<Duration>,
     #[command(flatten)]
     port: PortArgs,
 }
 
+/// An interrupt is seen after this time at the latest.
+const TURN: Duration = Duration::from_millis(100);
+
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
     let (port, unit) = args.port.port(&args.server, super::REPLY)?;
-    let mut client = Client::open(&port)?;
+    let mut client = super::open(&port)?;
+    // The time of --for begins with the first request.
+    let end = Instant::now() + client.first_wait();
+    while Instant::now() < end && !interrupt::requested() {
+        client.idle(end.saturating_duration_since(Instant::now()).min(TURN))?;
+    }
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), args.every);
@@ -67,7 +75,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
         // What was missed is not made up for.
         next = (next + every).max(clock.now());
         while goes_on() && clock.now() < next {
-            let step = next.saturating_sub(clock.now()).min(Duration::from_millis(100));
+            let step = next.saturating_sub(clock.now()).min(TURN);
             if let Err(error) = client.idle(step) {
                 all = false;
                 again(&mut client, error, &clock, goes_on)?;

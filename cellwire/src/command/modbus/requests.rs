@@ -18,7 +18,7 @@ use cellwire_links::json::value as object;
 pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> Result<bool> {
     interrupt::handle_after_reply()?;
     let input = input::open(file)?;
-    let mut client = Client::open(port)?;
+    let mut client = super::open(port)?;
     let (mut all, mut refused, mut unknown) = (true, 0u64, 0u64);
     let mut lost = None;
     for (number, text) in (1..).zip(input.lines()) {

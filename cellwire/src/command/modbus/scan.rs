@@ -57,7 +57,7 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
     let (port, unit) = args.port.port_with(&args.server, timeout, |config| {
         config.settle = config.settle.min(config.timeout);
     })?;
-    let mut client = Client::open(&port)?;
+    let mut client = super::open(&port)?;
     let mut seen = Seen::new();
     let found = if args.ranges {
         ranges(args, unit, &mut client, &mut seen)

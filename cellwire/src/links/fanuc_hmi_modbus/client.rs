@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::io::serial::Mode;
 use anyhow::Result;
-use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
+use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Framing, Reply, Request};
 use robot_session::{Driver, End as _, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
@@ -214,6 +214,12 @@ impl Client {
             (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
             _ => failure.to_string(),
         }
+    }
+
+    /// The time before the first request on a serial line: a reply to a request of an earlier client may still come.
+    pub const fn first_wait(&self) -> Duration {
+        let ClientConfig { framing, timeout, settle, .. } = self.port.config;
+        if matches!(framing, Framing::Rtu { .. }) { timeout.saturating_add(settle) } else { Duration::ZERO }
     }
 
     /// The time at which the connection was opened.

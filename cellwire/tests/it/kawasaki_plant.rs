@@ -242,9 +242,7 @@ fn a_simulated_pc_sends_example_jobs_in_a_plant_whose_jobs_are_not_lines() {
     fs::write(&plant, format!("{DRAFTED}\n[messages.order_start]\nsent = false\n")).unwrap();
     let (ok, _, said) = cellwire(&pc_with(&plant), "");
     assert!(
-        !ok && said.contains(
-            "lacks the role OrderStart, which the configuration needs; set messages.order_start.name"
-        ),
+        !ok && said.contains("the table must have the role OrderStart once; set messages.order_start.name"),
         "{said}"
     );
     let remark = "the plant's jobs are not lines: [[job]] has no numbers kind, x1, y1, x2, y2: an order is 10 jobs with example values of \

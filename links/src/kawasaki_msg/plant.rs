@@ -220,7 +220,7 @@ fn refused(error: ConfigError) -> Refused {
             "; with takeover=end or never it does not".into()
         }
         ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not".into(),
-        ConfigError::Lacks { .. } => format!("; set {name}.name"),
+        ConfigError::Lacks { .. } | ConfigError::Role { .. } => format!("; set {name}.name"),
         _ => String::new(),
     };
     Refused { text: format!("{name}: {error}{advice}"), name }

@@ -86,7 +86,7 @@ pub enum Error {
         error: SessionError,
     },
     /// Error codes to the end. The first `taken` instructions were taken, and no others.
-    #[error("the controller refuses: {refusal:?}; {taken} instructions of the run were taken before")]
+    #[error("the controller refuses: {refusal}; {taken} instructions of the run were taken before")]
     Refused {
         /// The number.
         taken: usize,

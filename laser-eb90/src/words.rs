@@ -60,6 +60,19 @@ pub enum Refusal {
     QueueFull,
 }
 
+impl core::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::BadChecksum => "wrong checksum",
+            Self::BadFrame => "malformed frame",
+            Self::UnknownCommand => "unknown command word",
+            Self::BadBatch => "too many instructions in a frame, or one that must be alone",
+            Self::BadParameters => "wrong parameters, or the execution failed",
+            Self::QueueFull => "queue full",
+        })
+    }
+}
+
 /// The error codes of an installation. The source gives no numbers; the defaults E001h to E006h are ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

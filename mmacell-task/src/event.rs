@@ -1,3 +1,5 @@
+use core::fmt;
+
 use mmacell_proto::{CentralEvent, Closing, ErrorCode, Miss, PlatformPose, Pose, Progress, RobotPose};
 
 use crate::output::Device;
@@ -117,6 +119,46 @@ impl Event {
             CentralEvent::Aborted { .. } => failed(Failure::Aborted),
             CentralEvent::Closed { .. } => failed(Failure::Lost),
             _ => None,
+        }
+    }
+}
+
+/// Follows the name of the device.
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Refused(error) => write!(f, "has refused an order ({error})"),
+            Self::Error(error) => write!(f, "reports an error ({error})"),
+            Self::Missed(miss) => write!(f, "has not arrived: {miss}"),
+            Self::Aborted => f.write_str("has not received its order, which was aborted"),
+            Self::Lost => f.write_str("is not connected any more"),
+        }
+    }
+}
+
+impl Failure {
+    /// Whether a device with axes may still execute an earlier motion.
+    const fn may_move(self) -> bool {
+        !matches!(self, Self::Missed(_))
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Device { device, failure } => {
+                let moves = matches!(device, Device::Robot | Device::Platform) && failure.may_move();
+                let rest = if moves { ": it may still be moving" } else { "" };
+                write!(f, "the {device} {failure}{rest}")
+            }
+            Self::Timeout { step } => write!(f, "the step `{step}` took too long"),
+            Self::SwitchHigh { step } => {
+                write!(
+                    f,
+                    "the vacuum switch is high in the step `{step}`, in which no part can be on the gripper"
+                )
+            }
+            Self::Aborted => f.write_str("the task was aborted"),
         }
     }
 }

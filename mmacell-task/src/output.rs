@@ -1,3 +1,5 @@
+use core::fmt;
+
 use mmacell_proto::{Command, NoPose, PlatformPose, RobotPose};
 
 use crate::step::Step;
@@ -17,6 +19,18 @@ pub enum Device {
     Vision,
     /// The valves of the gripper, whether the central controller's own or at the end of a connection.
     Gripper,
+}
+
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Robot => "robot",
+            Self::Platform => "platform",
+            Self::Conditioning => "conditioning system",
+            Self::Vision => "vision system",
+            Self::Gripper => "gripper",
+        })
+    }
 }
 
 /// What is to be done for the task.

@@ -1,3 +1,5 @@
+use core::fmt::{self, Write};
+
 /// Where the task is. The number in brackets is the step of §6.
 ///
 /// Each step gives orders when it begins and then waits for a [`Trigger`]. [`transitions`](Self::transitions) is the whole
@@ -438,5 +440,31 @@ impl Trigger {
             Self::Answered => "answered",
             Self::TimedOut => "too long",
         }
+    }
+}
+
+/// The words of the name, such as `await pick`.
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(Words { out: f, is_first: true }, "{self:?}")
+    }
+}
+
+/// Writes a name in camel case as words.
+struct Words<'a, 'f> {
+    out: &'a mut fmt::Formatter<'f>,
+    is_first: bool,
+}
+
+impl Write for Words<'_, '_> {
+    fn write_str(&mut self, name: &str) -> fmt::Result {
+        for character in name.chars() {
+            if !self.is_first && !character.is_ascii_lowercase() {
+                self.out.write_char(' ')?;
+            }
+            self.is_first = false;
+            self.out.write_char(character.to_ascii_lowercase())?;
+        }
+        Ok(())
     }
 }

@@ -151,7 +151,7 @@ impl Adapter for Laser {
             }
             HostEvent::Refused { first, refusal, .. } => {
                 host.resume();
-                (first, Outcome::Refused, format!("the controller refuses: {refusal:?}"))
+                (first, Outcome::Refused, format!("the controller refuses: {refusal}"))
             }
             HostEvent::Unknown { first, reason, .. } => {
                 host.resume();

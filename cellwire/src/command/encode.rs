@@ -52,7 +52,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
 }
 
 fn message(line: &str) -> Result<Value> {
-    let mut value: Value = serde_json::from_str(line).context("not a JSON object")?;
+    let mut value: Value = input::json(line).context("not a JSON object")?;
     match value.get_mut("message") {
         Some(message) if message.is_object() => Ok(message.take()),
         _ => Ok(value),

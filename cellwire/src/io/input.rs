@@ -8,7 +8,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 
 use crate::io::bell::Bell;
 use crate::io::interrupt;
@@ -45,6 +45,20 @@ pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead>> {
             Box::new(BufReader::new(file))
         }
         _ => Box::new(BufReader::new(io::stdin())),
+    })
+}
+
+/// Parses one line of JSON. Errors have the column alone: the caller counts the lines.
+///
+/// # Errors
+/// When the line is not a value of this type.
+pub fn json<T: serde::de::DeserializeOwned>(line: &str) -> Result<T> {
+    serde_json::from_str(line).map_err(|error| {
+        let (text, column) = (error.to_string(), error.column());
+        match text.strip_suffix(&format!(" at line {} column {column}", error.line())) {
+            Some(what) => anyhow!("column {column}: {what}"),
+            None => error.into(),
+        }
     })
 }
 

@@ -112,11 +112,16 @@ fn a_robot_that_restarts_is_connected_to_again_and_the_recording_says_so() {
 fn a_log_that_ends_without_a_connection_ends_with_3() {
     let folder = Folder::new("gone");
     let simulator = Simulator::start("127.0.0.1:0", &[]);
-    let log = ["fanuc", "log", &simulator.address, "--csv", "run.csv", "--for", "4s"];
-    let mut log = folder.command(&log).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let log = ["fanuc", "log", &simulator.address, "--csv", "run.csv", "--for", "4s", "--json"];
+    let mut log = folder.command(&log).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let begin = Instant::now();
     wait_for(|| rows(&folder) > 20);
+    let connected = begin.elapsed().as_secs_f64();
     drop(simulator);
     assert_eq!(ended(&mut log), Some(3));
+    let report: Value = serde_json::from_reader(log.stdout.take().unwrap()).unwrap();
+    let away = report["away_s"].as_f64().unwrap();
+    assert!(away > 3.0 - connected && away <= 4.0, "{connected} s, {report}");
     assert_eq!(notes(&folder.read("run.csv")), ["disconnected"]);
 }
 
@@ -132,6 +137,34 @@ fn a_controller_that_answers_no_more_counts_as_gone() {
     assert!(report["disconnected"].as_u64().unwrap() >= 1, "{report}");
     assert!(folder.read("run.csv").contains("reconnected after"));
     assert_eq!(output.status.code(), Some(1), "{}", err(&output));
+}
+
+/// A cable without signal holds the bytes of both sides, and the connection survives it.
+#[test]
+fn a_time_without_a_block_is_a_note() {
+    let folder = Folder::new("held");
+    let simulator = Simulator::start("127.0.0.1:0", &[]);
+    let log = ["fanuc", "log", &simulator.address, "--csv", "run.csv", "--json", "--set", "timeout=500ms"];
+    let mut log = folder.command(&log).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    wait_for(|| rows(&folder) > 20);
+    let signal = |name: &str, id: u32| {
+        assert!(Command::new("kill").args([name, &id.to_string()]).status().unwrap().success());
+    };
+    signal("-STOP", simulator.process.id());
+    thread::sleep(Duration::from_millis(800));
+    signal("-CONT", simulator.process.id());
+    wait_for(|| folder.read("run.csv").contains("no block for "));
+    let before = rows(&folder);
+    wait_for(|| rows(&folder) > before + 20);
+    signal("-INT", log.id());
+    assert_eq!(ended(&mut log), Some(0));
+    let table = folder.read("run.csv");
+    let note = table.lines().find_map(|row| row.split_once("no block for ")).unwrap().1;
+    let time: f64 = note.trim_end_matches(" s").parse().unwrap();
+    assert!((0.5..30.0).contains(&time), "{note}");
+    assert_eq!(notes(&table), ["no"]);
+    let report: Value = serde_json::from_reader(log.stdout.take().unwrap()).unwrap();
+    assert_eq!(report["disconnected"], 0, "{report}");
 }
 
 /// A telemetry block from PDU address 100 on, whose task runs every 20 ms.
@@ -195,13 +228,14 @@ fn registers_are_read_and_written_by_their_types() {
     let simulator = Simulator::start("127.0.0.1:0", &[]);
     let address = simulator.address.as_str();
     let position = r#"{"cartesian":{"xyzwpr":[500.0,-1.5,300.0,180.0,0.0,45.0],"external":[0.0,0.0,0.0],"configuration":{"flip":0,"left":0,"up":1,"front":1,"turns":[0,0,-1]}},"user_frame":1,"user_tool":2}"#;
-    for (kind, at, value, more) in [
-        ("int16", "1000", "-1234", &[][..]),
-        ("int32", "1002", "100000", &[]),
-        ("int32", "1004", "-12.34", &["--multiply", "100"]),
-        ("real", "1006", "0.5", &["--word-order", "high-first"]),
-        ("string", "1010", "\"PART 7\"", &["--size", "10"]),
-        ("position", "1100", position, &[]),
+    for (kind, at, value, quantity, more) in [
+        ("int16", "1000", "-1234", 1, &[][..]),
+        ("int32", "1002", "100000", 2, &[]),
+        ("int32", "1004", "-12.34", 2, &["--multiply", "100"]),
+        ("real", "1006", "0.5", 2, &["--word-order", "high-first"]),
+        ("string", "1010", "\"PART 7\"", 10, &["--size", "10"]),
+        ("string", "1020", "\"PART 7\"", 40, &[]),
+        ("position", "1100", position, 50, &[]),
     ] {
         let place = [&[address, kind, "--address", at][..], more].concat();
         let write = folder.command(&[&["fanuc", "write"][..], &place, &[value]].concat()).output().unwrap();
@@ -210,13 +244,20 @@ fn registers_are_read_and_written_by_their_types() {
         let same =
             |found: &Value| found == &value || found.as_f64().is_some_and(|it| Some(it) == value.as_f64());
         assert!(same(&written["value"]) && written["written"] == true, "{kind}: {written}");
+        let first = at.parse::<u16>().unwrap();
+        assert_eq!(written["registers"], json!([first, first + quantity - 1]), "{kind}");
         let read = folder.command(&[&["fanuc", "read"][..], &place].concat()).output().unwrap();
         assert!(same(&object(&read)["value"]), "{kind}: {}", out(&read));
     }
     // What it has not: refused by the controller; what it cannot hold: refused here; what holds no position: none.
     for (arguments, code, message) in [
-        (vec!["read", address, "real", "--address", "16447"], 1, "error: the controller refuses: "),
+        (vec!["read", address, "real", "--address", "16447"], 6, "error: the controller refuses: "),
         (vec!["write", address, "int16", "--address", "5", "40000"], 2, "error: 40000 does not fit"),
+        (
+            vec!["write", address, "int16", "--address", "5", "1.5"],
+            2,
+            "error: 1.5 does not fit: int16 holds ",
+        ),
         (
             vec!["write", address, "string", "--address", "5", "--size", "2", "\"ABCDE\""],
             2,

@@ -192,3 +192,64 @@ fn an_order_is_drawn_in_the_other_plant() {
     let over = lines.find(|line| line["event"] == "order_over").unwrap();
     assert_eq!((&over["order"], &over["complete"]), (&50.into(), &true.into()), "{over}");
 }
+
+/// As a draft of a capture has it.
+const DRAFTED: &str = "[[job]]
+name = \"field_1\"
+kind = \"whole\"
+range = [3, 5]
+
+[[job]]
+name = \"field_2\"
+kind = \"decimal\"
+places = 1
+range = [-10.0, 10.0]
+
+[[job]]
+name = \"field_3\"
+kind = \"text\"
+length = [1, 4]
+
+[messages.order_interrupt]
+sent = false
+";
+
+#[test]
+fn a_simulated_pc_sends_example_jobs_in_a_plant_whose_jobs_are_not_lines() {
+    use crate::operated::Tool;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (plant, record) = (path("draft.toml"), path("record.csv"));
+    fs::write(&plant, DRAFTED).unwrap();
+    let pc = ["simulate", "kawasaki-pc", "--listen", "127.0.0.1:0", "--settings", &plant];
+    let pc = Tool::start(&pc);
+    let address = pc.line()["listen"].as_str().unwrap().to_owned();
+    let record_to = format!("record={record}");
+    let robot = ["simulate", "kawasaki-robot", "--connect", &address, "--settings", &plant];
+    let robot = Tool::start(&[&robot[..], &["--set", "job_time=1ms", "--set", &record_to]].concat());
+    robot.event("order_over");
+    drop(robot);
+    let rows = fs::read_to_string(&record).unwrap();
+    let first =
+        "order,number,field_1,field_2,field_3\n50,1,3,0.0,A\n50,2,4,0.1,A\n50,3,5,0.2,A\n50,4,3,0.3,A\n";
+    assert!(rows.starts_with(first) && rows.lines().count() == 11, "{rows}");
+    drop(pc);
+    // A drawing needs lines, and another missing message its name.
+    let (ok, _, said) = cellwire(&[&pc_with(&plant)[..], &["--set", "drawing=a.svg"]].concat(), "");
+    assert!(!ok && said.contains("the plant's jobs are not lines"), "{said}");
+    let (ok, _, said) = cellwire(&[&pc_with(&plant)[..], &["--set", "takeover=interrupt"]].concat(), "");
+    assert!(!ok && said.contains("with takeover=end or never it does not"), "{said}");
+    fs::write(&plant, format!("{DRAFTED}\n[messages.order_start]\nsent = false\n")).unwrap();
+    let (ok, _, said) = cellwire(&pc_with(&plant), "");
+    assert!(
+        !ok && said.contains("the table must have the role OrderStart once; set messages.order_start.name"),
+        "{said}"
+    );
+    let remark = "the plant's jobs are not lines: [[job]] has no numbers kind, x1, y1, x2, y2: an order is 10 jobs with example values of \
+                  its fields\n";
+    assert!(said.contains(remark), "{said}");
+}
+
+fn pc_with(plant: &str) -> [&str; 6] {
+    ["simulate", "kawasaki-pc", "--listen", "nowhere", "--settings", plant]
+}

@@ -254,7 +254,10 @@ fn what_the_controller_refuses_ends_it() {
     let run = cell.run(&program, &[]);
     let refused = run.event("refused");
     assert_eq!((&refused["first"], &refused["count"]), (&1.into(), &7.into()));
-    assert_eq!(refused["why"], "the controller refuses: BadBatch");
+    assert_eq!(
+        refused["why"],
+        "the controller refuses: too many instructions in a frame, or one that must be alone"
+    );
     assert_eq!(run.event("ended")["why"], "refused");
     assert_eq!(run.end().0, Some(1));
     // With frames that it takes the same program goes on: nothing of it was taken.

@@ -21,6 +21,7 @@ mod fanuc;
 mod fanuc_cell;
 mod fanuc_program;
 mod fanuc_telemetry;
+mod fanuc_write;
 #[cfg(target_os = "linux")]
 mod handshake;
 mod identify;
@@ -51,6 +52,7 @@ mod ls_run;
 mod mma_run;
 mod mma_virtual_clock;
 mod modbus_bench;
+mod modbus_scan;
 mod operated;
 #[cfg(target_os = "linux")]
 mod outcomes;

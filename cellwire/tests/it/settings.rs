@@ -88,9 +88,9 @@ fn help_has_the_usual_settings_and_the_command_prints_all() {
         ("encode mma", &["#itr = false"]),
         ("demo kawasaki", &["#speed = 16000"]),
         ("demo fanuc", &["[client]", "#timeout = \"1s\""]),
-        ("modbus poll", &["#any_unit = false"]),
+        ("modbus poll", &["#any_unit = false", "#framing = \"tcp\"", "#unit = \"auto\""]),
         ("modbus", &["#any_unit = false"]),
-        ("fanuc read", &["#any_unit = false"]),
+        ("fanuc read", &["#any_unit = false", "#word_order = \"low_first\"", "#address = \"auto\""]),
         ("alter", &["[viewer]", "#max_age = \"200ms\""]),
         ("run kawasaki", &["[messages.status]", "#name = \"Tila\""]),
     ] {
@@ -338,7 +338,13 @@ fn the_clients_of_modbus_are_set_too() {
     assert!(said.contains("gateway.toml, line 2: any_unit=9: neither true nor false"), "{said}");
     let (code, _, said) = ask(&["--set", "silence=2ms"]);
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("modbus has no setting `silence`: it has timeout, any_unit"), "{said}");
+    let expected = "modbus has no setting `silence` on this kind of connection: it has timeout, any_unit, broadcast, turnaround, \
+                    settle, pause, echo, framing, unit, connect_pause\n";
+    assert!(said.contains(expected), "{said}");
+    let (code, _, said) = ask(&["--set", "nonsense=2"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("modbus has no setting `nonsense`: it has timeout, any_unit"), "{said}");
+    assert!(said.contains("silence, stall, framing, unit, connect_pause\n"), "{said}");
 
     let read = ["fanuc", "read", &address, "int16", "--address", "0"];
     assert_eq!(cellwire(&[&read[..], &["--set", "timeout=300ms"]].concat(), "").0, Some(1));
@@ -351,4 +357,44 @@ fn the_clients_of_modbus_are_set_too() {
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("fanuc log has no setting `in_flight`"), "{said}");
     assert!(!csv.exists());
+}
+
+/// A setting has its effect, or a remark names it.
+#[test]
+fn a_setting_without_an_effect_is_named() {
+    const NONE: &str = "has no effect on this command\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let file = path("cell.toml");
+    fs::write(&file, "view = \"telemetry\"\nword_order = \"high_first\"\nunit = 9\naddress = 0\n").unwrap();
+    let address = unit_9();
+    let none =
+        |names: &[&str]| -> String { names.iter().map(|it| format!("the setting {it} {NONE}")).collect() };
+    let poll = ["modbus", "poll", &address, "holding:0", "--for", "10ms"];
+    let said = |args: &[&str], more: &[&str]| cellwire(&[args, more].concat(), "").2;
+    assert_eq!(said(&poll, &["--settings", &file]), none(&["word_order", "address"]));
+    assert_eq!(said(&poll, &["--set", "address=1", "--unit", "9"]), none(&["address"]));
+    assert_eq!(said(&["fanuc", "read", &address, "int16"], &["--settings", &file]), "");
+    assert_eq!(
+        said(&["fanuc", "read", &address, "int16"], &["--settings", &file, "--set", "view=telemetry"]),
+        none(&["view"])
+    );
+    for (option, begin) in [("--multiply", "error: "), ("--size", "")] {
+        let said = said(&["fanuc", "read", &address, "real", "--address", "0"], &[option, "10"]);
+        assert!(said.starts_with(&format!("{begin}{option} has no effect on this type: ")), "{said}");
+    }
+    let simulated =
+        said(&["simulate", "fanuc", "--listen", "nowhere", "--set", "baud=9600"], &["--settings", &file]);
+    assert!(
+        simulated.starts_with(&(none(&["address"]) + "the setting baud has no effect here\n")),
+        "{simulated}"
+    );
+    // A log uses the order of words.
+    let simulator = crate::fanuc_cell::Simulator::start("127.0.0.1:0", &[]);
+    let csv = path("run.csv");
+    let log =
+        ["fanuc", "log", &simulator.address, "--csv", &csv, "--for", "300ms", "--json", "--settings", &file];
+    let warning = "warning: the life counter indicates word order \"low_first\"";
+    assert!(said(&log, &[]).contains(warning), "high-first is used");
+    assert!(!said(&log, &["--word-order", "auto"]).contains(warning));
 }

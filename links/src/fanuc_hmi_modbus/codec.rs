@@ -3,6 +3,7 @@ use fanuc_hmi_modbus::{Decoder, Frame, FrameObject, Framing, Reply, Side, Teleme
 use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
+use super::keys::unknown_key;
 use super::options::ViewSettings;
 #[cfg(feature = "arbitrary")]
 use crate::codec::object;
@@ -62,7 +63,11 @@ impl Messages for Modbus {
             let block: TelemetryBlock = read(block)?;
             message.insert("registers".into(), block.to_registers(order).as_slice().into());
         }
-        let FrameObject(frame) = read(message)?;
+        let unknown = unknown_key(&message, self.side);
+        let FrameObject(frame) = read(message).map_err(|error| match unknown {
+            Some(unknown) => anyhow!(unknown).into(),
+            None => error,
+        })?;
         let frame = frame.map_err(EncodeError::refused)?;
         match (self.framing, frame.transaction) {
             (Framing::Tcp, None) => Err(anyhow!("a key is missing: transaction, or use --set framing=rtu"))?,

@@ -2,11 +2,13 @@
 
 mod codec;
 mod ends;
+mod keys;
 mod open;
 mod options;
 mod parts;
 mod shadow;
 
+pub use keys::unknown_key;
 pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
 
 use ::fanuc_hmi_modbus::{ClientConfig, ServerConfig};

@@ -216,9 +216,12 @@ fn refused(error: ConfigError) -> Refused {
         error => role(&error).map_or("messages".into(), |role| format!("messages.{}", role_name(role))),
     };
     let advice = match error {
-        ConfigError::Lacks { role: Role::OrderInterrupt } => "; with takeover=end or never it does not",
-        ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not",
-        _ => "",
+        ConfigError::Lacks { role: Role::OrderInterrupt } => {
+            "; with takeover=end or never it does not".into()
+        }
+        ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not".into(),
+        ConfigError::Lacks { .. } | ConfigError::Role { .. } => format!("; set {name}.name"),
+        _ => String::new(),
     };
     Refused { text: format!("{name}: {error}{advice}"), name }
 }

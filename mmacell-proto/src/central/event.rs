@@ -1,3 +1,5 @@
+use core::fmt;
+
 use robot_session::Unexpected;
 
 use crate::error::DecodeError;
@@ -110,4 +112,26 @@ pub enum Miss {
     Elsewhere,
     /// Its servo motors are off.
     ServoOff,
+}
+
+impl fmt::Display for Closing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Agreed => f.write_str("the device has agreed to close it"),
+            Self::Timeout => f.write_str("no reply in time"),
+            Self::Aborted => f.write_str("a command was aborted while its reply was awaited"),
+            Self::Disconnected => f.write_str("disconnected"),
+            Self::Malformed(error) => error.fmt(f),
+            Self::Mismatch => f.write_str("a reply that was not asked for, or of another kind"),
+        }
+    }
+}
+
+impl fmt::Display for Miss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Elsewhere => "it is at rest elsewhere",
+            Self::ServoOff => "its servo motors are off",
+        })
+    }
 }

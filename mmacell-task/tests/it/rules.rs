@@ -452,3 +452,19 @@ fn the_longest_times_are_legal() {
         assert!(entered > 5, "{entered} steps at {now:?}");
     }
 }
+
+#[test]
+fn a_fault_is_a_sentence() {
+    let device = |device, failure| Fault::Device { device, failure }.to_string();
+    assert_eq!(
+        device(Device::Robot, Failure::Refused(ErrorCode::Generic)),
+        "the robot has refused an order (generic error (1)): it may still be moving"
+    );
+    assert_eq!(
+        device(Device::Platform, Failure::Missed(Miss::ServoOff)),
+        "the platform has not arrived: its servo motors are off"
+    );
+    assert_eq!(device(Device::Vision, Failure::Lost), "the vision system is not connected any more");
+    let timeout = Fault::Timeout { step: Step::AwaitCamera1 };
+    assert_eq!(timeout.to_string(), "the step `await camera 1` took too long");
+}

@@ -6,7 +6,8 @@ use std::time::Duration;
 use cellwire_motion::latch::{Cause, Latch};
 use isra_ball::Packet;
 use val2_alter::{
-    AXES, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, SegmentStatus, Start, timing,
+    AXES, End, ErrorCode, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, SegmentStatus,
+    Start, timing,
 };
 
 use crate::cell::teleop::input::{InputConfig, Sample};
@@ -19,6 +20,8 @@ use crate::links::val2_alter::puma::error_text;
 const MESSAGES: usize = 200;
 /// Corrupt bytes are messages so far apart at least.
 const DAMAGE: Duration = Duration::from_secs(1);
+/// ALTER that ends after fewer replies has ended soon.
+const SOON: u64 = 100;
 
 /// The ports, for the operator to read.
 pub(super) struct Ports {
@@ -98,7 +101,18 @@ pub(super) struct Model {
     damage_said: Duration,
     ball_late_at: Option<Duration>,
     has_ended: bool,
+    late_ends: LateEnds,
     pub(super) now: Duration,
+}
+
+/// Ends of ALTER by a timeout of the robot, although the replies left in time.
+#[derive(Default)]
+struct LateEnds {
+    /// The ends in a row.
+    count: u32,
+    /// The replies, and the late ones, at the last end.
+    cycles: u64,
+    missed: u64,
 }
 
 /// A test that runs, and the counts at its beginning.
@@ -165,6 +179,7 @@ impl Model {
             damage_said: Duration::ZERO,
             ball_late_at: None,
             has_ended: false,
+            late_ends: LateEnds::default(),
             now: Duration::ZERO,
         }
     }
@@ -209,6 +224,7 @@ impl Model {
                 self.control = ("ended", end.control(), error_text(end.error));
                 self.values = [0; AXES];
                 self.show(format!("the robot ended ALTER: {}", error_text(end.error)));
+                self.take_end(end);
             }
             Notification::Delayed => {
                 self.counts.delayed += 1;
@@ -356,6 +372,20 @@ impl Model {
                 self.show(format!("start refused: the robot has mode {found}, expected {expected}"));
             }
             Policy::Refuse => self.show(format!("start, mode {found}: refused as configured")),
+        }
+    }
+
+    /// Names the likely cause when ALTER ends by a timeout again soon after its start, and no reply left late.
+    fn take_end(&mut self, end: End) {
+        let Counts { cycles, missed, .. } = self.counts;
+        let before = core::mem::replace(&mut self.late_ends, LateEnds { count: 0, cycles, missed });
+        if end.error != ErrorCode::Timeout || missed > before.missed {
+            return;
+        }
+        let is_soon = cycles - before.cycles < SOON;
+        self.late_ends.count = if is_soon { before.count + 1 } else { 1 };
+        if self.late_ends.count == 2 {
+            self.show("the replies leave in time and arrive late: set the adapter's latency timer to 1 ms, see docs/alter.md".into());
         }
     }
 

@@ -151,6 +151,33 @@ fn the_end_of_alter_is_reported() {
     assert_eq!(model.control, ("ended", 0xE6, "timeout"));
 }
 
+/// An adapter that delays bytes, and cannot be recognised.
+#[test]
+fn a_second_timeout_in_a_row_names_the_latency_timer() {
+    const ENDED: &str = "the robot ended ALTER: timeout";
+    const ADVICE: &str = "the replies leave in time and arrive late: set the adapter's latency timer to 1 ms, see docs/alter.md";
+    let end = || Notification::End(End { error: ErrorCode::Timeout });
+    let mut model = model();
+    let found: Vec<String> = [(); 3]
+        .map(|()| {
+            model.take(MS, end());
+            last(&model).to_owned()
+        })
+        .into();
+    assert_eq!(found, [ENDED, ADVICE, ENDED]);
+    // Replies that left late have another cause, and so has a timeout after some time of work.
+    for cause in [Notification::Missed, Notification::End(End { error: ErrorCode::Format })] {
+        model.take(MS, cause);
+        model.take(MS, end());
+        assert_eq!(last(&model), ENDED);
+    }
+    model.take(MS, end());
+    assert_eq!(last(&model), ADVICE);
+    model.counts.cycles += 1000;
+    model.take(MS, end());
+    assert_eq!(last(&model), ENDED);
+}
+
 /// What the robot says of its arm, and what reaches the host in pieces or late, is on the screen.
 #[test]
 fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {

@@ -13,7 +13,7 @@ use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
-use super::print;
+use super::{USES, print};
 use crate::cell::report::Report;
 use crate::cell::telemetry::logger::{Logger, Reading, Source};
 use crate::cell::telemetry::plausibility::{Fault, Implausible, Plausibility};
@@ -26,8 +26,7 @@ use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
-use cellwire_links::settings;
+use cellwire_links::fanuc_hmi_modbus::Frames;
 
 const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 
@@ -39,8 +38,8 @@ const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 ///
 /// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
 /// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A lost
-/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
-/// `restarted`, after which the time starts at 0 again.
+/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so are `no block for …` (the
+/// controller has not replied within the setting `timeout`) and `restarted`, after which the time starts at 0 again.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The controller: HOST:PORT, where the port is usually 502
@@ -63,9 +62,9 @@ pub(super) struct Args {
     /// The Modbus unit [default: the setting `unit` of a file, or 1]
     #[arg(long, value_name = "N")]
     unit: Option<u8>,
-    /// Word order of 32-bit values
-    #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
-    word_order: OrderArg,
+    /// Word order of 32-bit values [default: the setting `word_order` of a file, or auto]
+    #[arg(long, value_enum)]
+    word_order: Option<OrderArg>,
     /// The robot description, as for `ls make`, to mark unreachable poses
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
@@ -101,11 +100,11 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         }
         None => None,
     };
-    let (view, given) = args.set.read_client()?;
+    let given = args.set.read_client("fanuc log", &USES)?;
+    let view = given.view;
     let mut config =
         if view.frames == Frames::Rtu { ClientConfig::rtu_over_tcp() } else { ClientConfig::tcp() };
-    settings::read("fanuc log", ClientSettings(&mut config), &given)
-        .map_err(|error| args.set.located(error.into()))?;
+    args.set.configure(&given, &mut config)?;
     interrupt::note()?;
     let clock = Clock::start();
     let source = Source {
@@ -121,9 +120,10 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let target =
         if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
     let known = match args.word_order {
-        OrderArg::Auto => None,
-        OrderArg::LowFirst => Some(WordOrder::LowFirst),
-        OrderArg::HighFirst => Some(WordOrder::HighFirst),
+        None => given.word_order,
+        Some(OrderArg::Auto) => None,
+        Some(OrderArg::LowFirst) => Some(WordOrder::LowFirst),
+        Some(OrderArg::HighFirst) => Some(WordOrder::HighFirst),
     };
     let mut log = Log {
         out: LineWriter::new(file), // whole lines, however it ends
@@ -132,6 +132,8 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         recording: Recording::new(period),
         turn_around: Samples::default(),
         tally: Tally::default(),
+        unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
+        lost_at: None,
         progress: ProgressBar::with_draw_target(None, target),
         clock,
     };
@@ -172,8 +174,29 @@ struct Log {
     recording: Recording,
     turn_around: Samples,
     tally: Tally,
+    unread: Unread,
+    /// The time at which the connection was lost, while there is no other.
+    lost_at: Option<Duration>,
     progress: ProgressBar,
     clock: Clock,
+}
+
+/// The time without a block on an open connection.
+struct Unread {
+    /// The longest time that needs no note: the timeout of a request.
+    timeout: Duration,
+    /// The time of the last block, or at which the connection was opened.
+    since: Duration,
+    /// Whether a request has failed since then.
+    failed: bool,
+}
+
+impl Unread {
+    /// Returns the time without a block if it needs a note, and measures from `now` on.
+    fn end(&mut self, now: Duration) -> Option<Duration> {
+        let time = now.saturating_sub(core::mem::replace(&mut self.since, now));
+        (core::mem::take(&mut self.failed) && time > self.timeout).then_some(time)
+    }
 }
 
 /// What the recording itself does not count.
@@ -185,7 +208,7 @@ struct Tally {
     /// Why there was no block, the last time.
     why: Option<String>,
     disconnected: u64,
-    /// Without a connection.
+    /// The time without a connection, up to the end of the log.
     away: Duration,
 }
 
@@ -194,24 +217,29 @@ impl Log {
         match reading {
             Reading::Failed(failure) => {
                 self.tally.failed += 1;
+                self.unread.failed = true;
                 self.progress.set_message(format!("no block: {failure}"));
                 self.tally.why = Some(failure.to_owned());
             }
             Reading::Registers(registers, took) => {
                 self.turn_around.add(took);
                 self.tally.blocks += 1;
+                self.note_unread()?;
                 for block in self.order.push(registers)? {
                     self.block(&block)?;
                 }
             }
             Reading::Disconnected(why) => {
                 self.tally.disconnected += 1;
+                self.lost_at = Some(self.clock.now());
                 self.progress.println(format!("{why}; reconnecting"));
                 recording::write_event(&mut self.out, "disconnected")?;
             }
             Reading::Retried(why) => self.progress.set_message(why.to_owned()),
             Reading::Reconnected(after) => {
                 self.tally.away += after;
+                self.lost_at = None;
+                self.unread.end(self.clock.now());
                 self.plausibility.reconnected();
                 self.progress.println(format!("reconnected after {:.1} s", after.as_secs_f64()));
                 recording::write_event(
@@ -219,6 +247,14 @@ impl Log {
                     &format!("reconnected after {:.3} s", after.as_secs_f64()),
                 )?;
             }
+        }
+        Ok(())
+    }
+
+    /// Writes a note if there was no block for longer than the timeout.
+    fn note_unread(&mut self) -> Result<()> {
+        if let Some(time) = self.unread.end(self.clock.now()) {
+            recording::write_event(&mut self.out, &format!("no block for {:.3} s", time.as_secs_f64()))?;
         }
         Ok(())
     }
@@ -245,6 +281,10 @@ impl Log {
     /// What still waits for its word order is written as it is, if it is in the usual one.
     fn end(&mut self) -> Result<()> {
         self.progress.finish_and_clear();
+        match self.lost_at.take() {
+            Some(lost) => self.tally.away += self.clock.now().saturating_sub(lost),
+            None => self.note_unread()?,
+        }
         for registers in std::mem::take(&mut self.order.waiting) {
             let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
             recording::write_marked(&mut self.out, &block, "word order unknown")?;

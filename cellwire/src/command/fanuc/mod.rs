@@ -3,14 +3,16 @@
 mod evaluate;
 mod log;
 mod variable;
+mod write;
 
+use std::collections::BTreeSet;
 use std::io::Write;
 
 use anyhow::Result;
 use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
-use super::settings::connect_settings;
+use super::settings::client_help;
 use crate::cell::report::Report;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{self, Setting};
@@ -33,19 +35,24 @@ Examples:
   cellwire fanuc log 192.168.0.10:502 --csv a.csv --limits r.json and mark unreachable poses
   cellwire fanuc evaluate path.csv run.csv --out plots           deviation from the plan
   cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
-  cellwire fanuc write 192.168.0.10:502 string --address 400 '\"PART 7\"'
+  cellwire fanuc write 192.168.0.10:502 string --address 400 --size 10 '\"PART 7\"'
 
 Exit status of log:
   0 success   1 no samples   2 the command could not be run   3 no connection at the end
   5 implausible telemetry: its rows have a note, and the final table counts them
-  7 the file could not be written";
+  7 the file could not be written
+
+Exit status of read and write:
+  0 success   1 no usable reply to a read, or the controller holds a different value after a write
+  2 the command could not be run   3 the connection was lost, and nothing was written
+  6 the controller refuses   8 the write may have been executed: there is no reply, or it could not be read back";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Log(log::Args),
     Evaluate(evaluate::Args),
     Read(variable::ReadArgs),
-    Write(variable::WriteArgs),
+    Write(write::WriteArgs),
 }
 
 /// Does what the arguments ask for; false when nothing usable was read.
@@ -57,14 +64,21 @@ pub fn run(args: &Args) -> Result<bool> {
         Command::Log(args) => log::log(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
         Command::Read(args) => variable::read(args),
-        Command::Write(args) => variable::write(args),
+        Command::Write(args) => write::write(args),
     }
 }
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    [settings::list(ClientSettings(&mut ClientConfig::tcp())), connect_settings()].concat()
+    let mut session = settings::list(ClientSettings(&mut ClientConfig::rtu_over_tcp()));
+    session.extend(settings::list(ClientSettings(&mut ClientConfig::tcp())));
+    let mut names = BTreeSet::new();
+    session.retain(|it| names.insert(it.name.clone()));
+    client_help(session, &USES)
 }
+
+/// The settings of the link's bytes that the commands use.
+const USES: [&str; 4] = ["framing", "word_order", "unit", "address"];
 
 /// Word order of 32-bit values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -1,21 +1,18 @@
-//! `cellwire fanuc read` and `write`: variables in holding registers, by their types.
+//! `cellwire fanuc read`, and the arguments that name a variable in holding registers.
 
-use core::str::FromStr;
-
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Error, Result, bail};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
-use fanuc_hmi_modbus::{Failure, PositionRegister, Reply, Request, WordOrder, Words, text};
+use fanuc_hmi_modbus::{Exception, Failure, PositionRegister, Reply, Request, WordOrder, text};
 use serde_json::{Value, json};
 
-use super::OrderArg;
+use super::{OrderArg, USES};
+use crate::command::modbus::{Refused, silent_unit};
 use crate::command::settings::SetArgs;
-use crate::io::interrupt;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames};
-use cellwire_links::settings;
+use cellwire_links::fanuc_hmi_modbus::Frames;
 
 /// Reads variables from holding registers, one JSON line each.
 ///
@@ -30,36 +27,22 @@ pub(super) struct ReadArgs {
     count: u16,
 }
 
-/// Writes a variable into holding registers, and reads it back.
-///
-/// The value is JSON: a number, a "string", or a position such as {"cartesian": {"xyzwpr": [500,0,300,180,0,0]}, "user_frame": 1}
-/// or {"joints": [0,0,0,0,-90,0,0,0,0]}. It is written in one request, never in part. The exit
-/// status is 1 when the controller refuses it, or holds a different value afterwards.
 #[derive(Debug, clap::Args)]
-pub(super) struct WriteArgs {
-    #[command(flatten)]
-    place: PlaceArgs,
-    /// The value
-    #[arg(allow_hyphen_values = true)]
-    value: String,
-}
-
-#[derive(Debug, clap::Args)]
-struct PlaceArgs {
+pub(super) struct PlaceArgs {
     /// The controller: HOST:PORT, where the port is usually 502
     server: String,
     /// The variable's type
     #[arg(value_enum, value_name = "TYPE")]
-    kind: KindArg,
+    pub(super) kind: KindArg,
     /// The PDU address of its first register, from 0 [default: the setting `address`]
     #[arg(long, value_name = "N")]
     address: Option<u16>,
-    /// The registers of a string, two characters each: $SIZE
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(1..=120))]
-    size: u16,
+    /// The registers of a string, two characters each: $SIZE [default: 40]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=120))]
+    size: Option<u16>,
     /// $MULTIPLY of an integer
     #[arg(long, value_name = "X", default_value = "1", value_parser = scale)]
-    multiply: Multiply,
+    pub(super) multiply: Multiply,
     /// The Modbus unit [default: the setting `unit` of a file, or 1]
     #[arg(long, value_name = "N")]
     unit: Option<u8>,
@@ -73,7 +56,7 @@ struct PlaceArgs {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum KindArg {
+pub(super) enum KindArg {
     Int16,
     Int32,
     Real,
@@ -87,7 +70,15 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
     for index in 0..args.count {
         let address = u32::from(variable.address) + u32::from(index) * u32::from(each);
         let address = u16::try_from(address).ok().context("the registers end at 65535")?;
-        let Some(registers) = variable.read(&mut client, address)? else { return Ok(false) };
+        let registers = match variable.read(&mut client, address)? {
+            Outcome::Registers(registers) => registers,
+            Outcome::Refused(exception) => return Err(refused(exception)),
+            Outcome::Failed(_, why) => {
+                remark(&format!("error: {why}"));
+                return Ok(false);
+            }
+            Outcome::Announced => bail!("{BROADCAST}"),
+        };
         log(&json!({"address": address, "value": variable.value(&registers)}))?;
         if variable.is_denormal(&registers) {
             remark(
@@ -98,47 +89,51 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
     Ok(true)
 }
 
-pub(super) fn write(args: &WriteArgs) -> Result<bool> {
-    let (variable, port) = args.place.variable()?;
-    let value = Value::from_str(&args.value)
-        .with_context(|| format!("{} is not JSON: a string needs quotes, '\"text\"'", args.value))?;
-    let registers = variable.registers_of(&value)?;
-    let mut client = Client::open(&port)?;
-    let address = variable.address;
-    let request = Request::WriteRegisters { address, values: Words::from(registers.as_slice()) };
-    interrupt::handle_after_reply()?;
-    interrupt::account("the controller may hold the new value".into());
-    if variable.ask(&mut client, &request)?.is_none() {
-        return Ok(false);
-    }
-    let Some(held) = variable.read(&mut client, address)? else { return Ok(false) };
-    let (meant, found) = (variable.value(&registers), variable.value(&held));
-    let is_same = meant == found;
-    log(&json!({"address": address, "value": found, "written": is_same}))?;
-    if !is_same {
-        remark(&format!("error: {meant} was written, the controller holds {found}"));
-    }
-    Ok(is_same)
+/// The error of a refused request, with its exit status.
+pub(super) fn refused(exception: Exception) -> Error {
+    Refused(format!("the controller refuses: {exception}")).into()
+}
+
+/// The reason that unit 0 has no outcome.
+pub(super) const BROADCAST: &str = "unit 0 is a broadcast, without a reply";
+
+/// The outcome of a request on a connection that was not lost.
+pub(super) enum Outcome {
+    /// The registers in the reply; none for a write.
+    Registers(Vec<u16>),
+    /// The controller has not executed the request.
+    Refused(Exception),
+    /// There is no usable reply, for the reason in words.
+    Failed(Failure, String),
+    /// The request was sent to all units.
+    Announced,
 }
 
 /// A variable, and the order of its words.
-struct Variable<'a> {
-    place: &'a PlaceArgs,
-    order: WordOrder,
+pub(super) struct Variable<'a> {
+    pub(super) place: &'a PlaceArgs,
+    pub(super) order: WordOrder,
     unit: u8,
-    address: u16,
+    /// The PDU address of the first register.
+    pub(super) address: u16,
 }
 
 impl PlaceArgs {
     /// The variable and the port of its controller, by the command line and the settings.
-    fn variable(&self) -> Result<(Variable<'_>, Port)> {
-        let (view, given) = self.set.read_client()?;
-        let order = self.word_order.map_or(view.word_order, WordOrder::from);
-        let (server, rtu) = (self.server.clone(), view.frames == Frames::Rtu);
+    pub(super) fn variable(&self) -> Result<(Variable<'_>, Port)> {
+        if !matches!(self.kind, KindArg::Int16 | KindArg::Int32) && self.multiply.value() != 1.0 {
+            bail!("--multiply has no effect on this type: it scales int16 and int32");
+        }
+        if self.kind != KindArg::String && self.size.is_some() {
+            remark("--size has no effect on this type: it is for a string");
+        }
+        let given = self.set.read_client("fanuc", &USES)?;
+        let order = self.word_order.map_or(given.view.word_order, WordOrder::from);
+        let (server, rtu) = (self.server.clone(), given.view.frames == Frames::Rtu);
         let dialing = self.set.dialing(None, self.connect)?;
         let mut port = Port::new(PortKind::Tcp { server, rtu }, dialing);
-        settings::read("fanuc", ClientSettings(&mut port.config), &given)
-            .map_err(|error| self.set.located(error.into()))?;
+        self.set.configure(&given, &mut port.config)?;
+        let view = given.view;
         let unit = self.unit.or(view.unit).unwrap_or(1);
         let address = self.address.or(view.address).context("give --address, or the setting `address`")?;
         Ok((Variable { place: self, order, unit, address }, port))
@@ -147,16 +142,16 @@ impl PlaceArgs {
 
 impl Variable<'_> {
     /// The registers of a variable.
-    fn registers(&self) -> u16 {
+    pub(super) fn registers(&self) -> u16 {
         match self.place.kind {
             KindArg::Int16 => 1,
             KindArg::Int32 | KindArg::Real => 2,
-            KindArg::String => self.place.size,
+            KindArg::String => self.place.size.unwrap_or(40),
             KindArg::Position => PositionRegister::QUANTITY,
         }
     }
 
-    fn number(&self) -> Number {
+    pub(super) fn number(&self) -> Number {
         let kind = match self.place.kind {
             KindArg::Int16 => Kind::Int16,
             KindArg::Int32 => Kind::Int32,
@@ -166,36 +161,47 @@ impl Variable<'_> {
         Number { kind, multiply, order: self.order }
     }
 
-    /// None when the controller refuses, which has been said.
-    fn read(&self, client: &mut Client, address: u16) -> Result<Option<Vec<u16>>> {
+    /// The registers of the variable at this address.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub(super) fn read(&self, client: &mut Client, address: u16) -> Result<Outcome> {
         let quantity = self.registers();
         self.ask(client, &Request::ReadHoldingRegisters { address, quantity })
     }
 
-    /// The registers in the reply. None when the controller refuses, which has been said.
-    fn ask(&self, client: &mut Client, request: &Request<'_>) -> Result<Option<Vec<u16>>> {
+    /// Makes one request.
+    ///
+    /// # Errors
+    /// When the connection is lost, or the request is not one of the specification.
+    pub(super) fn ask(&self, client: &mut Client, request: &Request<'_>) -> Result<Outcome> {
         let answer = client.ask(self.unit, request, |reply| match reply.pdu {
             Reply::Exception { exception, .. } => Err(exception),
             Reply::HoldingRegisters(words) => Ok(words.iter().collect()),
             _ => Ok(Vec::new()),
         })?;
-        match answer {
-            Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
-            Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
-            Answer::Failed(failure @ Failure::TimedOut) => remark(&format!(
-                "error: {}\n`cellwire modbus scan {}` shows which units answer; {} was asked",
-                client.explain(failure),
-                self.place.server,
-                self.unit
-            )),
-            Answer::Failed(failure) => remark(&format!("error: {failure}")),
-            Answer::Announced => remark("error: unit 0 is a broadcast, without a reply"),
-        }
-        Ok(None)
+        Ok(match answer {
+            Answer::Replied(Ok(registers)) => Outcome::Registers(registers),
+            Answer::Replied(Err(exception)) => Outcome::Refused(exception),
+            Answer::Failed(failure) => match failure.exception() {
+                Some(exception) => Outcome::Refused(exception),
+                None => Outcome::Failed(failure, self.explain(client, failure)),
+            },
+            Answer::Announced => Outcome::Announced,
+        })
+    }
+
+    /// The failure in words, with a hint after a timeout.
+    fn explain(&self, client: &Client, failure: Failure) -> String {
+        let hint = match failure {
+            Failure::TimedOut => format!("\n{}", silent_unit(&self.place.server, self.unit)),
+            _ => String::new(),
+        };
+        format!("{}{hint}", client.explain(failure))
     }
 
     /// What registers hold.
-    fn value(&self, registers: &[u16]) -> Value {
+    pub(super) fn value(&self, registers: &[u16]) -> Value {
         match self.place.kind {
             KindArg::String => {
                 let mut bytes = vec![0; 2 * registers.len()];
@@ -232,31 +238,6 @@ impl Variable<'_> {
             },
             _ => false,
         }
-    }
-
-    fn registers_of(&self, value: &Value) -> Result<Vec<u16>> {
-        let mut registers = vec![0; self.registers().into()];
-        match self.place.kind {
-            KindArg::String => {
-                let string = value.as_str().context("a string is JSON in quotes: '\"text\"'")?;
-                text::write(string.as_bytes(), &mut registers)?;
-            }
-            KindArg::Position => {
-                let position: PositionRegister = serde_json::from_value(value.clone())
-                    .with_context(|| format!("{value} is not a position: see --help"))?;
-                ensure!(
-                    position.cartesian.is_some() != position.joints.is_some(),
-                    "a position has either cartesian or joints"
-                );
-                registers = position.to_registers(self.order).to_vec();
-            }
-            KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
-                let number = value.as_f64().context("a number is needed")?;
-                let words = self.number().write(number)?;
-                registers.iter_mut().zip(words).for_each(|(register, word)| *register = word);
-            }
-        }
-        Ok(registers)
     }
 }
 

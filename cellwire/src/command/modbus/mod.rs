@@ -4,6 +4,7 @@ mod poll;
 mod range;
 mod requests;
 mod scan;
+mod seen;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,12 +13,13 @@ use anyhow::Result;
 use clap::Subcommand;
 use fanuc_hmi_modbus::ClientConfig;
 
-use super::settings::{SetArgs, connect_settings};
+use super::settings::{SetArgs, client_help};
+use crate::io::output::remark;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
-use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
-use cellwire_links::fanuc_hmi_modbus::{ClientSettings, Frames, client_settings};
-use cellwire_links::settings;
+use crate::links::fanuc_hmi_modbus::client::{Client, Port, PortKind};
+use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
+use cellwire_links::settings::Setting;
 
 /// Sends Modbus requests; scans for units and addresses; polls values
 #[derive(Debug, clap::Args)]
@@ -64,8 +66,14 @@ enum Command {
     Poll(poll::Args),
 }
 
+/// The settings of the link's bytes that the commands use.
+const USES: [&str; 2] = ["framing", "unit"];
+
 /// How long a reply may take, unless it is set.
 const REPLY: Duration = Duration::from_secs(1);
+
+/// A shorter wait before the first request is not reported.
+const MIN_REPORTED: Duration = Duration::from_secs(1);
 
 /// How the servers are reached.
 #[derive(Debug, clap::Args)]
@@ -88,12 +96,33 @@ struct PortArgs {
 /// A server has refused a request.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Refused(String);
+pub struct Refused(pub(super) String);
 
 /// A request that is no read has no reply: a server may have executed it.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Unknown(String);
+pub struct Unknown(pub(super) String);
+
+/// Opens a client. A remark says if its first request has to wait.
+///
+/// # Errors
+/// Those of [`Client::open`].
+fn open(port: &Port) -> Result<Client> {
+    let client = Client::open(port)?;
+    let wait = client.first_wait();
+    if wait >= MIN_REPORTED {
+        remark(&format!(
+            "the first request waits {:.1} s, for a reply to a request of an earlier client (the settings timeout and settle)",
+            wait.as_secs_f64()
+        ));
+    }
+    Ok(client)
+}
+
+/// The hint after a timeout: how to find the units that answer.
+pub(super) fn silent_unit(server: &str, unit: u8) -> String {
+    format!("`cellwire modbus scan {server}` shows which units answer; {unit} was asked")
+}
 
 /// Returns true when there was a usable reply to every request.
 ///
@@ -111,8 +140,8 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 /// What can be set of a client, for the help.
-pub fn settings() -> Vec<settings::Setting> {
-    [client_settings(), connect_settings()].concat()
+pub fn settings() -> Vec<Setting> {
+    client_help(client_settings(), &USES)
 }
 
 impl PortArgs {
@@ -129,17 +158,19 @@ impl PortArgs {
         defaults: impl FnOnce(&mut ClientConfig),
     ) -> Result<(Port, u8)> {
         let is_path = server.contains('/') || !server.contains(':');
-        let (frames, given) = self.set.read_client()?;
+        let given = self.set.read_client("modbus", &USES)?;
         let kind = if is_path {
             PortKind::Serial { path: server.to_owned(), baud: self.baud, mode: self.mode }
         } else {
-            PortKind::Tcp { server: server.to_owned(), rtu: frames.frames == Frames::Rtu }
+            PortKind::Tcp { server: server.to_owned(), rtu: given.view.frames == Frames::Rtu }
         };
         let mut port = Port::new(kind, self.set.dialing(None, self.connect)?);
         port.config.timeout = timeout;
         defaults(&mut port.config);
-        settings::read("modbus", ClientSettings(&mut port.config), &given)
-            .map_err(|error| self.set.located(error.into()))?;
-        Ok((port, self.unit.or(frames.unit).unwrap_or(1)))
+        self.set.configure(&given, &mut port.config)?;
+        if is_path && given.frames_given && given.view.frames == Frames::Tcp {
+            remark("the setting framing=tcp has no effect on a serial port: its frames are RTU");
+        }
+        Ok((port, self.unit.or(given.view.unit).unwrap_or(1)))
     }
 }

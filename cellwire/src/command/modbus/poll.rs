@@ -1,17 +1,17 @@
 //! `cellwire modbus poll`.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result};
 use serde_json::{Map, Value, json};
 
-use super::PortArgs;
 use super::range::{Range, values};
+use super::{PortArgs, silent_unit};
 use crate::io::drive::Lost;
 use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Clock;
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
 /// Polls addresses, and prints changes.
@@ -29,21 +29,29 @@ pub(super) struct Args {
     /// The polling period
     #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = time(Duration::from_millis(1)..=Duration::from_secs(86_400)))]
     every: Duration,
-    /// How long to read [default: until interrupted]
+    /// How long to read, from the first request on [default: until interrupted]
     #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
     duration: Option<Duration>,
     #[command(flatten)]
     port: PortArgs,
 }
 
+/// An interrupt is seen after this time at the latest.
+const TURN: Duration = Duration::from_millis(100);
+
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
     let (port, unit) = args.port.port(&args.server, super::REPLY)?;
-    let mut client = Client::open(&port)?;
+    let mut client = super::open(&port)?;
+    // The time of --for begins with the first request.
+    let end = Instant::now() + client.first_wait();
+    while Instant::now() < end && !interrupt::requested() {
+        client.idle(end.saturating_duration_since(Instant::now()).min(TURN))?;
+    }
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), args.every);
-    let mut all = true;
+    let (mut all, mut hinted) = (true, false);
     let mut next = clock.now();
     let goes_on = || args.duration.is_none_or(|end| clock.now() < end) && !interrupt::requested();
     while goes_on() {
@@ -60,11 +68,14 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
             for line in watched.changes(answer) {
                 log(&event(&clock, line))?;
             }
+            if let Some(unit) = client.silent_unit().filter(|_| !core::mem::replace(&mut hinted, true)) {
+                remark(&silent_unit(&args.server, unit));
+            }
         }
         // What was missed is not made up for.
         next = (next + every).max(clock.now());
         while goes_on() && clock.now() < next {
-            let step = next.saturating_sub(clock.now()).min(Duration::from_millis(100));
+            let step = next.saturating_sub(clock.now()).min(TURN);
             if let Err(error) = client.idle(step) {
                 all = false;
                 again(&mut client, error, &clock, goes_on)?;

@@ -3,21 +3,22 @@
 use std::io::BufRead as _;
 use std::path::Path;
 
-use anyhow::{Context, Result};
-use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request};
+use anyhow::{Context, Result, anyhow};
+use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request, Side};
 use serde_json::{Value, json};
 
-use super::{Refused, Unknown};
+use super::{Refused, Unknown, silent_unit};
 use crate::io::drive::Lost;
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::io::{input, interrupt};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
+use cellwire_links::fanuc_hmi_modbus::unknown_key;
 use cellwire_links::json::value as object;
 
 pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> Result<bool> {
     interrupt::handle_after_reply()?;
     let input = input::open(file)?;
-    let mut client = Client::open(port)?;
+    let mut client = super::open(port)?;
     let (mut all, mut refused, mut unknown) = (true, 0u64, 0u64);
     let mut lost = None;
     for (number, text) in (1..).zip(input.lines()) {
@@ -59,6 +60,9 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
         log(&answer)?;
         interrupt::account(String::new());
     }
+    if let Some(unit) = client.silent_unit() {
+        remark(&silent_unit(port.server(), unit));
+    }
     let requests = |count| if count == 1 { "1 request".into() } else { format!("{count} requests") };
     if unknown > 0 {
         let unknown = Unknown(format!("{} may have been executed: see \"unknown\"", requests(unknown)));
@@ -77,12 +81,16 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
 }
 
 /// Reads a request; one that names no unit is to `unit`.
-fn request(text: &str, unit: u8) -> serde_json::Result<Frame<PduBuf>> {
-    let mut request: Value = serde_json::from_str(text)?;
+fn request(text: &str, unit: u8) -> Result<Frame<PduBuf>> {
+    let mut request: Value = input::json(text)?;
     if let Some(object) = request.as_object_mut() {
         object.entry("unit").or_insert_with(|| json!(unit));
     }
-    serde_json::from_value(request)
+    let unknown = unknown_key(&request, Side::Client);
+    serde_json::from_value(request).map_err(|error| match unknown {
+        Some(unknown) => anyhow!(unknown),
+        None => error.into(),
+    })
 }
 
 /// The answer to one request, as the object to print.

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::PortArgs;
 use super::range::{Range, TABLES};
+use super::seen::Seen;
 use crate::io::drive::Lost;
 use crate::io::interrupt;
 use crate::io::output::{log, remark};
@@ -24,6 +25,8 @@ const GIVEN_UP: Duration = Duration::from_secs(20);
 ///
 /// Units: reads holding register 0 of each. Any reply counts, also an exception, except for a gateway's report that a unit
 /// does not respond (exceptions 10 and 11). A missing unit costs the timeout, on a serial line twice.
+/// A request without a reply is made again if it was the first of its connection, or followed a reply: a warning then names the setting
+/// that the server needs. The scan ends when the server has closed 8 connections without a reply.
 ///
 /// Ranges: a refused range is split in halves, down to single addresses. Prints each readable range.
 /// A sparse table takes many requests: limit it with --from and --to.
@@ -54,25 +57,36 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
     let (port, unit) = args.port.port_with(&args.server, timeout, |config| {
         config.settle = config.settle.min(config.timeout);
     })?;
-    let mut client = Client::open(&port)?;
-    let found = if args.ranges { ranges(args, unit, &mut client)? } else { units_of(args, &mut client)? };
+    let mut client = super::open(&port)?;
+    let mut seen = Seen::new();
+    let found = if args.ranges {
+        ranges(args, unit, &mut client, &mut seen)
+    } else {
+        units_of(args, &mut client, &mut seen)
+    };
+    seen.report(&client);
+    let found = found?;
     if found == 0 {
         remark(if args.ranges { "no readable addresses" } else { "no unit replied" });
     }
     Ok(found > 0)
 }
 
-fn units_of(args: &Args, client: &mut Client) -> Result<u64> {
+fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
     let progress = progress(args.units.clone().count() as u64);
     let mut found = 0;
     for unit in args.units.clone() {
         if interrupt::requested() {
             break;
         }
+        if seen.closes_all(client) {
+            remark(&format!("units {unit} to {} were not asked", args.units.end()));
+            break;
+        }
         progress.inc(1);
         progress.set_message(format!("unit {unit}, {found} found"));
         let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
-        let Some(answer) = ask(client, unit, &request)? else { break };
+        let Some(answer) = seen.ask(client, |client| ask(client, unit, &request))? else { break };
         let reply = match answer {
             Answer::Replied(Ok(())) => "has holding register 0".into(),
             Answer::Replied(Err(
@@ -100,7 +114,7 @@ enum Tried {
     Nothing(String),
 }
 
-fn ranges(args: &Args, unit: u8, client: &mut Client) -> Result<u64> {
+fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result<u64> {
     anyhow::ensure!(args.from <= args.to, "--from is after --to");
     let mut found = 0;
     for (table, name) in TABLES {
@@ -115,7 +129,7 @@ fn ranges(args: &Args, unit: u8, client: &mut Client) -> Result<u64> {
             if interrupt::requested() {
                 break;
             }
-            let tried = try_read(unit, client, part)?;
+            let tried = try_read(unit, client, seen, part)?;
             if let Tried::Malformed(reason) = &tried
                 && !core::mem::replace(&mut malformed, true)
             {
@@ -154,9 +168,9 @@ fn ranges(args: &Args, unit: u8, client: &mut Client) -> Result<u64> {
     Ok(found)
 }
 
-fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
+fn try_read(unit: u8, client: &mut Client, seen: &mut Seen, part: Range) -> Result<Tried> {
     let Some(request) = part.request() else { return Ok(Tried::Refused) };
-    let Some(answer) = ask(client, unit, &request)? else {
+    let Some(answer) = seen.ask(client, |client| ask(client, unit, &request))? else {
         return Ok(Tried::Nothing("the scan was interrupted".into()));
     };
     Ok(match answer {

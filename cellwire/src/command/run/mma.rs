@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use indicatif::ProgressBar;
+use mmacell_task::Step;
 use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::cell::run::Operator;
-use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Rest, Runner, Settings, Simulated};
+use crate::cell::run::mma::{
+    Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated,
+};
 use crate::command::settings::connect_settings;
 use crate::io::bell::Bell;
 use crate::io::input;
@@ -83,7 +86,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         settings.draw(file)?;
     }
     if args.work.dry_run {
-        log(&json!({"task": args.file, "parts": parts}))?;
+        dry_run(args, &settings, parts)?;
         return Ok(true);
     }
     let (fingerprint, lines) = (settings.fingerprint(), lines(&input::text(&args.file)?));
@@ -99,6 +102,47 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let line = ended(&ran.journal, if is_complete { "complete" } else { "stopped" }, machine);
     ran.say(&line)?;
     Ok(is_complete)
+}
+
+/// The steps of a part, in sequence.
+const STEPS: [Step; 10] = [
+    Step::GoCamera1,
+    Step::FindPart,
+    Step::TurnPlatform,
+    Step::GoCamera2,
+    Step::FindSlot,
+    Step::GoPick,
+    Step::VacuumOn,
+    Step::GoPlace,
+    Step::Release,
+    Step::Placed,
+];
+
+/// Prints the settings of all motions, then each part with its line. Real cameras alone know where parts are.
+fn dry_run(args: &Args, settings: &Settings, parts: usize) -> Result<()> {
+    let task = &settings.task;
+    log(&json!({
+        "task": args.file,
+        "parts": parts,
+        "override_percent": task.percent,
+        "robot_home": task.robot_home,
+        "platform_home": task.platform_home,
+        "camera_1": task.camera_1,
+        "camera_2": task.camera_2,
+        "attempts": task.attempts,
+        "periphery": args.periphery.as_deref().unwrap_or("simulated"),
+        "steps": STEPS,
+    }))?;
+    if args.periphery.is_some() {
+        return Ok(());
+    }
+    let lines = lines(&input::text(&args.file)?);
+    let lines = lines.into_iter().map(Some).chain(core::iter::repeat(None));
+    for ((number, part), line) in (1..).zip(&settings.part).zip(lines).take(parts) {
+        let Part { platform, pick, place } = part;
+        log(&json!({"part": number, "line": line, "platform": platform, "pick": pick, "place": place}))?;
+    }
+    Ok(())
 }
 
 fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &ProgressBar) -> Result<Ended> {

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
+use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 use serde_json::{Map, Value};
 
 use crate::io::input;
 use crate::io::output::remark;
 use crate::io::tcp::{ConnectArgs, Dialing, MAX_PAUSE};
 use cellwire_links::LINKS;
-use cellwire_links::fanuc_hmi_modbus::{ViewSettings, client_settings};
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_settings};
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
 
 pub(super) use self::list::toml_value;
@@ -74,16 +75,50 @@ impl SetArgs {
         Ok(connect.dialing(read.map_err(|error| self.located(error.into()))?.pause))
     }
 
-    /// The values that were set of a client of Modbus: the frames and the order of words as `decode` has them, and the session.
+    /// The settings of a Modbus client, of a command that uses these of the link's bytes. A remark names others that were given.
     ///
     /// # Errors
-    /// As [`read`](Self::read); when a value of the first is none of theirs.
-    pub(super) fn read_client(&self) -> Result<(ViewSettings, Map<String, Value>)> {
+    /// As [`read`](Self::read); when a name is not a setting of a Modbus client, or a value is not one of the setting's.
+    pub(super) fn read_client(&self, what: &str, uses: &[&str]) -> Result<ClientGiven> {
         let view = settings::list(ViewSettings::default());
         let mut given = self.read(&[client_settings(), view.clone(), connect_settings()].concat())?;
-        let shown = view.iter().filter_map(|it| given.remove_entry(&it.name)).collect();
-        let view = settings::read("modbus", ViewSettings::default(), &shown);
-        Ok((view.map_err(|error| self.located(error.into()))?, given))
+        let shown: Map<String, Value> = view.iter().filter_map(|it| given.remove_entry(&it.name)).collect();
+        for name in shown.keys().filter(|name| !uses.contains(&name.as_str())) {
+            // A file has `view` for `decode`.
+            if name != "view" || self.set.iter().any(|(set, _)| set == name) {
+                no_effect(name);
+            }
+        }
+        let known = client_known(&client_settings(), uses);
+        if let Some(name) = given.keys().find(|name| !known.contains(name)) {
+            let text = format!("{what} has no setting `{name}`: it has {}", known.join(", "));
+            return Err(self.located(Refused { name: name.clone(), text }.into()));
+        }
+        let (has_order, frames_given) = (shown.contains_key("word_order"), shown.contains_key("framing"));
+        let view = settings::read(what, ViewSettings::default(), &shown);
+        let view = view.map_err(|error| self.located(error.into()))?;
+        let word_order = has_order.then_some(view.word_order);
+        let uses = uses.iter().map(|it| (*it).to_owned()).collect();
+        Ok(ClientGiven { view, word_order, frames_given, what: what.to_owned(), uses, given })
+    }
+
+    /// Sets the session of a client.
+    ///
+    /// # Errors
+    /// When the settings include one of another kind of connection, or a value is not one of the setting's.
+    pub(super) fn configure(&self, client: &ClientGiven, config: &mut ClientConfig) -> Result<()> {
+        let uses: Vec<&str> = client.uses.iter().map(String::as_str).collect();
+        let known = client_known(&settings::list(ClientSettings(&mut config.clone())), &uses);
+        let read = match client.given.keys().find(|name| !known.contains(name)) {
+            Some(name) => {
+                let (what, known) = (&client.what, known.join(", "));
+                let text =
+                    format!("{what} has no setting `{name}` on this kind of connection: it has {known}");
+                Err(Refused { name: name.clone(), text })
+            }
+            None => settings::read(&client.what, ClientSettings(config), &client.given).map(drop),
+        };
+        read.map_err(|error| self.located(error.into()))
     }
 
     /// The same error, with the line of the file whose setting is refused.
@@ -99,6 +134,40 @@ impl SetArgs {
             None => error,
         }
     }
+}
+
+/// The settings that were given to a Modbus client.
+pub(super) struct ClientGiven {
+    /// Those of the link's bytes.
+    pub(super) view: ViewSettings,
+    /// The order of words, if it was given.
+    pub(super) word_order: Option<WordOrder>,
+    /// Whether the frames were given.
+    pub(super) frames_given: bool,
+    /// The name of the command, for errors.
+    what: String,
+    /// The settings of the link's bytes that the command uses.
+    uses: Vec<String>,
+    /// Those of the session.
+    given: Map<String, Value>,
+}
+
+/// The names of a client's settings, for an error.
+fn client_known(session: &[Setting], uses: &[&str]) -> Vec<String> {
+    let session = session.iter().map(|it| it.name.clone());
+    session.chain(uses.iter().map(|it| (*it).to_owned())).chain([CONNECT_PAUSE.to_owned()]).collect()
+}
+
+/// The settings of a Modbus client that uses these of the link's bytes, for its help.
+pub fn client_help(session: Vec<Setting>, uses: &[&str]) -> Vec<Setting> {
+    let mut view = settings::list(ViewSettings::default());
+    view.retain(|it| uses.contains(&it.name.as_str()));
+    [session, view, connect_settings()].concat()
+}
+
+/// The remark for a setting that a command does not use.
+pub(crate) fn no_effect(name: &str) {
+    remark(&format!("the setting {name} has no effect on this command"));
 }
 
 /// What `identify` finds of a line, and ends of several links have.
@@ -142,7 +211,7 @@ fn files<'a>(files: impl Iterator<Item = &'a Path>) -> Result<Map<String, Value>
 }
 
 /// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
-/// ends. Those that the command does not have are left out, with a remark unless they only show bytes in another way.
+/// ends. Those that the command does not have are left out, with a remark unless they only affect how bytes are shown.
 fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
     let is_known = |name: &str| {
         let inner = format!("{name}.");
@@ -154,16 +223,18 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
     };
     for link in LINKS {
         let open = || link.open.settings.iter().copied();
-        let beside = link.open.beside.iter().map(|(name, _)| *name);
-        let shown: Vec<&str> = beside.chain(link.open.place_names.iter().copied()).collect();
+        let shown: Vec<&str> = link.open.beside.iter().map(|(name, _)| *name).collect();
+        let places_of = link.open.place_names.iter().copied();
         if !open().any(|name| is_known(name) || !places(name).is_empty()) {
             continue;
         }
-        for name in open().chain([ECHO]).chain(shown.iter().copied()).filter(|name| !is_known(name)) {
+        for name in
+            open().chain([ECHO]).chain(shown.iter().copied()).chain(places_of).filter(|name| !is_known(name))
+        {
             let Some(value) = given.remove(name) else { continue };
             let places = places(name);
             if places.is_empty() && !shown.contains(&name) {
-                remark(&format!("the setting {name} has no effect on this command"));
+                no_effect(name);
             }
             for place in places {
                 settings::insert(given, place, value.clone())?;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::io::serial::Mode;
 use anyhow::Result;
-use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
+use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Framing, Reply, Request};
 use robot_session::{Driver, End as _, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
@@ -69,6 +69,14 @@ impl Port {
         Self { kind, config, dialing }
     }
 
+    /// HOST:PORT, or the path of the serial port.
+    pub fn server(&self) -> &str {
+        match &self.kind {
+            PortKind::Tcp { server, .. } => server,
+            PortKind::Serial { path, .. } => path,
+        }
+    }
+
     fn open(&self) -> Result<AnyPort> {
         match &self.kind {
             PortKind::Tcp { server, .. } => {
@@ -91,6 +99,20 @@ pub struct Client {
     backoff: Backoff,
     /// The first bytes that came in place of the reply to the last request, in words.
     instead: Option<String>,
+    /// The time at which the connection was opened.
+    opened: Instant,
+    seen: Seen,
+}
+
+/// Facts about all requests of a client, for remarks at the end of a command.
+#[derive(Debug, Default)]
+struct Seen {
+    /// The unit of the first request that timed out.
+    silent_unit: Option<u8>,
+    /// The replies that came after their timeout.
+    late_replies: u64,
+    /// The connections that the server closed, or that broke.
+    lost_connections: u64,
 }
 
 /// What a request came to.
@@ -113,8 +135,16 @@ impl Client {
         let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
-        let backoff = Backoff::default();
-        Ok(Self { port: port.clone(), driver, session, is_used_up: false, backoff, instead: None })
+        Ok(Self {
+            port: port.clone(),
+            driver,
+            session,
+            is_used_up: false,
+            backoff: Backoff::default(),
+            instead: None,
+            opened: Instant::now(),
+            seen: Seen::default(),
+        })
     }
 
     /// Makes one request, and gives what `read` makes of the reply.
@@ -166,6 +196,9 @@ impl Client {
         if let Answer::Replied(_) = answer {
             self.backoff.answered();
         }
+        if matches!(answer, Answer::Failed(Failure::TimedOut)) {
+            self.seen.silent_unit.get_or_insert(unit);
+        }
         let pending = self.session.pending();
         if matches!(answer, Answer::Failed(Failure::TimedOut)) && pending > 0 {
             let instead = || format!("an incomplete reply, of which {pending} bytes have arrived");
@@ -181,6 +214,32 @@ impl Client {
             (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
             _ => failure.to_string(),
         }
+    }
+
+    /// The time before the first request on a serial line: a reply to a request of an earlier client may still come.
+    pub const fn first_wait(&self) -> Duration {
+        let ClientConfig { framing, timeout, settle, .. } = self.port.config;
+        if matches!(framing, Framing::Rtu { .. }) { timeout.saturating_add(settle) } else { Duration::ZERO }
+    }
+
+    /// The time at which the connection was opened.
+    pub const fn opened(&self) -> Instant {
+        self.opened
+    }
+
+    /// The unit of the first request that timed out.
+    pub const fn silent_unit(&self) -> Option<u8> {
+        self.seen.silent_unit
+    }
+
+    /// The number of replies that came after their timeout.
+    pub const fn late_replies(&self) -> u64 {
+        self.seen.late_replies
+    }
+
+    /// The number of connections that the server closed, or that broke.
+    pub const fn lost_connections(&self) -> u64 {
+        self.seen.lost_connections
     }
 
     /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
@@ -228,19 +287,23 @@ impl Client {
         wait: Option<Duration>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Option<Answer<T>>> {
-        let instead = &mut self.instead;
+        let (instead, seen) = (&mut self.instead, &mut self.seen);
         let turn = self.driver.turn(&mut self.session, wait, |session, event| {
+            seen.late_replies += u64::from(matches!(event, ClientEvent::Stray { late: Some(_), .. }));
             match answer(session, event, instead, &mut read) {
                 Some(answer) => ControlFlow::Break(answer),
                 None => ControlFlow::Continue(()),
             }
         });
-        match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
-            ControlFlow::Continue(()) => Ok(None),
-            ControlFlow::Break(Ended::ByHandler(answer)) => Ok(Some(answer)),
-            ControlFlow::Break(Ended::ByPeer) => Err(Lost("the server closed the connection".into()).into()),
-            ControlFlow::Break(Ended::Stalled) => Err(Lost("the server does not read".into()).into()),
-        }
+        let why = match turn {
+            Ok(ControlFlow::Continue(())) => return Ok(None),
+            Ok(ControlFlow::Break(Ended::ByHandler(answer))) => return Ok(Some(answer)),
+            Ok(ControlFlow::Break(Ended::ByPeer)) => "the server closed the connection".into(),
+            Ok(ControlFlow::Break(Ended::Stalled)) => "the server does not read".into(),
+            Err(error) => format!("the connection broke: {error}"),
+        };
+        self.seen.lost_connections += 1;
+        Err(Lost(why).into())
     }
 
     /// After a failure. Without that, the rest of a reply that was cut would be taken from the next one; and where RTU frames go over
@@ -264,6 +327,7 @@ impl Client {
         self.driver.transport_mut().close();
         self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
         self.is_used_up = false;
+        self.opened = Instant::now();
         self.session.handle_connected(robot_session::now());
         Ok(())
     }

@@ -151,6 +151,26 @@ impl FanucSettings {
         self.with(config)
     }
 
+    /// The settings that have no effect on a serial line, or on TCP.
+    pub fn unused(&self, is_line: bool) -> Vec<&'static str> {
+        let mut unused = Vec::new();
+        if is_line {
+            unused.push("stall");
+            if self.frames == Frames::Tcp {
+                unused.push("framing"); // the frames of a line are RTU
+            }
+        } else {
+            unused.extend(["baud", "silence"]);
+            if self.frames == Frames::Tcp {
+                unused.extend(["stall", "frame_timeout"]);
+            }
+        }
+        if self.program.program.is_none() {
+            unused.extend(["joints", "telemetry"]);
+        }
+        unused
+    }
+
     fn with(&self, config: ServerConfig) -> ServerConfig {
         let broadcast = self.broadcast.unwrap_or(config.broadcast);
         let frame_timeout = self.frame_timeout.unwrap_or(config.frame_timeout);

@@ -23,7 +23,7 @@ use super::robot::{Reporting, Reports, Robot};
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
@@ -38,6 +38,10 @@ use cellwire_motion::{Arm, Limits, Planner, Pose};
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let mut settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
     settings.program.check()?;
+    let is_line = matches!(options.endpoint, Endpoint::Pty(_));
+    for name in settings.unused(is_line).into_iter().filter(|name| options.settings.contains_key(*name)) {
+        remark(&format!("the setting {name} has no effect here"));
+    }
     let without_task = match options.settings.contains_key("telemetry") {
         true => None,
         false => leave_registers(&mut settings.program)?,

@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use cellwire_sim::kawasaki::Pc;
 use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
-use kawasaki_msg::{PcEvent, RobotEvent};
+use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
 use serde_json::json;
 
 use super::control;
@@ -21,22 +21,38 @@ use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::io::output::{log, remark};
 use crate::links::device::SimulateOptions;
-use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
-use cellwire_links::settings;
+use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
+use cellwire_links::settings::{self, Refused};
 
-/// The PC until interrupted: a robot that connects gets the picture as an order.
+/// The PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs are not lines.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn pc(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("kawasaki-pc", PcSettings::default(), &options.settings)?;
-    let picture = match settings.drawing() {
-        Some(file) => Picture::from_file(&file, SHEET, false)?,
-        None => Picture::built_in(SHEET)?,
-    };
     let layout = settings.plant.layout()?;
-    let jobs = Lines::of(&layout)?.jobs(&picture).into();
-    let config = settings.plant.pc(settings.config)?;
+    let jobs = match (settings.drawing(), Lines::of(&layout)) {
+        (Some(file), lines) => lines?.jobs(&Picture::from_file(&file, SHEET, false)?),
+        (None, Ok(lines)) => lines.jobs(&Picture::built_in(SHEET)?),
+        (None, Err(why)) => {
+            remark(&format!("{why:#}: an order is {EXAMPLES} jobs with example values of its fields"));
+            examples(&layout, settings.config.dialect.charset())?
+        }
+    }
+    .into();
+    let config = match settings.plant.pc(settings.config) {
+        // A plant that was drafted from a capture may lack it.
+        Err(error)
+            if error.downcast_ref().is_some_and(lacks_interrupt)
+                && !options.settings.contains_key("takeover") =>
+        {
+            remark(
+                "the plant has no message order_interrupt: takeover=end, for an order that the robot still has",
+            );
+            settings.plant.pc(PcConfig { takeover: Takeover::End, ..settings.config })?
+        }
+        config => config?,
+    };
     let PcSettings { order, repeat, .. } = settings;
     let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
@@ -45,6 +61,38 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     options.control("kawasaki-pc", &mut pc, control::pc())?;
     pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
     Ok(())
+}
+
+/// Returns whether a plant is refused because it has no message that interrupts an order.
+fn lacks_interrupt(error: &Refused) -> bool {
+    error.name == "messages.order_interrupt"
+}
+
+/// The jobs of an order whose jobs are not lines.
+const EXAMPLES: usize = 10;
+
+/// Jobs of any layout: fields have their defaults, other numbers count upwards within their range, other texts are as short as they may be.
+fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
+    let job = |at: usize| {
+        let value = |field: &Field| match (field.default, field.holds) {
+            (Some(AnyValue::Text(text)), _) => text.to_string(),
+            (Some(AnyValue::Number(units)), Holds::Number { places, .. }) => {
+                Decimal { units, places }.to_string()
+            }
+            (_, Holds::Number { places, min, max }) => {
+                let steps = i64::from(max) - i64::from(min) + 1;
+                let first = 0.clamp(min, max);
+                let from_min = i64::from(first) - i64::from(min) + i64::try_from(at).unwrap_or_default();
+                let units = i32::try_from(i64::from(min) + from_min % steps).unwrap_or(first);
+                Decimal { units, places }.to_string()
+            }
+            (_, Holds::Text { min, max }) => "A".repeat(min.max(1).min(max)),
+        };
+        let texts: Vec<String> = layout.fields().iter().map(value).collect();
+        let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+        Ok(layout.job(&texts, charset)?)
+    };
+    (0..EXAMPLES).map(job).collect()
 }
 
 /// The robot until interrupted.

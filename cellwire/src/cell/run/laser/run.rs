@@ -154,7 +154,7 @@ impl<'a> Runner<'a> {
             HostEvent::Done { .. } => return self.outcome(Outcome::Done, ""),
             HostEvent::Refused { refusal, .. } => {
                 self.refused = true;
-                return self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal:?}"));
+                return self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal}"));
             }
             HostEvent::Unknown { reason, .. } => {
                 self.unknown = true;

@@ -183,7 +183,7 @@ impl<P: Pose> Connection<P> {
                 self.end_stream();
             }
             if *reason != Closing::Agreed {
-                self.lost = Some(format!("the connection to the {} was lost: {reason:?}", name(self.from)));
+                self.lost = Some(format!("the connection to the {} was lost: {reason}", name(self.from)));
             }
         }
         let is_written = match &mut self.stream {

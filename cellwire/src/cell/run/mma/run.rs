@@ -300,7 +300,7 @@ impl<'a> Runner<'a> {
             Step::Faulted => {
                 let why = match (lost, task.fault()) {
                     (Some(why), _) => why.into(),
-                    (None, Some(fault)) => format!("{fault:?}"),
+                    (None, Some(fault)) => fault.to_string(),
                     (None, None) => "a fault".into(),
                 };
                 self.ask(&why);

@@ -154,6 +154,7 @@ fn a_run_that_is_killed_goes_on_and_asks_about_the_frame_in_flight() {
     let mut line = run.line();
     assert_eq!(line["event"], "resumed");
     let done = line["done"].as_u64().unwrap();
+    assert_eq!(run.line()["ready"], "laser");
     line = run.line();
     // It may have been killed between two frames: then there is no question.
     if line["event"] == "question" {

@@ -161,7 +161,7 @@ mod tests {
         let file = File::new(Path::new("A.LS"), text.as_bytes(), &Rules::default(), &Surroundings::default());
         assert_eq!(
             file.text(text.as_bytes()),
-            "A.LS: A, 1 instructions (no motions), 0 positions\n\
+            "A.LS: A, 1 instruction (no motions), 0 positions\n\
              A.LS:3:16: error: expected a unit: %, sec, msec, mm/sec, cm/min, inch/min or deg/sec\n \
              3 |    1:L P[1] 100mm/s FINE ;\n   |                ^\n  help: correct it: a controller would not take it\n"
         );

@@ -140,9 +140,8 @@ fn what_is_wrong_has_its_line() {
         ),
         (
             "\"fanuc-hmi-modbus\"",
-            "\"fanuc\"",
-            "line 9: cell robot: no link is called fanuc; the links are kawasaki-msg, val2-alter, val2-viewer, isra-ball, \
-             fanuc-hmi-modbus, laser-eb90, mmacell-proto",
+            "\"fanuk\"",
+            "line 9: cell robot: no link is called fanuk; the links are kawasaki, alter, viewer, ball, fanuc, laser, mma",
         ),
         (
             "poll = \"100ms\"",

@@ -7,6 +7,7 @@ mod asked;
 mod configs;
 mod explain;
 mod json;
+mod modbus_keys;
 mod modbus_views;
 mod plants;
 mod rows;

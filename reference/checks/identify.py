@@ -57,8 +57,8 @@ def judge(link, seed, rate, named):
     if not findings or not findings[0]["sure"]:
         return "undecided", ["no link is sure"]
     found = findings[0]
-    if found["link"] != link:
-        return "wrong", [f"it is no {found['link']}"]
+    if found["crate"] != link:
+        return "wrong", [f"it is no {found['crate']}"]
     wrong, undecided = [], []
     for option in found["options"]:
         name, expected = option["name"], truth(options, option["name"])

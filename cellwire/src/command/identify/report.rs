@@ -218,7 +218,7 @@ fn finding_json(finding: &Finding) -> Value {
     let [explained, bytes] = finding.bytes;
     let options: Vec<Value> = finding.options.iter().map(option_json).collect();
     json!({
-        "link": finding.link.short, "sure": finding.is_sure(), "bits": finding.bits.round(),
+        "link": finding.link.short, "crate": finding.link.name, "sure": finding.is_sure(), "bits": finding.bits.round(),
         "explained": explained, "bytes": bytes, "messages": messages, "written_alike": written,
         "senders": finding.senders, "settings": finding.settings, "options": options,
         "notes": (finding.link.open.notes)(&finding.read),

@@ -3,6 +3,7 @@
 import pathlib
 import re
 import socket
+import threading
 import time
 
 import jsonschema
@@ -117,7 +118,9 @@ def test_what_the_schema_refuses_is_refused():
 
 def executed(device, count):
     """The commands that a device has executed, once there are so many."""
+    deadline = time.monotonic() + 20
     while device.do("counts")["executed"] < count:
+        assert time.monotonic() < deadline, device.events
         time.sleep(0.02)
     return [done["work"] for done in device.do("executed", most=count)["executed"]]
 
@@ -174,20 +177,34 @@ def test_a_pose_that_is_drawn_is_listed(simulate):
     assert viewer.do("get")["poses"] == 1
 
 
-def test_a_reply_that_moves_the_arm_is_listed(simulate):
-    puma = simulate("puma")
+def move_along_x(connection, ended):
+    """Accepts ALTER and moves the arm with each reply, until it is told to end. A reply that comes late ends ALTER."""
     accept = bytes.fromhex("101002 00 1003 00")
     move = bytes.fromhex("101002 00 01 0800 1003 09")  # 8 units, a quarter of a millimetre, along X
-    with socket.create_connection(puma.address, 5) as connection:
-        received = b""
-        while puma.do("counts")["executed"] < 2:
+    received = b""
+    while not ended.is_set():
+        try:
             received += connection.recv(64)
-            # The start, and each standard message, ends with its checksum.
-            if received[-3:-1] == b"\x10\x03":
-                connection.sendall(accept if received[3] in (0xA0, 0xA6) else move)
-                received = b""
-        first, second = executed(puma, 2)
-        assert first["values"] == [8, 0, 0, 0, 0, 0]
-        assert second["position_mm"][0] == first["position_mm"][0] + 0.25
-        puma.do("incident", incident="finish")
-        assert puma.wait_for("script")["what"] == "finish"
+        except TimeoutError:
+            continue
+        # The start, and each standard message, ends with its checksum.
+        if received[-3:-1] == b"\x10\x03":
+            is_start = received[received.rindex(b"\x10\x10\x02") + 3] in (0xA0, 0xA6)
+            connection.sendall(accept if is_start else move)
+            received = b""
+
+
+def test_a_reply_that_moves_the_arm_is_listed(simulate):
+    puma, ended = simulate("puma"), threading.Event()
+    with socket.create_connection(puma.address, 0.2) as connection:
+        host = threading.Thread(target=move_along_x, args=(connection, ended))
+        host.start()
+        try:
+            first, second = executed(puma, 2)
+            assert first["values"] == [8, 0, 0, 0, 0, 0]
+            assert second["position_mm"][0] == first["position_mm"][0] + 0.25
+            puma.do("incident", incident="finish")
+            assert puma.wait_for("script")["what"] == "finish"
+        finally:
+            ended.set()
+            host.join()

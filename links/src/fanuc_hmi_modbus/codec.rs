@@ -1,6 +1,7 @@
 use anyhow::{Result, anyhow};
 use fanuc_hmi_modbus::{Decoder, Frame, FrameObject, Framing, Reply, Side, TelemetryBlock, WordOrder};
 use robot_session::Encode as _;
+use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
 use super::keys::unknown_key;
@@ -63,10 +64,10 @@ impl Messages for Modbus {
             let block: TelemetryBlock = read(block)?;
             message.insert("registers".into(), block.to_registers(order).as_slice().into());
         }
-        let unknown = unknown_key(&message, self.side);
-        let FrameObject(frame) = read(message).map_err(|error| match unknown {
-            Some(unknown) => anyhow!(unknown).into(),
-            None => error,
+        let frame = FrameObject::deserialize(&message);
+        let FrameObject(frame) = frame.map_err(|error| match unknown_key(&message, self.side) {
+            Some(unknown) => anyhow!(unknown),
+            None => anyhow::Error::new(error),
         })?;
         let frame = frame.map_err(EncodeError::refused)?;
         match (self.framing, frame.transaction) {

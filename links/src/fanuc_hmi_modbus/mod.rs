@@ -9,7 +9,9 @@ mod parts;
 mod shadow;
 
 pub use keys::unknown_key;
-pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
+pub use options::{
+    ClientSettings, Frames, ViewSettings, client_settings, client_settings_of, frames, word_order,
+};
 
 use ::fanuc_hmi_modbus::{ClientConfig, ServerConfig};
 

@@ -65,8 +65,13 @@ impl Configure for ClientSettings<'_> {
 
 /// What can be set of a client, on every kind of port.
 pub fn client_settings() -> Vec<Setting> {
+    client_settings_of([ClientConfig::tcp(), ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()])
+}
+
+/// The settings of clients that begin with these configurations, each name once.
+pub fn client_settings_of(configs: impl IntoIterator<Item = ClientConfig>) -> Vec<Setting> {
     let mut settings: Vec<Setting> = Vec::new();
-    for mut config in [ClientConfig::tcp(), ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
+    for mut config in configs {
         for setting in settings::list(ClientSettings(&mut config)) {
             if settings.iter().all(|known| known.name != setting.name) {
                 settings.push(setting);

@@ -5,7 +5,6 @@ mod log;
 mod variable;
 mod write;
 
-use std::collections::BTreeSet;
 use std::io::Write;
 
 use anyhow::Result;
@@ -14,8 +13,8 @@ use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use super::settings::client_help;
 use crate::cell::report::Report;
-use cellwire_links::fanuc_hmi_modbus::ClientSettings;
-use cellwire_links::settings::{self, Setting};
+use cellwire_links::fanuc_hmi_modbus::client_settings_of;
+use cellwire_links::settings::Setting;
 
 /// Reads the telemetry and registers of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///
@@ -70,11 +69,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    let mut session = settings::list(ClientSettings(&mut ClientConfig::rtu_over_tcp()));
-    session.extend(settings::list(ClientSettings(&mut ClientConfig::tcp())));
-    let mut names = BTreeSet::new();
-    session.retain(|it| names.insert(it.name.clone()));
-    client_help(session, &USES)
+    client_help(client_settings_of([ClientConfig::rtu_over_tcp(), ClientConfig::tcp()]), &USES)
 }
 
 /// The settings of the link's bytes that the commands use.

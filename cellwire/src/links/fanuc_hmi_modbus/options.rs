@@ -53,6 +53,8 @@ pub struct ProgramSettings {
     pub repeat: bool,
     /// The first register of the background task; 0: there is none.
     pub telemetry: u16,
+    /// Whether that task does not run if it would write registers that the program uses.
+    pub leaves_registers: bool,
     /// The programs of macros, by the names of these in capitals.
     pub macros: Macros,
     /// Whether the tool goes anywhere, whatever the arm reaches.
@@ -63,16 +65,27 @@ impl Default for ProgramSettings {
     fn default() -> Self {
         let joints = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
         let (program, assignments, robot, inputs) = (None, None, None, None);
+        let (repeat, telemetry, leaves_registers) = (false, 1, false);
         let (macros, anywhere) = (Macros::new(), false);
-        Self { program, assignments, robot, joints, inputs, repeat: false, telemetry: 1, macros, anywhere }
+        Self {
+            program,
+            assignments,
+            robot,
+            joints,
+            inputs,
+            repeat,
+            telemetry,
+            leaves_registers,
+            macros,
+            anywhere,
+        }
     }
 }
 
 impl Configure for ProgramSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        // The last two are of `ls run` alone.
-        let Self { program, assignments, robot, joints, inputs, repeat, telemetry, macros: _, anywhere: _ } =
-            self;
+        // Two of the others are of `ls run` alone, and one follows from what is given.
+        let Self { program, assignments, robot, joints, inputs, repeat, telemetry, .. } = self;
         let about = "the program that the robot runs; programs that it calls are in the same folder";
         fields.text("program", "an LS file", "the robot goes around a circle", about, program);
         let about =

@@ -18,7 +18,7 @@ use super::control;
 use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
-use super::program::{Machine, load};
+use super::program::{Finding, Machine, Programs, load};
 use super::robot::{Reporting, Reports, Robot};
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
@@ -42,17 +42,13 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     for name in settings.unused(is_line).into_iter().filter(|name| options.settings.contains_key(*name)) {
         remark(&format!("the setting {name} has no effect here"));
     }
-    let without_task = match options.settings.contains_key("telemetry") {
-        true => None,
-        false => leave_registers(&mut settings.program)?,
-    };
+    settings.program.leaves_registers = !options.settings.contains_key("telemetry");
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let reports = Reports::default();
     let controller = match &settings.program.program {
         None => Controller::new(Box::new(circle), settings.word_order),
         Some(program) => {
-            let mut robot = robot(Path::new(program), &settings.program, settings.word_order)?;
-            without_task.into_iter().for_each(|event| robot.machine.report(event));
+            let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
             let robot = Reporting { robot, reports: Arc::clone(&reports) };
             Controller::running(Box::new(robot), settings.word_order)
         }
@@ -87,26 +83,15 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     }
 }
 
-/// Switches the background task off if it would write registers that the program uses; the event that says so.
-///
-/// # Errors
-/// When a program cannot be read.
-fn leave_registers(settings: &mut ProgramSettings) -> Result<Option<Value>> {
-    let Some(program) = &settings.program else { return Ok(None) };
-    let (_, programs, _) = load(Path::new(program), &settings.macros)?;
-    let first = u32::from(settings.telemetry);
+/// The event of a background task that would write registers that the programs use; `None` if it writes others.
+fn overwritten(programs: &Programs, first: u32) -> Option<Value> {
     let last = first + BACKGROUND_REGISTERS - 1;
-    let used = programs
-        .values()
-        .flat_map(|program| program.registers())
-        .find(|number| (first..=last).contains(number));
-    Ok(used.map(|number| {
-        settings.telemetry = 0;
-        let what = format!(
-            "the background task does not run: it would write R[{first}] to R[{last}], and the program uses R[{number}]; set telemetry=N to write R[N] and those after it"
-        );
-        json!({"event": "not_modelled", "what": what, "count": 1})
-    }))
+    let mut used = programs.values().flat_map(|program| program.registers());
+    let number = used.find(|number| (first..=last).contains(number))?;
+    let what = format!(
+        "the background task does not run: it would write R[{first}] to R[{last}], and the program uses R[{number}]; set telemetry=N to write R[N] and those after it"
+    );
+    Some(json!({"event": "not_modelled", "what": what, "count": 1}))
 }
 
 /// How many registers the background task writes.
@@ -118,6 +103,10 @@ const BACKGROUND_REGISTERS: u32 = 19;
 /// When a file cannot be read, or is not what it should be.
 pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
     let (main, programs, findings) = load(program, &settings.macros)?;
+    let overwritten = match settings.leaves_registers {
+        true => overwritten(&programs, settings.telemetry.into()),
+        false => None,
+    };
     let read = |path: &str| std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"));
     let limits = match &settings.robot {
         Some(path) => Limits::from_json(&read(path)?).with_context(|| path.clone())?,
@@ -138,8 +127,9 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
         Some(path) => format!("the robot of {path}"),
         None => "an LR Mate 200iD, since no other is described".into(),
     };
-    findings.iter().for_each(|finding| machine.report(finding.event()));
-    Ok(Robot::new(machine, mapping, inputs, settings.telemetry.into()))
+    let telemetry = if overwritten.is_some() { 0 } else { settings.telemetry.into() };
+    findings.iter().map(Finding::event).chain(overwritten).for_each(|event| machine.report(event));
+    Ok(Robot::new(machine, mapping, inputs, telemetry))
 }
 
 /// Lets the program run also while no client asks, and prints what it reports.

@@ -17,6 +17,13 @@ pub struct Command {
     pub examples: &'static [&'static str],
 }
 
+impl Command {
+    /// The command `get`, without fields.
+    pub const fn get(about: &'static str) -> Self {
+        Self { name: "get", about, examples: &[r#"{"do":"get"}"#] }
+    }
+}
+
 /// A command and its fields.
 #[derive(Debug)]
 pub struct Args {

@@ -33,18 +33,16 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 fn own() -> Own<HeldBall> {
     const SET: &str = "the ball measures `grip`, with `force` and `moment` of three axes from -128 to 127 (default 0) and the `keys` 1 to 8 that are down; null: the simulated hand moves it again";
     Own {
-        commands: &[
-            Command {
-                name: "set",
-                about: SET,
-                examples: &[r#"{"do":"set","grip":{"force":[0,0,50],"keys":[1]}}"#],
-            },
-            Command {
-                name: "get",
-                about: "the grip that the ball measured last",
-                examples: &[r#"{"do":"get"}"#],
-            },
-        ],
+        commands: const {
+            &[
+                Command {
+                    name: "set",
+                    about: SET,
+                    examples: &[r#"{"do":"set","grip":{"force":[0,0,50],"keys":[1]}}"#],
+                },
+                Command::get("the grip that the ball measured last"),
+            ]
+        },
         execute: |ball, args| {
             if args.name == "set" {
                 let Set { grip } = args.read()?;

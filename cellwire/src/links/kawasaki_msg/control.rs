@@ -11,11 +11,11 @@ use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 /// The order of the PC. It executes orders.
 pub(super) fn pc() -> Own<Pc<AnyWork>> {
     Own {
-        commands: &[Command {
-            name: "get",
-            about: "the number of the order, null without one, and the number of its jobs that are executed",
-            examples: &[r#"{"do":"get"}"#],
-        }],
+        commands: const {
+            &[Command::get(
+                "the number of the order, null without one, and the number of its jobs that are executed",
+            )]
+        },
         execute: |pc, args| {
             args.none()?;
             let session = pc.session();
@@ -28,11 +28,11 @@ pub(super) fn pc() -> Own<Pc<AnyWork>> {
 /// The jobs of the robot.
 pub(super) fn robot(layout: Layout) -> Own<Kawasaki<AnyWork>> {
     Own {
-        commands: &[Command {
-            name: "get",
-            about: "the number of jobs that the robot holds, the job that is being executed included",
-            examples: &[r#"{"do":"get"}"#],
-        }],
+        commands: const {
+            &[Command::get(
+                "the number of jobs that the robot holds, the job that is being executed included",
+            )]
+        },
         execute: |robot, args| {
             args.none()?;
             Ok(fields([("held", robot.held().into())]))

@@ -61,11 +61,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 fn own(settings: &Laser) -> Own<LaserRobot> {
     let settings = *settings;
     Own {
-        commands: &[Command {
-            name: "get",
-            about: "the number of instructions that the robot holds",
-            examples: &[r#"{"do":"get"}"#],
-        }],
+        commands: const { &[Command::get("the number of instructions that the robot holds")] },
         execute: |robot, args| {
             args.none()?;
             Ok(fields([("held", robot.held().into())]))

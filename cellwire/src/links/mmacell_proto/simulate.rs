@@ -78,18 +78,16 @@ where
 /// The commands of `--control`: the end of a motion, and the pose.
 fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
     Own {
-        commands: &[
-            Command {
-                name: "end_motion",
-                about: "the `fate` of the motion that is under way: arrives, fails (half-way, with an error) or stalls (half-way, without one)",
-                examples: &[r#"{"do":"end_motion","fate":"stalls"}"#],
-            },
-            Command {
-                name: "get",
-                about: "the pose in mm and rad, whether the device moves, and the number of motions",
-                examples: &[r#"{"do":"get"}"#],
-            },
-        ],
+        commands: const {
+            &[
+                Command {
+                    name: "end_motion",
+                    about: "the `fate` of the motion that is under way: arrives, fails (half-way, with an error) or stalls (half-way, without one)",
+                    examples: &[r#"{"do":"end_motion","fate":"stalls"}"#],
+                },
+                Command::get("the pose in mm and rad, whether the device moves, and the number of motions"),
+            ]
+        },
         execute: |device, args| {
             if args.name == "end_motion" {
                 let End { fate } = args.read()?;

@@ -12,18 +12,16 @@ use crate::links::control::{Command, Fields, Own, fields};
 /// The incidents of the program, and the position of the arm.
 pub(super) fn own() -> Own<MarkIii> {
     Own {
-        commands: &[
-            Command {
-                name: "incident",
-                about: "an incident of the setting `script`, without a time: now, or as soon as ALTER runs",
-                examples: &[r#"{"do":"incident","incident":"interrupt 1s"}"#],
-            },
-            Command {
-                name: "get",
-                about: "the state of the controller, and the position of the arm in mm",
-                examples: &[r#"{"do":"get"}"#],
-            },
-        ],
+        commands: const {
+            &[
+                Command {
+                    name: "incident",
+                    about: "an incident of the setting `script`, without a time: now, or as soon as ALTER runs",
+                    examples: &[r#"{"do":"incident","incident":"interrupt 1s"}"#],
+                },
+                Command::get("the state of the controller, and the position of the arm in mm"),
+            ]
+        },
         execute: |robot, args| {
             if args.name == "incident" {
                 let Asked { incident } = args.read()?;

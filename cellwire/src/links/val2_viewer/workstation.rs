@@ -30,11 +30,11 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// The commands of `--control`: the counts of the workstation. It executes each pose that it draws.
 fn own() -> Own<Screen> {
     Own {
-        commands: &[Command {
-            name: "get",
-            about: "the counts of the workstation: requests sent, poses received, gaps in their numbers, corrupt lines, stale pictures, pauses by the operator, the most poses between two pictures",
-            examples: &[r#"{"do":"get"}"#],
-        }],
+        commands: const {
+            &[Command::get(
+                "the counts of the workstation: requests sent, poses received, gaps in their numbers, corrupt lines, stale pictures, pauses by the operator, the most poses between two pictures",
+            )]
+        },
         execute: |screen, args| {
             args.none()?;
             let Drawn { asked, poses, gaps, damaged, stale, pauses, most_at_once } = screen.drawn();

@@ -21,16 +21,16 @@ pub struct Report {
     done: Done,
 }
 
-/// What was executed in a run.
+/// The jobs or messages of a run that were executed.
 #[derive(Debug, Clone, Copy)]
 pub enum Done {
     /// Jobs, each of them once.
     Jobs(Jobs),
     /// The messages of a stream, in order.
     Stream {
-        /// Those that came.
+        /// The number of messages that came.
         done: u64,
-        /// Those that did not.
+        /// The number of messages that did not come.
         lost: u64,
         /// The next message brings the same values, so that one may be lost.
         may_lose: bool,
@@ -88,7 +88,7 @@ impl Report {
         self.object.insert(key.into(), value);
     }
 
-    /// What moves, for the table of all links.
+    /// The sentence on what moves, for the table of all links.
     #[must_use]
     pub fn moves(mut self, moves: &'static str) -> Self {
         self.moves = moves;
@@ -171,7 +171,7 @@ impl Report {
         Duration::from_micros(self.object.get("paused_us").and_then(Value::as_u64).unwrap_or_default())
     }
 
-    /// What went wrong.
+    /// The promises that were not kept.
     pub fn failures(&self) -> &[String] {
         &self.failures
     }

@@ -14,7 +14,7 @@ use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Lines;
-use crate::io::output::remark;
+use crate::io::output::{counted, remark};
 use crate::io::trace::TraceArgs;
 use crate::links::link_parser;
 use cellwire_links::LINKS;
@@ -107,8 +107,8 @@ pub fn run(args: &Args) -> Result<bool> {
             let picture = options.out.clone().filter(|_| report.summary().0 == link.short);
             let judged = Judged { report, check_times, picture };
             if all.is_empty() && !args.json {
-                let (count, plural) = (links.len(), if links.len() == 1 { "" } else { "s" });
-                write!(out, "{count} robot link{plural}, simulated. Nothing real moves.\n\n{}", table::HEAD)?;
+                let links = counted(links.len(), "robot link");
+                write!(out, "{links}, simulated. Nothing real moves.\n\n{}", table::HEAD)?;
             }
             tell(args, &judged, &mut out)?;
             all.push(judged);

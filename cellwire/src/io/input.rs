@@ -34,6 +34,11 @@ pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration
     }
 }
 
+/// The extension of a file in lower case; empty without one.
+pub fn extension(path: &Path) -> String {
+    path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
 /// A file, or standard input where none is named, or `-`.
 ///
 /// # Errors

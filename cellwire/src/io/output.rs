@@ -1,5 +1,6 @@
 //! What the tool prints: lines of JSON, or for people at a terminal, on standard output; remarks on standard error.
 
+use core::fmt::Display;
 use std::io::{self, ErrorKind, IsTerminal as _, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
@@ -128,8 +129,9 @@ pub fn remark(text: &str) {
 }
 
 /// A number of things: `1 file`, `2 files`.
-pub fn counted(number: usize, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+pub fn counted<N: Display + PartialEq + From<u8>>(number: N, what: &str) -> String {
+    let plural = if number == N::from(1) { "" } else { "s" };
+    format!("{number} {what}{plural}")
 }
 
 /// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.

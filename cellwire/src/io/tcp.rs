@@ -110,8 +110,13 @@ pub fn check(address: &str) -> Result<()> {
     let port = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
     match port {
         Some((host, _)) if !host.is_empty() => Ok(()),
-        _ => Err(anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")),
+        _ => Err(without_port(address)),
     }
+}
+
+/// The error of an address that lacks its port.
+fn without_port(address: &str) -> anyhow::Error {
+    anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")
 }
 
 /// Connects, without Nagle's delay, because each exchange is one packet in each direction. Returns after the pause.
@@ -122,7 +127,7 @@ pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
     let timeout = dialing.timeout;
     let context = || format!("cannot connect to {address}");
     let found = address.to_socket_addrs().map_err(|error| match error.kind() {
-        ErrorKind::InvalidInput => anyhow!("{}: give HOST:PORT, such as 192.168.0.10:502", context()),
+        ErrorKind::InvalidInput => without_port(address),
         _ => anyhow::Error::new(error).context(context()),
     })?;
     let (mut stream, mut last) = (None, anyhow!("{}: the name has no address", context()));

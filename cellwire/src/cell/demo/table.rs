@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::cell::report::{Done, Report};
+use crate::cell::report::{Done, Jobs, Report};
+use crate::io::output::counted;
 
 /// The columns of a screen.
 const WIDTH: usize = 80;
@@ -16,7 +17,7 @@ const INDENT: usize = 5;
 /// The head of the table.
 pub const HEAD: &str = "     link      what moves               done  lost twice  deadline used, allowed\n";
 
-/// What the columns mean.
+/// The legend of the columns.
 pub const LEGEND: &str = "\
 done: executed, as the simulated robot counted; of a stream, messages in order.
 (n): may be lost, the next message brings the same values.  -: has no jobs.
@@ -26,7 +27,7 @@ used: 99 of 100 answers took no longer.  allowed: by the link's source.
 /// The demo of a link, judged.
 #[derive(Debug)]
 pub struct Judged {
-    /// What was measured.
+    /// The measurements.
     pub report: Report,
     /// Whether a time above its budget is a failure.
     pub check_times: bool,
@@ -100,7 +101,7 @@ fn tenths(used: f64, allowed: f64) -> usize {
     (1..10).find(|tenth| used <= allowed * f64::from(*tenth) / 10.0).map_or(10, |tenth| tenth as usize)
 }
 
-/// What all rows mean together.
+/// The sum of all rows: the jobs, and the deadlines.
 pub fn verdict(all: &[Judged]) -> String {
     let mut text = String::new();
     let jobs: Vec<_> = all
@@ -110,7 +111,7 @@ pub fn verdict(all: &[Judged]) -> String {
             Done::Stream { .. } => None,
         })
         .collect();
-    let sum = |of: fn(&crate::cell::report::Jobs) -> u64| jobs.iter().map(of).sum::<u64>();
+    let sum = |of: fn(&Jobs) -> u64| jobs.iter().map(of).sum::<u64>();
     let [sent, once] = [sum(|it| it.sent), sum(|it| it.executed_once)];
     let [lost, repeated, unknown] = [sum(|it| it.lost), sum(|it| it.repeated), sum(|it| it.unknown)];
     if sent > 0 && lost + repeated + unknown == 0 {
@@ -133,7 +134,6 @@ pub fn verdict(all: &[Judged]) -> String {
         (missed, count) => {
             let stalled: Duration = all.iter().map(|it| it.report.stalled()).max().unwrap_or_default();
             let verb = if missed == 1 { "was" } else { "were" };
-            let plural = if count == 1 { "" } else { "s" };
             let why = match stalled {
                 Duration::ZERO => String::new(),
                 time => format!(" Other programs stalled this machine, {:.1} s in all.", time.as_secs_f64()),
@@ -141,7 +141,8 @@ pub fn verdict(all: &[Judged]) -> String {
             let checked = all.iter().any(|it| it.check_times);
             let more = if checked { "" } else { " On a quiet machine --check-times makes that a failure." };
             let names = late.join(", ");
-            let line = format!("{missed} of {count} deadline{plural} {verb} missed: {names}.{why}{more}");
+            let deadlines = counted(count, "deadline");
+            let line = format!("{missed} of {deadlines} {verb} missed: {names}.{why}{more}");
             text.push_str(&wrapped(&line, 0));
         }
     }
@@ -181,7 +182,7 @@ fn wrapped(text: &str, indent: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cell::report::{Budget, Jobs};
+    use crate::cell::report::Budget;
     use crate::io::samples::Samples;
 
     fn judged(link: &str, late: bool, jobs: Option<Jobs>) -> Judged {

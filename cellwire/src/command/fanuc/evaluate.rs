@@ -1,7 +1,6 @@
 //! `cellwire fanuc evaluate`.
 
 use std::path::PathBuf;
-
 use std::time::Duration;
 
 use anyhow::{Context, Result};

@@ -15,6 +15,7 @@ use fanuc_hmi_modbus::ClientConfig;
 
 use super::settings::{SetArgs, client_help};
 use crate::io::output::remark;
+use crate::io::port::AnyPort;
 use crate::io::serial::{self, Mode};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Client, Port, PortKind};
@@ -106,7 +107,7 @@ pub struct Unknown(pub(super) String);
 /// Opens a client. A remark says if its first request has to wait.
 ///
 /// # Errors
-/// Those of [`Client::open`].
+/// The errors of [`Client::open`].
 fn open(port: &Port) -> Result<Client> {
     let client = Client::open(port)?;
     let wait = client.first_wait();
@@ -157,7 +158,7 @@ impl PortArgs {
         timeout: Duration,
         defaults: impl FnOnce(&mut ClientConfig),
     ) -> Result<(Port, u8)> {
-        let is_path = server.contains('/') || !server.contains(':');
+        let is_path = AnyPort::is_serial(server);
         let given = self.set.read_client("modbus", &USES)?;
         let kind = if is_path {
             PortKind::Serial { path: server.to_owned(), baud: self.baud, mode: self.mode }

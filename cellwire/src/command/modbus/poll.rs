@@ -72,7 +72,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
                 remark(&silent_unit(&args.server, unit));
             }
         }
-        // What was missed is not made up for.
+        // Missed polls are not made up for.
         next = (next + every).max(clock.now());
         while goes_on() && clock.now() < next {
             let step = next.saturating_sub(clock.now()).min(TURN);

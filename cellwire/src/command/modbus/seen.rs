@@ -7,7 +7,7 @@ use anyhow::Result;
 use fanuc_hmi_modbus::Failure;
 
 use crate::io::interrupt;
-use crate::io::output::remark;
+use crate::io::output::{counted, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
 /// A request that is lost after a connection was opened is made again this long after that.
@@ -53,7 +53,7 @@ impl Seen {
     /// Makes a request, and makes it again when it has no reply and was the first of its connection or followed a reply.
     ///
     /// # Errors
-    /// Those of `ask`.
+    /// The errors of `ask`.
     pub(super) fn ask<T>(
         &mut self,
         client: &mut Client,
@@ -125,11 +125,10 @@ impl Seen {
                 client.late_replies()
             ));
         }
-        let closed = match client.lost_connections() {
-            0 => return,
-            1 => "1 connection".to_owned(),
-            count => format!("{count} connections"),
-        };
+        if client.lost_connections() == 0 {
+            return;
+        }
+        let closed = counted(client.lost_connections(), "connection");
         remark(&if self.replies == 0 {
             format!(
                 "warning: the server closed {closed} and has not replied: it may have room for one client, which is another \

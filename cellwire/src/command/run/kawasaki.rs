@@ -13,7 +13,7 @@ use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::command::settings::connect_settings;
 use crate::io::bell::Bell;
-use crate::io::input::time;
+use crate::io::input::{self, time};
 use crate::io::journal::Tally;
 use crate::io::output::{log, ready};
 use crate::io::tcp;
@@ -100,7 +100,7 @@ fn execute(args: &Args) -> Result<bool> {
         jobs.draw(picture, settings.sheet())?;
     }
     if args.work.dry_run {
-        if file.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")) {
+        if input::extension(file) == "csv" {
             writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
         }
         log(&jobs.summary(config.limits.packet))?;

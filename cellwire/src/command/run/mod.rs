@@ -46,12 +46,12 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// What can be set of a run on this robot.
-pub fn settings(robot: &str) -> Vec<Setting> {
-    match robot {
+/// The settings of a run on this robot; `None` if there is no such robot.
+pub fn settings(robot: &str) -> Option<Vec<Setting>> {
+    Some(match robot {
         "kawasaki" => kawasaki::settings(),
         "laser" => laser::settings(),
         "mma" => mma::settings(),
-        _ => Vec::new(),
-    }
+        _ => return None,
+    })
 }

@@ -73,9 +73,9 @@ fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)>
             let device = device_by_name(name)?;
             (format!("simulate {}", device.name), (device.settings)())
         }
-        "run" => match of {
-            Some(robot @ ("kawasaki" | "laser" | "mma")) => (format!("run {robot}"), run::settings(robot)),
-            _ => bail!("`cellwire settings run` needs a robot: kawasaki, laser or mma"),
+        "run" => match of.and_then(|robot| Some((format!("run {robot}"), run::settings(robot)?))) {
+            Some(found) => found,
+            None => bail!("`cellwire settings run` needs a robot: kawasaki, laser or mma"),
         },
         "alter" => ("alter".into(), settings::list(operator::Settings::default())),
         "modbus" => (format!("modbus {}", of.unwrap_or("send")), modbus::settings()),

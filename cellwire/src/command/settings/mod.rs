@@ -79,7 +79,11 @@ impl SetArgs {
     ///
     /// # Errors
     /// As [`read`](Self::read); when a name is not a setting of a Modbus client, or a value is not one of the setting's.
-    pub(super) fn read_client(&self, what: &str, uses: &[&str]) -> Result<ClientGiven> {
+    pub(super) fn read_client(
+        &self,
+        what: &'static str,
+        uses: &'static [&'static str],
+    ) -> Result<ClientGiven> {
         let view = settings::list(ViewSettings::default());
         let mut given = self.read(&[client_settings(), view.clone(), connect_settings()].concat())?;
         let shown: Map<String, Value> = view.iter().filter_map(|it| given.remove_entry(&it.name)).collect();
@@ -98,8 +102,7 @@ impl SetArgs {
         let view = settings::read(what, ViewSettings::default(), &shown);
         let view = view.map_err(|error| self.located(error.into()))?;
         let word_order = has_order.then_some(view.word_order);
-        let uses = uses.iter().map(|it| (*it).to_owned()).collect();
-        Ok(ClientGiven { view, word_order, frames_given, what: what.to_owned(), uses, given })
+        Ok(ClientGiven { view, word_order, frames_given, what, uses, given })
     }
 
     /// Sets the session of a client.
@@ -107,16 +110,15 @@ impl SetArgs {
     /// # Errors
     /// When the settings include one of another kind of connection, or a value is not one of the setting's.
     pub(super) fn configure(&self, client: &ClientGiven, config: &mut ClientConfig) -> Result<()> {
-        let uses: Vec<&str> = client.uses.iter().map(String::as_str).collect();
-        let known = client_known(&settings::list(ClientSettings(&mut config.clone())), &uses);
+        let known = client_known(&settings::list(ClientSettings(&mut config.clone())), client.uses);
         let read = match client.given.keys().find(|name| !known.contains(name)) {
             Some(name) => {
-                let (what, known) = (&client.what, known.join(", "));
+                let (what, known) = (client.what, known.join(", "));
                 let text =
                     format!("{what} has no setting `{name}` on this kind of connection: it has {known}");
                 Err(Refused { name: name.clone(), text })
             }
-            None => settings::read(&client.what, ClientSettings(config), &client.given).map(drop),
+            None => settings::read(client.what, ClientSettings(config), &client.given).map(drop),
         };
         read.map_err(|error| self.located(error.into()))
     }
@@ -145,9 +147,9 @@ pub(super) struct ClientGiven {
     /// Whether the frames were given.
     pub(super) frames_given: bool,
     /// The name of the command, for errors.
-    what: String,
+    what: &'static str,
     /// The settings of the link's bytes that the command uses.
-    uses: Vec<String>,
+    uses: &'static [&'static str],
     /// Those of the session.
     given: Map<String, Value>,
 }

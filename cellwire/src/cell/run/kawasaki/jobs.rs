@@ -40,7 +40,7 @@ impl Jobs {
     /// # Errors
     /// When the file is neither; those of [`from_table`](Self::from_table) and [`from_picture`](Self::from_picture).
     pub fn read(file: &Path, settings: &Settings, allow: bool) -> Result<Self> {
-        let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let kind = input::extension(file);
         match kind.as_str() {
             "csv" => Self::from_table(file, &settings.plant),
             "svg" | "svgz" => Self::from_picture(file, &settings.plant, settings.sheet(), allow),

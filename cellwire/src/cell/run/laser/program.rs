@@ -37,7 +37,7 @@ impl Program {
     pub fn read(file: &Path, mapping: &Mapping, host: &HostConfig, allow: bool) -> Result<Self> {
         let data = input::bytes(file)?;
         refuse_dxf(file, &data)?;
-        let kind = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let kind = input::extension(file);
         let program = match kind.as_str() {
             "csv" => csv::read(&input::decode(file, data)?, mapping).map(Self::of),
             kind if ["svg", "svgz"].contains(&kind) || is_markup(&data) => {

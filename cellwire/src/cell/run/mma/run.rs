@@ -43,7 +43,7 @@ pub enum Ended {
     Stopped(Rest),
 }
 
-/// What is known of the devices at the end.
+/// The state of the devices at the end, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rest {
     /// They report that they are at rest.
@@ -226,8 +226,13 @@ impl<'a> Runner<'a> {
     /// Tells the devices to stop, and limits the wait for that.
     fn abort(&mut self, task: &mut Task) {
         self.stopping = true;
-        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+        self.limit_end();
         task.handle_event(now(), Event::Abort);
+    }
+
+    /// Limits the wait for devices that were told to stop.
+    fn limit_end(&mut self) {
+        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
     }
 
     fn periphery(&mut self, task: &mut Task, happened: Happened) -> Result<()> {
@@ -294,7 +299,7 @@ impl<'a> Runner<'a> {
             Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
             Step::NothingFound => self.ask("a camera found nothing"),
             Step::Faulted if self.stopping => {
-                self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+                self.limit_end();
                 task.handle_event(now(), Event::Finish);
             }
             Step::Faulted => {
@@ -361,7 +366,7 @@ impl<'a> Runner<'a> {
                 Some(word @ (Word::Stop | Word::Abort)) => {
                     self.stopping = true;
                     if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
-                        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+                        self.limit_end();
                         task.handle_event(now(), Event::Finish);
                     } else if word == Word::Abort {
                         self.abort(task);

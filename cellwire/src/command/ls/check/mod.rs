@@ -163,7 +163,7 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
     let (lines, motions, positions) =
         (counted(lines, "line"), counted(motions, "motion"), counted(positions, "position"));
     let folder = printable(&folder.display().to_string());
-    writeln!(out, "{folder}: {files}, {programs}: {lines}, {motions}, {positions}",)?;
+    writeln!(out, "{folder}: {files}, {programs}: {lines}, {motions}, {positions}")?;
     for ((core::cmp::Reverse(level), kind), (findings, files)) in kinds {
         writeln!(out, "  {:7} {kind}: {findings} in {}", level.text(), counted(files, "file"))?;
     }

@@ -171,6 +171,18 @@ impl<F: Framings> Decoder<F> {
         self.stream.has_ended() && frame.end == self.stream.limit()
     }
 
+    /// Whether nothing has come yet after a frame that [`advance`](Self::advance) found, and the input may go on.
+    pub(crate) const fn is_open(&self, frame: &Range<usize>) -> bool {
+        !self.stream.has_ended() && frame.end == self.stream.end()
+    }
+
+    /// Returns such a frame to the bytes that wait, until more come or the input ends.
+    #[cold]
+    pub(crate) fn put_back(&mut self, frame: &Range<usize>) {
+        self.stream.put_back(frame);
+        self.want(1, frame.end);
+    }
+
     /// Whether frames carry a transaction.
     #[inline(always)]
     pub(crate) fn has_transactions(&self) -> bool {

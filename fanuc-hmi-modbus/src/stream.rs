@@ -119,6 +119,11 @@ impl Stream {
         self.finished_at = self.finished_later.take();
     }
 
+    /// Returns what was taken last to the bytes that wait.
+    pub(crate) const fn put_back(&mut self, range: &Range<usize>) {
+        self.start = range.start;
+    }
+
     pub(crate) const fn pending(&self) -> usize {
         self.end - self.start
     }

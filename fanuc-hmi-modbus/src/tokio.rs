@@ -376,7 +376,12 @@ impl Service for Requests {
                 Failure::Malformed(_) | Failure::Refused(_) if session.in_flight() == 0 => {
                     reports.reconnect(io::Error::other("a reply is longer than its header says"));
                 }
-                Failure::Malformed(_) | Failure::Refused(_) | Failure::Disconnected | Failure::NotSent => {}
+                // Over TCP nothing is returned.
+                Failure::Malformed(_)
+                | Failure::Refused(_)
+                | Failure::Disconnected
+                | Failure::NotSent
+                | Failure::Returned => {}
             }
         }
         let Some(Made { unit, mut pdu, reply }) = self.take(ticket) else { return };

@@ -74,6 +74,15 @@ impl<const N: usize> Echo<N> {
         }
     }
 
+    /// Of an end whose frames cannot be answers: the last message, of so many bytes, was found among what has come, behind more noise than is
+    /// looked at here. What comes back of the next messages is dropped. Returns what is wrong, if that is news.
+    #[cold]
+    pub fn found(&mut self, length: usize) -> Option<EchoError> {
+        self.len = 0;
+        let is_known = core::mem::replace(&mut self.returns, true);
+        (!is_known).then_some(EchoError::NotSet { length })
+    }
+
     /// The bytes that have come, without what the line has returned; and what is wrong, once for each message.
     #[inline]
     pub fn receive<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {

@@ -505,10 +505,16 @@ fn an_exception_with_a_wrong_length_costs_neither_the_timeout_nor_the_connection
             if at % 2 == 0 {
                 assert_eq!(line["registers"], json!([0]), "{rest:?}: {}", err(&output));
             } else {
-                assert_eq!(*line, json!({"failed": refused}));
+                assert_eq!(*line, json!({"unit": 1, "function": 3, "exception": 2}));
             }
         }
-        assert_eq!((found.len(), err(&output)), (5, ""), "no corruption is reported");
+        let told = format!("{refused}\nerror: 2 requests refused: see \"exception\"\n");
+        assert_eq!(
+            (found.len(), err(&output)),
+            (5, &told[..]),
+            "{rest:?}: once, and no corruption is reported"
+        );
+        assert_eq!(output.status.code(), Some(6));
         let count = || connections.load(std::sync::atomic::Ordering::Relaxed);
         assert_eq!(count(), 1, "{rest:?}");
 
@@ -529,7 +535,7 @@ fn an_exception_with_a_wrong_length_costs_neither_the_timeout_nor_the_connection
             ["poll", &address, "holding:30", "holding:10-11", "--for", "200ms", "--set", "timeout=20000ms"];
         let output = ask(&poll, "");
         let found = lines(&output);
-        assert_eq!((&found[0]["failed"], &found[1]["values"]), (&json!(refused), &json!([0, 1])));
+        assert_eq!((&found[0]["failed"], &found[1]["values"]), (&json!(exception), &json!([0, 1])));
         assert_eq!((found.len(), count()), (2, 4), "{rest:?}: {}", err(&output));
     }
 }

@@ -35,8 +35,12 @@ pub struct ClientConfig {
     /// first then: they are compared with it and dropped, and others are [`ClientEvent::Echo`](crate::ClientEvent::Echo), a collision.
     ///
     /// While it is off, requests on a connection that cannot equal their reply show whether the line returns them; that is the same event,
-    /// and from then on they are dropped. A request that can (function 5, 6, 8 or 22, or one without a type) is not sent before that is
-    /// known: the client reads register 0 of its unit first.
+    /// and from then on they are dropped.
+    ///
+    /// On or off, a reply that equals its request (function 5, 6, 8 or 22, or one without a type) counts only if another reply has come on the
+    /// connection, which the line cannot have returned: otherwise it may be the request itself, and the outcome is
+    /// [`Failure::Returned`](crate::Failure::Returned). So before such a request the client reads register 0 of its unit, until one of these
+    /// reads or another request has a reply.
     pub echo: bool,
     /// For the model only: transactions count modulo this.
     #[cfg(feature = "model")]
@@ -70,8 +74,10 @@ robot_session::rules! {
         CutAtSilence,
         /// The rest of a reply that has begun is waited for, even if a silence is seen within it.
         AwaitRest,
-        /// Without transactions no request that can equal its reply is sent before it is known whether the line returns it.
+        /// Without transactions no request that can equal its reply is sent before a read that shows that a device answers on the line.
         ProveEcho,
+        /// A frame that equals its request is no reply on a line on which no other reply has come.
+        ProveReply,
         /// What is in flight ends with the connection.
         EndAtDisconnect,
         /// What waits to be sent ends with the connection.
@@ -120,11 +126,6 @@ impl ClientConfig {
     /// Whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
-    }
-
-    /// Whether it is known before the first request what the line does with what is sent.
-    pub(crate) const fn knows_echo(&self) -> bool {
-        self.framing.has_transactions() || self.echo
     }
 
     /// How many requests may be in flight at once.

@@ -23,7 +23,7 @@ pub enum Stage {
     },
     /// It waits to be sent to all units.
     QueuedBroadcast,
-    /// Before it a read was sent, which shows whether the line returns what is sent.
+    /// Before it a read was sent, whose reply shows that a device answers on the line.
     Probing {
         /// When that times out.
         deadline: Duration,
@@ -38,6 +38,8 @@ pub enum Stage {
         deadline: Duration,
         /// Something corrupt has come since it was sent, and frames have no transaction.
         doubtful: bool,
+        /// A frame that equals it has come on a line that is not proven: the line may have returned it.
+        returned: bool,
     },
     /// It has its outcome, which the caller has not taken yet.
     Ended,
@@ -86,4 +88,24 @@ impl Held {
             _ => false,
         }
     }
+}
+
+/// The first transaction from `next` on that no request has whose reply may still come.
+pub(super) fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig) -> u16 {
+    let in_use = |transaction: u16| {
+        requests.iter().map_while(Option::as_ref).any(|held| match held.stage {
+            Stage::InFlight { transaction: found, .. }
+            | Stage::TimedOut { transaction: found }
+            | Stage::Expired { transaction: found } => found == transaction,
+            Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } | Stage::Ended => false,
+        })
+    };
+    let mut transaction = next;
+    for _ in requests {
+        if !config.rules.keeps(Rule::FreshTransaction) || !in_use(transaction) {
+            break;
+        }
+        transaction = config.after(transaction);
+    }
+    transaction
 }

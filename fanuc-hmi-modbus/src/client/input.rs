@@ -45,8 +45,12 @@ pub enum Input {
 pub enum Fit {
     /// It answers what was asked, and cannot be data of another reply: it is longer than such data, or a silence follows it.
     Whole,
-    /// It is an exception, short enough to be data of another reply, and not followed by a silence yet.
+    /// It answers what was asked, and equals it: a line that returns what is sent gives the same.
+    Equal,
+    /// It is an exception, short enough to be data of another reply, and followed by other bytes without a silence.
     Exception,
+    /// It is an exception, short enough to be data of another reply, and nothing has come after it yet: neither bytes nor a silence.
+    OpenException,
     /// It cannot be the reply.
     Misfit,
 }
@@ -58,7 +62,7 @@ pub struct Due {
     pub place: u8,
     /// Its transaction; 0 where frames have none.
     pub transaction: u16,
-    /// Not the request is sent, but the read before it that shows whether the line returns what is sent.
+    /// Not the request is sent, but the read before it whose reply shows that a device answers on the line.
     pub probe: bool,
 }
 
@@ -95,7 +99,12 @@ pub enum Action {
         late: Option<u8>,
     },
     /// It reports requests that have timed out.
-    TimedOut(Places),
+    TimedOut {
+        /// Without a reply.
+        silent: Places,
+        /// With a frame that equals the request, which the line may have returned.
+        returned: Places,
+    },
     /// It reports requests that were in flight and others that were not sent.
     Reset {
         /// In flight: whether they were carried out is unknown.
@@ -105,6 +114,8 @@ pub enum Action {
     },
     /// What the decoder holds will not be continued.
     Cut,
+    /// The frame stays in the decoder: more bytes, or a silence, show what it is.
+    Hold,
 }
 
 robot_session::inputs!(
@@ -115,7 +126,9 @@ robot_session::inputs!(
     Received,
     Partial,
     Reply { fit: Fit::Whole } as "Reply",
+    Reply { fit: Fit::Equal } as "Reply(equal)",
     Reply { fit: Fit::Exception } as "Reply(exception)",
+    Reply { fit: Fit::OpenException } as "Reply(open exception)",
     Reply { fit: Fit::Misfit } as "Reply(misfit)",
     Corrupt,
     Sent,

@@ -5,6 +5,7 @@ use core::time::Duration;
 use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{ClientConfig, Rule};
+use super::held::free_transaction;
 pub use super::held::{Held, Stage};
 pub use super::input::{Action, Due, Fit, Input};
 pub use super::places::Places;
@@ -34,7 +35,7 @@ pub enum ClientLink {
         line: Line,
         /// Whether something may be sent as far as earlier requests are concerned.
         quiet: Quiet,
-        /// Whether it is known what the line does with what is sent: it returns it or not.
+        /// Whether a reply has come that the line cannot have returned, so that a device answers on it. Over TCP always.
         proven: bool,
     },
 }
@@ -202,7 +203,7 @@ impl<const N: usize> ClientMachine<N> {
         } else {
             Quiet::Over
         };
-        self.link = ClientLink::Up { line: Line::Silent, quiet, proven: config.knows_echo() };
+        self.link = ClientLink::Up { line: Line::Silent, quiet, proven: config.framing.has_transactions() };
         reset
     }
 
@@ -243,7 +244,7 @@ impl<const N: usize> ClientMachine<N> {
             self.remove(expired);
         }
         let is_open = match self.link {
-            ClientLink::Down => !config.knows_echo(),
+            ClientLink::Down => !config.framing.has_transactions(),
             ClientLink::Up { proven, .. } => !proven,
         };
         let mirrored = mirrored && is_open;
@@ -284,7 +285,7 @@ impl<const N: usize> ClientMachine<N> {
         !is_quiet && !is_busy
     }
 
-    /// Whether it has to be seen before this request what the line does with what is sent.
+    /// Whether a reply to another request has to show before this one that a device answers on the line.
     fn needs_probe(&self, stage: Stage, config: &ClientConfig) -> bool {
         let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
         stage == Stage::Queued { mirrored: true } && !is_proven && config.rules.keeps(Rule::ProveEcho)
@@ -311,7 +312,7 @@ impl<const N: usize> ClientMachine<N> {
             }
             Stage::Queued { .. } => {
                 let deadline = now.saturating_add(config.timeout);
-                held.stage = Stage::InFlight { transaction, deadline, doubtful: false };
+                held.stage = Stage::InFlight { transaction, deadline, doubtful: false, returned: false };
                 *quiet = Quiet::Over;
                 if config.framing.has_transactions() {
                     self.transaction = config.after(transaction);
@@ -337,14 +338,30 @@ impl<const N: usize> ClientMachine<N> {
         let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
             return self.late_reply(transaction);
         };
+        let mut is_proof = true;
         let fits = match fit {
             Fit::Whole => true,
-            Fit::Exception => {
+            Fit::Equal => {
+                let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
+                // A true reply may follow: an exception, or the reply to the request that follows what the line has returned.
+                if let (Stage::InFlight { returned, .. }, false, true) =
+                    (&mut held.stage, is_proven, config.rules.keeps(Rule::ProveReply))
+                {
+                    *returned = true;
+                    return Action::Nothing;
+                }
+                is_proof = false;
+                true
+            }
+            Fit::Exception | Fit::OpenException => {
                 let is_doubtful = matches!(
                     held.stage,
                     Stage::Probing { doubtful: true, .. } | Stage::InFlight { doubtful: true, .. }
-                );
-                !is_doubtful || !config.rules.keeps(Rule::DoubtException)
+                ) && config.rules.keeps(Rule::DoubtException);
+                if is_doubtful && fit == Fit::OpenException {
+                    return Action::Hold;
+                }
+                !is_doubtful
             }
             Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
         };
@@ -353,10 +370,10 @@ impl<const N: usize> ClientMachine<N> {
         if !fits && !config.framing.has_transactions() {
             return Action::Stray { late: None };
         }
-        held.stage = if is_probe { Stage::Queued { mirrored: true } } else { Stage::Ended };
+        held.stage = if is_probe { Stage::Queued { mirrored: false } } else { Stage::Ended };
         let place = held.place;
         if let ClientLink::Up { quiet, proven, .. } = &mut self.link {
-            *proven = true;
+            *proven |= is_proof;
             if !config.pause.is_zero() {
                 *quiet = Quiet::Until { end: now.saturating_add(config.pause) };
             }
@@ -415,7 +432,7 @@ impl<const N: usize> ClientMachine<N> {
 
     /// One thing at a time: the end of a frame may bring the reply to a request that would time out.
     fn timeout(&mut self, now: Duration, config: &ClientConfig) -> Action {
-        let ClientLink::Up { line, quiet, proven } = &mut self.link else { return Action::Nothing };
+        let ClientLink::Up { line, quiet, .. } = &mut self.link else { return Action::Nothing };
         if line.is_due(now) {
             *line = Line::Silent;
             return if config.rules.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
@@ -424,16 +441,16 @@ impl<const N: usize> ClientMachine<N> {
             *quiet = Quiet::Over;
             return Action::Nothing;
         }
-        let (mut places, mut has_ended) = (Places::default(), false);
+        let (mut silent, mut equal, mut has_ended) = (Places::default(), Places::default(), false);
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
             match held.stage {
-                Stage::InFlight { transaction, deadline, .. } if is_due(deadline, now) => {
+                Stage::InFlight { transaction, deadline, returned, .. } if is_due(deadline, now) => {
                     held.stage = Stage::TimedOut { transaction };
-                    places.insert(held.place);
+                    if returned { equal.insert(held.place) } else { silent.insert(held.place) }
                 }
-                // Nothing has come back, not even what was sent.
+                // That no reply has come proves nothing: what was sent may have come back damaged, or may not this time.
                 Stage::Probing { deadline, .. } if is_due(deadline, now) => {
-                    held.stage = Stage::Queued { mirrored: true };
+                    held.stage = Stage::Queued { mirrored: false };
                 }
                 _ => continue,
             }
@@ -442,13 +459,13 @@ impl<const N: usize> ClientMachine<N> {
         if !has_ended {
             return Action::Nothing;
         }
-        *proven = true;
         let wait =
             if config.framing.has_transactions() { config.pause } else { config.settle.max(config.pause) };
         if !wait.is_zero() {
             *quiet = Quiet::Until { end: now.saturating_add(wait) };
         }
-        if places == Places::default() { Action::Nothing } else { Action::TimedOut(places) }
+        let is_probe = silent == Places::default() && equal == Places::default();
+        if is_probe { Action::Nothing } else { Action::TimedOut { silent, returned: equal } }
     }
 
     fn remove(&mut self, index: usize) -> Option<Held> {
@@ -463,24 +480,4 @@ impl<const N: usize> ClientMachine<N> {
         }
         Some(held)
     }
-}
-
-/// The first transaction from `next` on that no request has whose reply may still come.
-fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig) -> u16 {
-    let in_use = |transaction: u16| {
-        requests.iter().map_while(Option::as_ref).any(|held| match held.stage {
-            Stage::InFlight { transaction: found, .. }
-            | Stage::TimedOut { transaction: found }
-            | Stage::Expired { transaction: found } => found == transaction,
-            Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } | Stage::Ended => false,
-        })
-    };
-    let mut transaction = next;
-    for _ in requests {
-        if !config.rules.keeps(Rule::FreshTransaction) || !in_use(transaction) {
-            break;
-        }
-        transaction = config.after(transaction);
-    }
-    transaction
 }

@@ -5,6 +5,7 @@ mod event;
 mod held;
 mod input;
 pub mod machine;
+mod place;
 mod places;
 
 use core::ops::Range;
@@ -17,12 +18,13 @@ pub use config::ClientConfig;
 pub use config::Rule;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
 use machine::{Action, ClientMachine, Due, Fit, Held, Input, Places, Stage};
+use place::{Begins, Misfit, Place};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
-use crate::frame::{Frame, RtuLen, Side};
+use crate::frame::{Frame, Side};
 use crate::framing::{Framing, Framings};
-use crate::message::{PduBuf, Reply, Request, function};
+use crate::message::{PduBuf, Reply, Request};
 
 /// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
 ///
@@ -51,40 +53,6 @@ pub struct Client<const N: usize = 8, F: Framings = Framing> {
 
 /// Outcomes have room here for every place.
 const EVENTS: usize = 16;
-
-/// The bytes of a request, and then of its reply.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    ticket: Ticket,
-    unit: u8,
-    /// How many bits or registers the request reads.
-    quantity: u16,
-    is_reply: bool,
-    /// The reply can be equal to the request.
-    is_mirrored: bool,
-    pdu: PduBuf,
-}
-
-/// The request that shows whether the line returns what is sent: its reply has 2 bytes of data, and so begins in another way.
-const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
-
-/// What begins with some bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Begins {
-    /// The beginning of the reply.
-    Part,
-    /// The whole reply.
-    Whole,
-    /// Something else.
-    Other,
-}
-
-/// Why a frame cannot be the reply to a request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Misfit {
-    Mismatch(Mismatch),
-    Malformed(DecodeError),
-}
 
 impl<const N: usize, F: Framings> Client<N, F> {
     /// A client without a connection and without requests.
@@ -331,6 +299,8 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
                     fit = Fit::Misfit;
                 } else if self.core.decoder.is_last(&range) && !self.waits_for_rest {
                     fit = Fit::Whole;
+                } else if self.core.decoder.is_open(&range) {
+                    fit = Fit::OpenException;
                 }
             }
             let transaction = frame.transaction.unwrap_or(0);
@@ -350,12 +320,20 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             }
             Action::Refused { place } => self.refused(place, frame),
             Action::Stray { late } => self.stray(late, frame),
-            Action::TimedOut(places) => self.fail_all(places, Failure::TimedOut),
+            Action::TimedOut { silent, returned } => {
+                self.fail_all(silent, Failure::TimedOut);
+                self.fail_all(returned, Failure::Returned);
+            }
             Action::Reset { lost, not_sent } => {
                 self.fail_all(lost, Failure::Disconnected);
                 self.fail_all(not_sent, Failure::NotSent);
             }
             Action::Cut => self.finish(now),
+            Action::Hold => {
+                if let Some(frame) = frame {
+                    self.core.decoder.put_back(&frame);
+                }
+            }
         }
     }
 
@@ -365,11 +343,11 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         let place = self.places.get(usize::from(due.place))?;
         let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
         let probe = due.probe.then(|| place.probe());
-        let Place { unit, pdu, is_mirrored, .. } = probe.as_ref().unwrap_or(place);
-        let length = Frame { transaction, unit: *unit, pdu: pdu.as_bytes() }.encode(out).ok()?;
+        let place = probe.as_ref().unwrap_or(place);
+        let length = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() }.encode(out).ok()?;
         if transaction.is_none() {
             // Nobody answers a broadcast.
-            let is_proof = !is_mirrored || self.core.config.is_broadcast(*unit);
+            let is_proof = !place.is_mirrored || self.core.config.is_broadcast(place.unit);
             self.echo.sent(out.get(..length).unwrap_or_default(), is_proof);
         }
         Some((length, Input::Sent(due)))
@@ -412,83 +390,5 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             self.tell(Input::Taken { place: ticket.place });
         }
         Some(event)
-    }
-}
-
-impl Place {
-    const EMPTY: Self = Self {
-        ticket: Ticket { number: 0, place: 0 },
-        unit: 0,
-        quantity: 0,
-        is_reply: false,
-        is_mirrored: false,
-        pdu: PduBuf::EMPTY,
-    };
-
-    /// The read before the request in this place.
-    #[cold]
-    fn probe(&self) -> Self {
-        let pdu = PduBuf::new(&PROBE).unwrap_or(PduBuf::EMPTY);
-        Self { unit: self.unit, quantity: PROBE.quantity_read(), pdu, ..Self::EMPTY }
-    }
-
-    /// Whether a frame can be the reply to the request in this place.
-    #[inline(always)]
-    fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {
-        if self.unit != frame.unit && !any_unit {
-            return Err(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
-        }
-        // The read that is repeated in every cycle: what it asked for is known without its request.
-        let is_read = self.pdu.function() == function::READ_HOLDING_REGISTERS;
-        match Reply::decode(frame.pdu) {
-            Ok(Reply::HoldingRegisters(words)) if is_read && words.len() == usize::from(self.quantity) => {
-                Ok(Fit::Whole)
-            }
-            Ok(reply) => self.answered(&reply),
-            Err(error) => Err(Misfit::Malformed(error)),
-        }
-    }
-
-    /// Whether an RTU frame with the reply to the request in this place begins with these bytes.
-    fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> Begins {
-        let asked = self.pdu.function();
-        let is_unit = |unit: &u8| any_unit || *unit == self.unit;
-        let is_function = |code: &u8| code & !function::EXCEPTION == asked;
-        if !bytes.first().is_none_or(is_unit) || !bytes.get(1).is_none_or(is_function) {
-            return Begins::Other;
-        }
-        let is_whole = || Frame::decode_rtu_whole(bytes).is_ok();
-        match RtuLen::of(bytes, Side::Server) {
-            RtuLen::Known(length) if !self.has_asked_count(bytes) || length < bytes.len() => Begins::Other,
-            RtuLen::Known(length) if length > bytes.len() => Begins::Part,
-            RtuLen::Known(_) if !is_whole() => Begins::Other,
-            RtuLen::Silence if !is_whole() => Begins::Part,
-            RtuLen::AtLeast(_) => Begins::Part,
-            RtuLen::Known(_) | RtuLen::Silence => Begins::Whole,
-        }
-    }
-
-    /// Whether the reply to a read, as far as it has come, counts the bytes that were asked for.
-    const fn has_asked_count(&self, reply: &[u8]) -> bool {
-        match *reply {
-            [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
-                let is_of_bits = matches!(code, function::READ_COILS | function::READ_DISCRETE_INPUTS);
-                count as u16 == if is_of_bits { self.quantity.div_ceil(8) } else { 2 * self.quantity }
-            }
-            _ => true,
-        }
-    }
-
-    #[inline(never)]
-    fn answered(&self, reply: &Reply<'_>) -> Result<Fit, Misfit> {
-        let request = self.pdu.request().map_err(Misfit::Malformed)?;
-        reply.answers(&request).map_err(Misfit::Mismatch)?;
-        Ok(if matches!(reply, Reply::Exception { .. }) { Fit::Exception } else { Fit::Whole })
-    }
-
-    /// The reply takes the place of its request.
-    fn keep_reply(&mut self, pdu: &[u8]) {
-        self.pdu.hold(pdu);
-        self.is_reply = true;
     }
 }

@@ -376,6 +376,55 @@ fn the_data_of_a_damaged_reply_is_no_exception() {
     }
 }
 
+/// An adapter gives some bytes when it turns its transmitter off; the refusal comes at once or after a silence, and a silence follows it.
+#[test]
+fn an_exception_after_noise_counts_when_the_line_is_silent() {
+    let requests = [
+        Request::ReadHoldingRegisters { address: 60_000, quantity: 1 },
+        Request::WriteRegisters { address: 60_000, values: Words::from(&[7]) },
+    ];
+    let noises: [&[u8]; 8] =
+        [&[0], &[0xFF], &[0, 0], &[0xFF; 2], &[1], &[0x83], &[0, 0xFF, 0], &[1, 0x83, 2, 0xC0]];
+    for config in [ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
+        let silence = config.framing.silence().unwrap();
+        for (request, noise, gap) in requests.iter().flat_map(|request| {
+            noises.iter().flat_map(move |noise| {
+                [Duration::ZERO, silence / 2, silence, 3 * silence].map(|gap| (request, noise, gap))
+            })
+        }) {
+            for size in [1, 5] {
+                let settle = config.timeout + config.settle;
+                let mut client: Client =
+                    Client::new(ClientConfig { timeout: Duration::from_secs(5), ..config }).unwrap();
+                client.handle_connected(Duration::ZERO);
+                client.handle_timeout(settle + Duration::from_secs(5));
+                let mut now = settle + Duration::from_secs(5);
+                let ticket = client.request(1, request).unwrap();
+                assert_eq!(transmitted(&mut client, now).len(), 1);
+                client.handle_input(now, noise);
+                now += gap;
+                if client.poll_timeout().is_some_and(|at| at <= now) {
+                    client.handle_timeout(now);
+                }
+                let function = request.function();
+                let refusal = bytes(None, 1, Reply::Exception { function, exception: 2.into() });
+                refusal.chunks(size).for_each(|piece| client.handle_input(now, piece));
+                now += silence;
+                client.handle_timeout(now);
+                let outcomes =
+                    core::iter::from_fn(|| client.poll_event()).filter(|event| event.outcome_of().is_some());
+                let replied = ClientEvent::Replied { ticket, unit: 1 };
+                assert_eq!(
+                    outcomes.collect::<Vec<_>>(),
+                    [replied],
+                    "{request:?}, {noise:x?}, {gap:?}, {size}"
+                );
+                assert!(matches!(client.reply(ticket), Some(Reply::Exception { .. })));
+            }
+        }
+    }
+}
+
 /// The CRC of a frame that ends in a zero is right without it, too: the zero may come after any stall.
 #[test]
 fn through_tcp_a_zero_that_is_late_belongs_to_its_frame() {

@@ -14,6 +14,7 @@ mod handle;
 mod line;
 #[cfg(feature = "tokio")]
 mod pipes;
+mod proof;
 #[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;
 #[cfg(feature = "std")]

@@ -226,6 +226,14 @@ impl HostMachine {
         }
     }
 
+    /// Whether a frame was sent whose answer may come.
+    pub const fn is_in_flight(&self) -> bool {
+        matches!(
+            self.link,
+            HostLink::Awaiting(_) | HostLink::Resending { .. } | HostLink::AwaitingRest { .. }
+        )
+    }
+
     /// Whether the next frame can take an instruction of this class: interpreted ones travel together, others alone (§3(6)).
     pub fn has_room(&self, class: Class, config: &HostConfig) -> bool {
         self.next.is_none_or(|next| {

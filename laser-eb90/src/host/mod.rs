@@ -242,7 +242,15 @@ impl End for Host {
     }
 
     fn next_input(&mut self) -> Option<(Input, Option<()>)> {
-        let frame = self.core.decoder.next_frame()?;
+        let mut frame = self.core.decoder.next_frame()?;
+        while frame.is_ok_and(|frame| self.core.machine.is_in_flight() && is_own(&frame, self.frames.last()))
+        {
+            let sent = Frame::new(self.frames.last().as_bytes(), &self.core.config.profile);
+            if let Some(error) = self.echo.found(sent.encoded_len()) {
+                self.core.events.push_notice(HostEvent::Echo(error));
+            }
+            frame = self.core.decoder.next_frame()?;
+        }
         let input = match frame.and_then(|frame| Instruction::single(frame.items())) {
             Ok(Instruction { word, parameters }) => {
                 if self.core.machine.is_asked(word) {
@@ -296,4 +304,9 @@ impl End for Host {
     fn transmitted(&mut self, now: Duration) {
         self.advance(now, Input::Transmitted, None);
     }
+}
+
+/// Whether a frame is the one that was sent, which the line has returned: an answer has one item, unless it has values.
+fn is_own(frame: &Frame<'_>, sent: &Buffer) -> bool {
+    frame.payload() == sent.as_bytes() && frame.items().count() > 1
 }

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use crate::common::{CUT, MS, READY, STOP, WHERE, cut, echo, encoded, host, write_cut};
-use laser_eb90::robot_session::{End as _, Machine as _, Session as _, Unexpected};
+use laser_eb90::robot_session::{EchoError, End as _, Machine as _, Session as _, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
     SessionError, UnknownReason, timing,
@@ -360,4 +360,38 @@ fn the_defaults_follow_the_baud_rate() {
     assert_eq!(slow.answer_timeout, MS * 250 + longer);
     let fast = HostConfig { baud: 9600, ..HostConfig::at_baud(115_200) };
     assert_eq!(fast, HostConfig::default());
+}
+
+/// Nobody is there, and the line returns what is sent, behind noise, and as often as it likes: no frame with parameters is done.
+#[test]
+fn a_frame_that_comes_back_is_not_an_answer() {
+    for is_set in [false, true] {
+        for (noise, copies) in [(0, 1), (1, 1), (4, 1), (40, 1), (0, 2), (4, 2), (0, 3)] {
+            for size in [1, 7, 1000] {
+                let mut host = host(HostConfig { echo: is_set, ..HostConfig::default() });
+                let mut now = READY;
+                for first in 0..3 {
+                    submit(&mut host, 1).unwrap();
+                    let sent = transmit(&mut host, now).unwrap();
+                    let line = [vec![0xFF; noise], sent.repeat(copies)].concat();
+                    line.chunks(size).for_each(|piece| host.handle_input(now + MS, piece));
+                    now = host.poll_timeout().unwrap();
+                    host.handle_timeout(now);
+                    let seen = events(&mut host);
+                    let unknown = |event: &&HostEvent| matches!(event, HostEvent::Unknown { first: found, .. } if *found == first);
+                    assert_eq!(seen.iter().filter(unknown).count(), 1, "{noise}, {copies}, {size}: {seen:?}");
+                    assert!(!seen.iter().any(|event| matches!(event, HostEvent::Done { .. })), "{seen:?}");
+                    let is_told =
+                        |event: &HostEvent| matches!(event, HostEvent::Echo(EchoError::NotSet { .. }));
+                    assert_eq!(
+                        seen.iter().any(is_told),
+                        first == 0 && !is_set,
+                        "{noise}, {copies}: {seen:?}"
+                    );
+                    host.resume();
+                    now += MS * 1000;
+                }
+            }
+        }
+    }
 }

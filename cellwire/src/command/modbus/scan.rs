@@ -207,15 +207,7 @@ fn ask(
                     return if interrupt::requested() { Ok(None) } else { Err(error) };
                 }
             }
-            // An exception with a wrong length is one all the same.
-            answer => {
-                return answer.map(|answer| match answer {
-                    Answer::Failed(failure) => {
-                        Some(failure.exception().map_or(answer, |exception| Answer::Replied(Err(exception))))
-                    }
-                    answer => Some(answer),
-                });
-            }
+            answer => return answer.map(Some),
         }
     }
     Ok(failure.map(Answer::Failed))

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use crate::io::serial::Mode;
 use anyhow::Result;
-use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Framing, Reply, Request};
+use fanuc_hmi_modbus::{
+    self as modbus, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Framing, Reply, Request,
+};
 use robot_session::{Driver, End as _, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
@@ -113,6 +115,8 @@ struct Seen {
     late_replies: u64,
     /// The connections that the server closed, or that broke.
     lost_connections: u64,
+    /// An exception came with a wrong length.
+    has_odd_exceptions: bool,
 }
 
 /// What a request came to.
@@ -289,8 +293,7 @@ impl Client {
     ) -> Result<Option<Answer<T>>> {
         let (instead, seen) = (&mut self.instead, &mut self.seen);
         let turn = self.driver.turn(&mut self.session, wait, |session, event| {
-            seen.late_replies += u64::from(matches!(event, ClientEvent::Stray { late: Some(_), .. }));
-            match answer(session, event, instead, &mut read) {
+            match answer(session, event, instead, seen, &mut read) {
                 Some(answer) => ControlFlow::Break(answer),
                 None => ControlFlow::Continue(()),
             }
@@ -349,6 +352,7 @@ fn answer<T>(
     session: &modbus::Client<1>,
     event: ClientEvent,
     instead: &mut Option<String>,
+    seen: &mut Seen,
     read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
 ) -> Option<Answer<T>> {
     match event {
@@ -356,8 +360,22 @@ fn answer<T>(
             session.reply(ticket).map(|pdu| Answer::Replied(read(Frame { transaction: None, unit, pdu })))
         }
         ClientEvent::Announced { .. } => Some(Answer::Announced),
+        // An exception with a wrong length is one all the same.
+        ClientEvent::Failed {
+            failure:
+                failure @ Failure::Malformed(DecodeError::ExceptionLength { unit, function, exception, .. }),
+            ..
+        } => {
+            // Once: such a server gives every exception so.
+            if !core::mem::replace(&mut seen.has_odd_exceptions, true) {
+                remark(&failure.to_string());
+            }
+            let pdu = Reply::Exception { function, exception };
+            Some(Answer::Replied(read(Frame { transaction: None, unit, pdu })))
+        }
         ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
         ClientEvent::Stray { late, .. } => {
+            seen.late_replies += u64::from(late.is_some());
             let what = if late.is_some() { "late" } else { "unasked" };
             remark(&format!("unexpected reply ({what}): {event}"));
             instead.get_or_insert_with(|| event.to_string());

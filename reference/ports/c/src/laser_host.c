@@ -181,12 +181,33 @@ static void take_answer(struct laser_host *host, uint64_t now, uint16_t word, co
     }
 }
 
+/* LE-115: the frame in flight, which the line has returned. */
+static bool is_own(struct laser_host *host, const struct laser_eb90_result *result)
+{
+    uint8_t frame[LASER_EB90_MAX_LEN];
+    const struct laser_eb90_payload *sent = &host->batch.payload;
+    if (host->batch.count == 0 || sent->length <= WORD_LEN || result->kind != LASER_EB90_FRAME ||
+        result->payload_len != sent->length || memcmp(result->payload, sent->bytes, sent->length) != 0)
+        return false;
+    if (!host->echo.returns) {
+        struct laser_host_event *event = report(host, LASER_HOST_LINE_ECHO);
+        event->echo.kind = LINE_ECHO_NOT_SET;
+        event->echo.length = laser_eb90_encode(sent, frame, sizeof frame);
+    }
+    size_t unread = host->echo.unread;
+    line_echo_init(&host->echo, true);
+    host->echo.unread = unread;
+    return true;
+}
+
 static void read_items(struct laser_host *host, uint64_t now)
 {
     struct laser_eb90_result result;
     uint16_t word = 0;
     while (laser_eb90_next(&host->decoder, &result)) {
         size_t at = 0;
+        if (is_own(host, &result))
+            continue;
         bool is_answer = result.kind == LASER_EB90_FRAME &&
                          first_word(&host->config.profile, result.payload, result.payload_len, &at, &word);
         if (is_answer) {

@@ -81,7 +81,7 @@ static void end_connection(struct modbus_client *client)
     for (size_t i = 0; i < client->config.places; i++)
         if (client->places[i].stage == MODBUS_CLIENT_QUEUED || client->places[i].stage == MODBUS_CLIENT_PROBING)
             end_request(client, &client->places[i], MODBUS_CLIENT_FAILED, "not_sent");
-    client->is_up = client->is_busy = client->is_partial = client->is_quiet = client->is_doubtful = false;
+    client->is_up = client->is_busy = client->is_partial = client->is_quiet = client->is_doubtful = client->holds = false;
     memset(&client->step, 0, sizeof client->step);
     modbus_init(&client->decoder, MODBUS_SERVER, framing_of(client));
 }
@@ -104,7 +104,7 @@ void modbus_client_connected(struct modbus_client *client, uint64_t now)
 {
     end_connection(client);
     client->is_up = true;
-    client->is_proven = is_tcp(client) || client->config.echo;
+    client->is_proven = is_tcp(client);
     line_echo_init(&client->echo, client->config.echo);
     if (client->config.framing == MODBUS_LINE_RTU)
         be_quiet(client, after(after(now, client->config.timeout), client->config.settle));
@@ -228,6 +228,15 @@ static struct judgement judge(const struct modbus_client *client, const struct m
     return (struct judgement){.misfit = is_doubtful ? MODBUS_CLIENT_DOUBTFUL : MODBUS_CLIENT_FITS};
 }
 
+/* FM-95: the line may have returned the request. */
+static bool is_equal(const struct modbus_client_place *place, const struct modbus_item *item)
+{
+    uint8_t request[MODBUS_MAX_LEN], reply[MODBUS_MAX_LEN];
+    size_t length = modbus_encode(&place->message, MODBUS_RTU, request, sizeof request);
+    return place->stage == MODBUS_CLIENT_IN_FLIGHT && modbus_encode(&item->message, MODBUS_RTU, reply, sizeof reply) == length &&
+           memcmp(request, reply, length) == 0;
+}
+
 static void say_misfit(struct modbus_client_event *event, const struct judgement *judgement, const struct modbus_item *item)
 {
     event->misfit = judgement->misfit;
@@ -259,14 +268,25 @@ static void take_frame(struct modbus_client *client, uint64_t now, const struct 
         return;
     }
     struct judgement judgement = judge(client, place, item);
+    if (judgement.misfit == MODBUS_CLIENT_DOUBTFUL && !client->decoder.ended && client->decoder.length == 0) {
+        client->holds = true;
+        client->held = *item;
+        return;
+    }
     if (judgement.misfit != MODBUS_CLIENT_FITS && !is_tcp(client)) {
         say_misfit(stray(client, &item->message), &judgement, item);
         return;
     }
-    client->is_proven = true;
+    bool has_returned = !is_tcp(client) && is_equal(place, item);
+    if (has_returned && !client->is_proven) {
+        place->is_returned = true;
+        return;
+    }
+    client->is_proven |= !has_returned;
     rest(client, now, client->config.pause);
     if (place->stage == MODBUS_CLIENT_PROBING) {
         place->stage = MODBUS_CLIENT_QUEUED;
+        place->is_probed = true;
     } else if (judgement.misfit == MODBUS_CLIENT_FITS) {
         uint16_t quantity = place->message.quantity;
         bool is_bits = item->message.shape == MODBUS_BITS;
@@ -295,11 +315,22 @@ static void read_items(struct modbus_client *client, uint64_t now)
     }
 }
 
+/* FM-84: more bytes have come after the exception that is in doubt, or the input has ended. */
+static void decide(struct modbus_client *client, uint64_t now)
+{
+    if (!client->holds)
+        return;
+    struct modbus_item held = client->held;
+    client->holds = false;
+    take_frame(client, now, &held);
+}
+
 static void end_bytes(struct modbus_client *client, uint64_t now)
 {
     client->is_cut = client->is_partial;
     client->is_busy = client->is_partial = false;
     modbus_end(&client->decoder);
+    decide(client, now);
     read_items(client, now);
 }
 
@@ -351,8 +382,10 @@ static size_t remove_echo(struct modbus_client *client, const uint8_t *data, siz
 {
     struct line_echo_error error;
     size_t own = line_echo_receive(&client->echo, client->sent, data, size, &error);
-    if (error.kind == LINE_ECHO_NOT_SET)
+    if (error.kind == LINE_ECHO_NOT_SET) {
         modbus_init(&client->decoder, MODBUS_SERVER, MODBUS_RTU);
+        client->holds = false;
+    }
     if (error.kind != LINE_ECHO_NONE)
         remark(client, MODBUS_CLIENT_LINE_ECHO)->echo = error;
     return own;
@@ -378,6 +411,7 @@ size_t modbus_client_input(struct modbus_client *client, uint64_t now, const uin
     }
     while (taken < size) {
         taken += modbus_push(&client->decoder, data + taken, size - taken);
+        decide(client, now);
         read_items(client, now);
     }
     if (!is_tcp(client))
@@ -402,14 +436,14 @@ void modbus_client_timeout(struct modbus_client *client, uint64_t now)
         has_ended = true;
         if (place->stage == MODBUS_CLIENT_PROBING) {
             place->stage = MODBUS_CLIENT_QUEUED;
+            place->is_probed = true;
             continue;
         }
-        end_request(client, place, MODBUS_CLIENT_FAILED, "timed_out");
+        end_request(client, place, MODBUS_CLIENT_FAILED, place->is_returned ? "returned" : "timed_out");
         place->stage = MODBUS_CLIENT_TIMED_OUT;
     }
     if (!has_ended)
         return;
-    client->is_proven = true;
     rest(client, now, later(client->config.pause, is_tcp(client) ? 0 : client->config.settle));
 }
 
@@ -441,6 +475,7 @@ uint64_t modbus_client_request(struct modbus_client *client, const struct modbus
         modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
         return 0;
     place->stage = MODBUS_CLIENT_QUEUED;
+    place->is_probed = place->is_returned = false;
     place->ticket = ++client->tickets;
     place->message = *request;
     place->message.transaction = 0;
@@ -492,6 +527,12 @@ static size_t encode_probe(const struct modbus_client_place *place, uint8_t *out
     return modbus_encode(&probe, MODBUS_RTU, out, size);
 }
 
+static bool needs_probe(const struct modbus_client *client, const struct modbus_client_place *place)
+{
+    bool is_asked = !is_broadcast(client, &place->message) && is_mirrored(&place->message);
+    return is_asked && !client->is_proven && !place->is_probed;
+}
+
 /* FM-42, FM-43 */
 size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_t *out, size_t size)
 {
@@ -505,7 +546,7 @@ size_t modbus_client_transmit(struct modbus_client *client, uint64_t now, uint8_
         while (find_in_flight(client, client->transaction) != NULL || find_late(client, client->transaction) != NULL);
         place->message.transaction = client->transaction;
     }
-    bool is_proof = announces || !is_mirrored(&place->message), probes = !is_proof && !client->is_proven;
+    bool is_proof = announces || !is_mirrored(&place->message), probes = needs_probe(client, place);
     size_t length = probes ? encode_probe(place, out, size) : modbus_encode(&place->message, framing_of(client), out, size);
     if (!is_tcp(client))
         line_echo_sent(&client->echo, client->sent, out, length, is_proof || probes);

@@ -62,6 +62,11 @@ export abstract class Decoder<M, E> implements ItemReader<M, E> {
     return this.ended && this.held.length === 0;
   }
 
+  /** Whether all that has come was given, and the input has not ended. */
+  get isOpen(): boolean {
+    return !this.ended && this.held.length === 0;
+  }
+
   /** Forgets what is held, without a report. */
   discard(): void {
     this.position += this.pending;

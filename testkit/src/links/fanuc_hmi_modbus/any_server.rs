@@ -14,18 +14,21 @@ pub(super) const FITS: &str = "a reply that does not fit is not taken";
 pub(super) const DATA: &str = "data of a damaged reply is not taken for an exception";
 pub(super) const REST: &str = "the rest of a reply is waited for until the timeout";
 pub(super) const PROVEN: &str =
-    "a request that can equal its reply is not sent before it is known what the line returns";
+    "a request that can equal its reply is not sent before another reply has come, or was waited for";
+pub(super) const RETURNED: &str =
+    "a frame that equals its request is no reply before another reply has come on the connection";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-44, FM-57",
-    free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, and damaged replies whose data looks like an exception",
+    free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, what the line returns, and damaged replies whose data looks like an exception",
     properties: &[
         FOREIGN_REPLY,
         FITS,
         DATA,
         REST,
         PROVEN,
+        RETURNED,
         ENDED_TWICE,
         SENT,
         STALE,
@@ -37,7 +40,7 @@ pub(super) const RULES: Terms = Terms {
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
-    properties: &[FITS, DATA, REST, PROVEN, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    properties: &[FITS, DATA, REST, PROVEN, RETURNED, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 
 /// A server of which only this is known.
@@ -65,9 +68,9 @@ pub struct Known {
     is_damaged: bool,
     /// They are the beginning of a reply.
     is_partial: bool,
-    /// The read is in flight that shows what the line returns.
-    is_probing: bool,
-    /// A request has ended on this connection, or such a read.
+    /// The place of the request before which a read is in flight.
+    probing: Option<u8>,
+    /// A reply has come on this connection that the line cannot have returned.
     is_proven: bool,
     wrong: Option<&'static str>,
 }
@@ -77,6 +80,8 @@ struct Job {
     id: u8,
     is_mirrored: bool,
     was_sent: bool,
+    /// The read before it has ended.
+    was_probed: bool,
     /// It waited when a connection was lost.
     is_stale: bool,
     has_ended: bool,
@@ -114,10 +119,12 @@ pub enum Word {
     },
     /// They are the beginning of a reply to the request in flight.
     Partial,
+    /// They are what was sent, and so may be a reply.
+    Returned,
     /// They are no frame: noise, or a reply that is damaged.
     Corrupt,
-    /// Within the damaged reply, data that looks like an exception.
-    Data,
+    /// Within the damaged reply, data that looks like an exception; more comes, or has come already.
+    Data(Fit),
 }
 
 /// Of no request: before the client, another may have asked.
@@ -166,7 +173,7 @@ impl Peer for AnyServer {
             is_arriving: false,
             is_damaged: false,
             is_partial: false,
-            is_probing: false,
+            probing: None,
             is_proven: false,
             wrong: None,
         }
@@ -196,19 +203,29 @@ impl Peer for AnyServer {
                 words.push(Word::Partial);
             }
             if known.is_damaged {
-                words.push(Word::Data);
+                words.extend([Fit::Exception, Fit::OpenException].map(Word::Data));
+            }
+            // A line that returns what is sent is found by the probe, if that comes back whole: then it does so no more.
+            if known.awaits_mirror(end) && !known.is_proven {
+                words.push(Word::Returned);
             }
         }
+        let equal = known.awaits_mirror(end).then_some(Fit::Equal);
         if self.keeps_rules {
             let reply = |outstanding: &Outstanding| {
                 let Outstanding { id, transaction, .. } = *outstanding;
-                [Fit::Whole, Fit::Exception].map(|fit| Word::Reply { id, transaction, fit })
+                let fits = [Fit::Whole, Fit::Exception, Fit::OpenException].into_iter().chain(equal);
+                fits.map(move |fit| Word::Reply { id, transaction, fit })
             };
             words.extend(known.outstanding.iter().flat_map(reply));
         } else {
             for transaction in 0..if self.is_tcp() { 4 } else { 1 } {
-                let fits = [Fit::Whole, Fit::Exception, Fit::Misfit];
-                words.extend(fits.map(|fit| Word::Reply { id: NOBODY, transaction, fit }));
+                let fits = [Fit::Whole, Fit::Exception, Fit::OpenException, Fit::Misfit];
+                words.extend(fits.into_iter().chain(equal).map(|fit| Word::Reply {
+                    id: NOBODY,
+                    transaction,
+                    fit,
+                }));
             }
         }
     }
@@ -216,7 +233,12 @@ impl Peer for AnyServer {
     fn by(&self, word: Word) -> By {
         match word {
             Word::Request { .. } | Word::Take(_) => By::User,
-            Word::Bytes | Word::Partial | Word::Reply { .. } | Word::Corrupt | Word::Data => By::Line,
+            Word::Bytes
+            | Word::Partial
+            | Word::Reply { .. }
+            | Word::Returned
+            | Word::Corrupt
+            | Word::Data(_) => By::Line,
         }
     }
 
@@ -237,12 +259,24 @@ impl Peer for AnyServer {
                 (known.is_damaged, known.is_partial) = (true, false);
                 Input::Corrupt
             }
-            Word::Data => Input::Reply { transaction: 0, fit: Fit::Exception },
+            Word::Data(fit) => Input::Reply { transaction: 0, fit },
+            Word::Returned => {
+                (known.is_damaged, known.is_partial) = (false, false);
+                Input::Reply { transaction: 0, fit: Fit::Equal }
+            }
             Word::Reply { id, transaction, fit } => {
                 (known.is_damaged, known.is_partial) = (false, false);
-                known
-                    .outstanding
-                    .retain(|outstanding| (outstanding.id, outstanding.transaction) != (id, transaction));
+                let is_doubtful = |held: &Held| match held.stage {
+                    Stage::Probing { doubtful, .. } | Stage::InFlight { doubtful, .. } => doubtful,
+                    _ => false,
+                };
+                // Otherwise it stays in the decoder, and is read again.
+                if fit != Fit::OpenException || !end.held().any(is_doubtful) {
+                    let is_it = |outstanding: &Outstanding| {
+                        (outstanding.id, outstanding.transaction) == (id, transaction)
+                    };
+                    known.outstanding.retain(|outstanding| !is_it(outstanding));
+                }
                 // What fits is compared with the request that it seems to belong to.
                 let is_expected = end.expects(transaction, &self.config).is_some();
                 Input::Reply { transaction, fit: if is_expected { fit } else { Fit::Whole } }
@@ -258,18 +292,34 @@ impl Peer for AnyServer {
         if let Cause::Sent(due) = cause {
             self.was_sent(known, due, action);
         }
-        if known.is_probing && !end.held().any(|held| matches!(held.stage, Stage::Probing { .. })) {
-            (known.is_probing, known.is_proven) = (false, true);
+        if let Some(place) = known.probing
+            && !end.held().any(|held| matches!(held.stage, Stage::Probing { .. }))
+        {
+            known.probing = None;
+            known.is_proven |= matches!(cause, Cause::Word(Word::Reply { .. }));
+            known.jobs[usize::from(place)].iter_mut().for_each(|job| job.was_probed = true);
         }
         match action {
             Action::Keep { place } => {
                 let id = (0..).find(|id| !known.has(*id)).unwrap_or(NOBODY);
                 let is_mirrored = matches!(cause, Cause::Word(Word::Request { mirrored: true, .. }));
-                known.jobs[usize::from(place)] =
-                    Some(Job { id, is_mirrored, was_sent: false, is_stale: false, has_ended: false });
+                known.jobs[usize::from(place)] = Some(Job {
+                    id,
+                    is_mirrored,
+                    was_sent: false,
+                    was_probed: false,
+                    is_stale: false,
+                    has_ended: false,
+                });
             }
             Action::Replied { place } => {
-                known.is_proven = true;
+                if let Cause::Word(Word::Returned | Word::Reply { fit: Fit::Equal, .. }) = cause {
+                    if !known.is_proven {
+                        known.wrong = Some(RETURNED);
+                    }
+                } else {
+                    known.is_proven = true;
+                }
                 let job = known.end(place, true);
                 if let (Cause::Word(Word::Reply { id, fit, .. }), Some(job)) = (cause, job) {
                     if self.keeps_rules && job.id != id {
@@ -279,20 +329,16 @@ impl Peer for AnyServer {
                         known.wrong = Some(FITS);
                     }
                 }
-                if cause == Cause::Word(Word::Data) {
+                if matches!(cause, Cause::Word(Word::Data(_))) {
                     known.wrong = Some(DATA);
                 }
             }
-            Action::Refused { place } => {
-                known.is_proven = true;
+            Action::Refused { place } | Action::Announced { place } => {
                 known.end(place, true);
             }
-            Action::Announced { place } => {
-                known.end(place, true);
-            }
-            Action::TimedOut(places) => {
-                known.is_proven = true;
-                known.end_all(places, true);
+            Action::TimedOut { silent, returned } => {
+                known.end_all(silent, true);
+                known.end_all(returned, true);
             }
             Action::Reset { lost, not_sent } => {
                 known.end_all(lost, true);
@@ -309,7 +355,7 @@ impl Peer for AnyServer {
                 }
                 known.is_partial = false;
             }
-            Action::Nothing | Action::Sent | Action::Stray { .. } => {}
+            Action::Nothing | Action::Sent | Action::Stray { .. } | Action::Hold => {}
         }
         match cause {
             Cause::Word(Word::Take(place)) => known.jobs[usize::from(place)] = None,
@@ -321,7 +367,7 @@ impl Peer for AnyServer {
                     }
                 }
                 known.is_up = cause == Cause::Connected;
-                (known.is_probing, known.is_proven) = (false, self.is_tcp());
+                (known.probing, known.is_proven) = (None, self.is_tcp());
                 self.reconnected(known);
             }
             _ => {}
@@ -337,7 +383,7 @@ impl Peer for AnyServer {
 
     fn restarted(&self, known: &mut Known) {
         (known.jobs, known.is_up) = ([None; 2], false);
-        (known.is_probing, known.is_proven) = (false, false);
+        (known.probing, known.is_proven) = (None, false);
         self.reconnected(known);
     }
 
@@ -361,14 +407,16 @@ impl AnyServer {
             known.age();
         }
         if due.probe {
-            known.is_probing = true;
+            known.probing = Some(due.place);
             if self.keeps_rules {
+                // Of several of these reads the last is answered last.
+                known.outstanding.retain(|outstanding| outstanding.id != NOBODY);
                 known.outstanding.push(Outstanding { id: NOBODY, transaction: 0, left: self.memory });
             }
             return;
         }
         let Some(job) = &mut known.jobs[usize::from(due.place)] else { return };
-        if job.is_mirrored && !known.is_proven {
+        if job.is_mirrored && !known.is_proven && !job.was_probed {
             known.wrong = Some(PROVEN);
         }
         if job.is_stale {
@@ -388,6 +436,14 @@ impl AnyServer {
 }
 
 impl Known {
+    /// Whether a request is in flight that its reply can equal.
+    fn awaits_mirror(&self, end: &ClientMachine<2>) -> bool {
+        end.held().any(|held| {
+            let job = self.jobs[usize::from(held.place)];
+            matches!(held.stage, Stage::InFlight { .. }) && job.is_some_and(|job| job.is_mirrored)
+        })
+    }
+
     fn has(&self, id: u8) -> bool {
         self.jobs.iter().flatten().any(|job| job.id == id)
             || self.outstanding.iter().any(|outstanding| outstanding.id == id)

@@ -168,6 +168,7 @@ pub const ANY_SERVER: Pair = Pair {
             case("DoubtException", any_server::DATA, without(Client::DoubtException, on_line())),
             case("AwaitRest", any_server::REST, without(Client::AwaitRest, on_line())),
             case("ProveEcho", any_server::PROVEN, without(Client::ProveEcho, on_line())),
+            case("ProveReply", any_server::RETURNED, without(Client::ProveReply, on_line())),
             case("EndAtDisconnect", ENDS, without(Client::EndAtDisconnect, tcp())),
             case("DropQueued", STALE, without(Client::DropQueued, tcp())),
             case("OneInFlight", FOREIGN_REPLY, without(Client::OneInFlight, two)),

@@ -30,7 +30,10 @@ impl Setup {
     /// What the client's session does with an action, and its caller with the outcome.
     fn report(&self, world: &mut World, action: client::Action, edges: &mut Edges<'_>) {
         match action {
-            client::Action::TimedOut(places) => self.end_all(world, places, Outcome::Unknown, edges),
+            client::Action::TimedOut { silent, returned } => {
+                self.end_all(world, silent, Outcome::Unknown, edges);
+                self.end_all(world, returned, Outcome::Unknown, edges);
+            }
             client::Action::Reset { lost, not_sent } => {
                 world.client_holds.clear();
                 self.end_all(world, lost, Outcome::Unknown, edges);
@@ -38,11 +41,16 @@ impl Setup {
             }
             // What is whole among what the decoder held is found.
             client::Action::Cut => {
-                for frame in core::mem::take(&mut world.client_holds) {
+                let held = core::mem::take(&mut world.client_holds);
+                let last = held.len().saturating_sub(1);
+                for (index, frame) in held.into_iter().enumerate() {
                     if frame.what == What::Half {
                         self.client(world, client::Input::Corrupt, edges);
                     } else {
-                        self.take(world, frame, edges);
+                        // The silence shows that the last one is an exception.
+                        let exception =
+                            if index == last { client::Fit::Whole } else { client::Fit::Exception };
+                        self.take(world, frame, exception, edges);
                     }
                 }
             }
@@ -52,7 +60,8 @@ impl Setup {
             | client::Action::Sent
             | client::Action::Announced { .. }
             | client::Action::Replied { .. }
-            | client::Action::Stray { .. } => {}
+            | client::Action::Stray { .. }
+            | client::Action::Hold => {}
         }
     }
 
@@ -176,15 +185,23 @@ impl Setup {
         let frame = world.up.remove(0);
         let action = self.client(world, client::Input::Received, edges);
         self.report(world, action, edges);
+        // Something follows an exception that was in doubt.
+        if let [held] = *world.client_holds
+            && held.what == What::Exception
+        {
+            world.client_holds.clear();
+            self.take(world, held, client::Fit::Exception, edges);
+        }
         if frame.what == What::Half || !world.client_holds.is_empty() {
             // What follows without a silence may be the rest.
             world.client_holds.push(frame);
         } else {
-            self.take(world, frame, edges);
+            self.take(world, frame, client::Fit::OpenException, edges);
         }
     }
 
-    fn take(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
+    /// A frame is read; `exception`: what it is if it is one.
+    fn take(&self, world: &mut World, frame: Frame, exception: client::Fit, edges: &mut Edges<'_>) {
         let transaction = frame.transaction;
         let expects = world.client.expects(transaction, &self.client);
         let asked = expects.map(|held| self.unit(world.places[usize::from(held.place)]));
@@ -192,7 +209,7 @@ impl Setup {
             frame.what != What::OtherUnit && asked.is_none_or(|unit| unit == self.unit(frame.job).max(1));
         let fit = match frame.what {
             _ if !fits => client::Fit::Misfit,
-            What::Exception => client::Fit::Exception,
+            What::Exception => exception,
             _ => client::Fit::Whole,
         };
         let action = self.client(world, client::Input::Reply { transaction, fit }, edges);
@@ -201,6 +218,9 @@ impl Setup {
                 world.places[usize::from(place)] != frame.job || frame.what == What::OtherUnit;
             let outcome = if frame.what == What::Exception { Outcome::Refused } else { Outcome::Done };
             self.end(world, place, outcome, edges);
+        }
+        if action == client::Action::Hold {
+            world.client_holds.push(frame);
         }
         self.report(world, action, edges);
     }

@@ -123,6 +123,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
         let due = Due { place: 0, transaction: Self::first(), probe: false };
         let (sent, probed) = (On::Sent(due), On::Sent(Due { probe: true, ..due }));
         let reply = On::Reply { transaction: Self::first(), fit: Fit::Whole };
+        let equal = On::Reply { transaction: Self::first(), fit: Fit::Equal };
         let mut states = Vec::new();
         // Nothing is over yet; everything is.
         for at in [NOW, Duration::ZERO] {
@@ -151,6 +152,8 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ]);
             if T::NAME != Tcp::NAME {
                 states.push(up(&[ask, sent, On::Received, On::Partial]));
+                // What was sent has come back on a line that is not proven.
+                states.push(up(&[ask, sent, On::Received, equal]));
                 states.extend([after(&[(at, mirror)]), up(&[mirror]), up(&[mirror, probed])]);
                 states.push(up(&[mirror, probed, On::Received]));
                 states.push(up(&[mirror, probed, On::Received, On::Corrupt]));
@@ -173,7 +176,9 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             On::Taken { place: 0 },
             On::Received,
             On::Reply { transaction, fit: Fit::Whole },
+            On::Reply { transaction, fit: Fit::Equal },
             On::Reply { transaction, fit: Fit::Exception },
+            On::Reply { transaction, fit: Fit::OpenException },
             On::Reply { transaction, fit: Fit::Misfit },
             On::Corrupt,
             On::Sent(Due { place: 0, transaction, probe: false }),
@@ -204,7 +209,9 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             _ => false,
         };
         let doubt = if machine.held().any(is_doubtful) { ", in doubt" } else { "" };
-        format!("{}, {}{bytes}{doubt}", T::NAME, client_state(machine))
+        let is_returned = |held: &Held| matches!(held.stage, Stage::InFlight { returned: true, .. });
+        let returned = if machine.held().any(is_returned) { ", returned" } else { "" };
+        format!("{}, {}{bytes}{doubt}{returned}", T::NAME, client_state(machine))
     }
 
     fn column_at(machine: &ClientMachine<N>, now: Duration, input: &client::Input) -> String {

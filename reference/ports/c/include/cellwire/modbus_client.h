@@ -75,6 +75,8 @@ struct modbus_client_event {
 /* A request, and later its reply. */
 struct modbus_client_place {
     enum modbus_client_stage stage;
+    bool is_probed;   /* the probe before it has ended (FM-93) */
+    bool is_returned; /* a frame that equals it has come while the line was not proven (FM-95) */
     uint64_t ticket, deadline, expired; /* the number of the expiry */
     struct modbus_message message;
 };
@@ -93,6 +95,8 @@ struct modbus_client {
     uint64_t tickets, expiries;
     uint16_t transaction; /* the last one */
     bool is_doubtful;     /* corrupt bytes since the last request (FM-84) */
+    bool holds;           /* an exception in doubt, after which nothing has come yet */
+    struct modbus_item held;
     struct modbus_step step;
     struct modbus_client_event events[MODBUS_CLIENT_EVENTS];
     size_t event_count;

@@ -60,7 +60,10 @@ class Request:
     is_broadcast: bool
     stage: Stage = Stage.QUEUED
     deadline: int = 0
+    sent: bytes = b""
     transaction: int | None = None
+    is_probed: bool = False  # the probe before it has ended
+    is_returned: bool = False  # a frame that equals it has come while the line was not proven (FM-95)
     outcome: Json | None = None
     is_late: bool = False  # it timed out, and its reply may still come
     ended: int = 0  # how many ended before
@@ -98,6 +101,7 @@ class Client(Session):
         self.quiet_until: int | None = None
         self.places: list[Request | None] = [None] * config.places
         self.tickets = self.ends = self.last_transaction = 0
+        self.doubtful: tuple[bytes, Item] | None = None  # an exception after which nothing has come yet (FM-84)
         self.has_failed = False  # the decoder, since the last request was sent (FM-84)
         self.was_within = False  # corruption, when the read before ended (FM-81)
         self.replies = self.new_decoder()
@@ -164,7 +168,7 @@ class Client(Session):
         """FM-53"""
         self.lose()
         self.is_up = True
-        self.is_proven = self.is_tcp or self.config.echo  # FM-93
+        self.is_proven = self.is_tcp  # FM-93
         self.echo = Echo(self.config.echo)
         self.quiet_until = after(now, after(self.time_limit, self.settle)) if self.is_line else None
 
@@ -189,7 +193,7 @@ class Client(Session):
     # Input
 
     def empty(self) -> None:
-        self.replies = self.new_decoder()
+        self.replies, self.doubtful = self.new_decoder(), None
 
     def input(self, now: int, data: bytes) -> None:
         """FM-49"""
@@ -201,6 +205,7 @@ class Client(Session):
         if self.silent_at is not None and now >= self.silent_at and not self.is_partial:
             self.end_input(now)
         self.replies.push(data)
+        self.decide(now)
         self.read(now)
         if self.gap is not None:
             self.silent_at, self.is_partial = after(now, self.gap), False
@@ -220,7 +225,14 @@ class Client(Session):
     def end_input(self, now: int) -> None:
         self.is_cut, self.is_partial = self.is_partial, False
         self.replies.end()
+        self.decide(now)
         self.read(now)
+
+    def decide(self, now: int) -> None:
+        """FM-84: more bytes have come after the exception that is in doubt, or the input has ended."""
+        if self.doubtful is not None:
+            (frame, item), self.doubtful = self.doubtful, None
+            self.on_frame(now, frame, item)
 
     def read(self, now: int) -> None:
         while (item := self.replies.next()) is not None:
@@ -244,13 +256,20 @@ class Client(Session):
         mismatch = self.mismatch(request.asked(), header["unit"], item.message)
         is_last = self.replies.ended and not self.replies.held and not self.is_cut
         is_doubtful = pdu[0] > codec.EXCEPTION and self.has_failed and not is_last  # FM-84
+        if is_doubtful and not self.is_tcp and not mismatch and item.message and not self.replies.ended and not self.replies.held:
+            self.doubtful = frame, item
+            return
         if not self.is_tcp and (item.message is None or mismatch or is_doubtful):
             self.report("stray", **stray, **({"mismatch": mismatch} if mismatch else {}))
             return
-        self.is_proven = True
+        is_equal = request.stage is Stage.IN_FLIGHT and frame == request.sent
+        if is_equal and not self.is_proven:
+            request.is_returned = True  # FM-95
+            return
+        self.is_proven = self.is_proven or not is_equal
         self.be_quiet(now, self.config.pause)  # FM-94
         if request.stage is Stage.PROBING:
-            request.stage = Stage.QUEUED
+            request.stage, request.is_probed = Stage.QUEUED, True
         elif mismatch:
             self.finish(request, "failed", reason={"mismatch": mismatch})
         elif item.message is None:
@@ -309,11 +328,10 @@ class Client(Session):
                     return
                 for request in due:
                     if request.stage is Stage.PROBING:
-                        request.stage = Stage.QUEUED
+                        request.stage, request.is_probed = Stage.QUEUED, True
                     else:
-                        self.finish(request, "failed", reason="timed_out")
+                        self.finish(request, "failed", reason="returned" if request.is_returned else "timed_out")
                         request.is_late = True
-                self.is_proven = True
                 self.be_quiet(now, max(self.config.pause, 0 if self.is_tcp else self.settle))
 
     def transmit(self, now: int) -> bytes | None:
@@ -325,7 +343,7 @@ class Client(Session):
             return None
         request = min(queued, key=lambda request: request.ticket)
         self.has_failed = False
-        needs_probe = not self.is_proven and is_mirrored(request.message)  # FM-93
+        needs_probe = not self.is_proven and not request.is_probed and is_mirrored(request.message)  # FM-93
         if request.is_broadcast:
             self.quiet_until = after(now, self.turnaround)
             self.finish(request, "announced")
@@ -334,7 +352,7 @@ class Client(Session):
             request.deadline = after(now, self.time_limit)
         if self.is_tcp:
             return self.encode(request.message, self.transaction_of(request))
-        frame = self.encode(request.asked())
+        frame = request.sent = self.encode(request.asked())
         self.echo.sent(frame, needs_probe or request.is_broadcast or not is_mirrored(request.message))
         return frame
 

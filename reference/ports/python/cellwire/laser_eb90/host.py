@@ -162,12 +162,26 @@ class Host(Session):
         self.read(now)
 
     def on_message(self, now: int, message: Json) -> None:
+        if self.is_own(message):
+            return
         (first, *rest) = message["items"]
         word = word_of(first)
         if word is not None:
             self.take_answer(now, word, rest)
         else:
             self.on_error(now, Item(0, 0, error={"kind": "no_word"}))
+
+    def is_own(self, message: Json) -> bool:
+        """LE-115: the frame in flight, which the line has returned."""
+        if self.batch is None or len(self.batch.items) < 2:
+            return False
+        sent = codec.encode({"items": self.batch.items}, options=self.config.profile)
+        if codec.encode(message, options=self.config.profile) != sent:
+            return False
+        if not self.echo.returns:
+            self.report("echo", error={"kind": "not_set", "length": len(sent)})
+        self.echo = Echo(True)
+        return True
 
     def on_error(self, now: int, item: Item) -> None:
         """LE-57"""

@@ -43,6 +43,13 @@ export class Echo {
     return rest;
   }
 
+  /** An end has found the last frame, of so many bytes, among what it reads: reports it, if that is news (LE-115). */
+  found(length: number, events: { push(event: EchoEvent): void }): void {
+    if (!this.returns) events.push({ event: "echo", error: { kind: "not_set", length } });
+    this.returns = true;
+    this.sent(NOTHING, true);
+  }
+
   /** FM-88, IB-41, LE-113, VV-42 */
   private compare(bytes: Uint8Array, before: number): { rest: Uint8Array; error: EchoError | null } {
     const { frame } = this;

@@ -308,10 +308,20 @@ export class LaserHost implements Session<LaserHostEvent> {
         this.corrupt(item.error);
         continue;
       }
+      if (this.isOwn(encodeFrame(item.message, this.profile))) continue;
       const answer = instructionOf(item.message);
       if (answer === null) this.corrupt({ kind: "no_word" });
       else this.answer(answer, now);
     }
+  }
+
+  /** The frame in flight, which the line has returned (LE-115). */
+  private isOwn(frame: Uint8Array): boolean {
+    if (!("batch" in this.state) || !this.state.batch.isProof) return false;
+    const { bytes } = this.state.batch;
+    if (frame.length !== bytes.length || !frame.every((byte, at) => byte === bytes[at])) return false;
+    this.echo.found(bytes.length, this.events);
+    return true;
   }
 
   private corrupt(error: LaserError | { kind: "no_word" }): void {

@@ -40,7 +40,7 @@ export type Mismatch =
 
 type Misfit = { mismatch: Mismatch } | { malformed: PduError | ExceptionLength };
 
-export type FailReason = "disconnected" | "not_sent" | "timed_out" | Misfit;
+export type FailReason = "disconnected" | "not_sent" | "timed_out" | "returned" | Misfit;
 
 export type ModbusClientEvent =
   | { event: "replied"; ticket: number; message: ReplyMessage }
@@ -58,6 +58,10 @@ interface Place {
   stage: "queued" | "probing" | "in_flight" | "ended" | "timed_out" | "expired";
   transaction: number | null;
   deadline: number;
+  /** The probe before it has ended (FM-93). */
+  probed: boolean;
+  /** A frame that equals it has come while the line was not proven (FM-95). */
+  returned: boolean;
   /** When it timed out, or expired, among the others. */
   order: number;
 }
@@ -77,7 +81,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private cut = false;
   /** Until when nothing is sent; null: quiet is over. */
   private quietUntil: number | null = null;
-  /** It is known what the line does with what is sent (FM-93). */
+  /** A reply has come that the line cannot have returned (FM-93). */
   private proven = false;
   private echo = new Echo(false);
   private readonly places: (Place | null)[];
@@ -86,6 +90,8 @@ export class ModbusClient implements Session<ModbusClientEvent> {
   private order = 0;
   /** An error of the decoder was given since the last request was sent (FM-84). */
   private damaged = false;
+  /** An exception in doubt, after which nothing has come yet (FM-84). */
+  private doubtful: Frame | null = null;
   /** The last read ended within corruption (FM-81). */
   private wasLost = false;
   /** The transaction of a broadcast (FM-43); null, where frames have none. */
@@ -125,13 +131,13 @@ export class ModbusClient implements Session<ModbusClientEvent> {
 
   connected(now: number): void {
     if (this.up) this.close();
-    this.decoder.discard();
+    this.discard();
     this.wasLost = false;
     this.up = true;
     this.silentAt = null;
     this.partial = false;
     const { framing, timeout, settle, echo } = this.config;
-    this.proven = framing === "tcp" || echo;
+    this.proven = framing === "tcp";
     this.echo = new Echo(echo);
     this.quietUntil = framing === "rtu" ? now + timeout + settle : null;
   }
@@ -148,7 +154,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     const place = this.freePlace();
     if (place === null) throw new Refused("full");
     this.tickets += 1;
-    this.places[place] = { ticket: this.tickets, request, stage: "queued", transaction: null, deadline: NEVER, order: 0 };
+    this.places[place] = { ticket: this.tickets, request, stage: "queued", transaction: null, deadline: NEVER, probed: false, returned: false, order: 0 };
     return this.tickets;
   }
 
@@ -157,10 +163,11 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       this.events.push({ event: "unexpected" });
       return;
     }
-    const rest = this.echo.remove(bytes, this.events, () => this.decoder.discard());
+    const rest = this.echo.remove(bytes, this.events, () => this.discard());
     if (rest.length === 0) return;
     if (this.silentAt !== null && !this.partial && isDue(this.silentAt, now)) this.endInput(now);
     this.decoder.push(rest);
+    this.decide(now);
     this.read(now);
     if (this.config.framing === "tcp") return;
     this.silentAt = now + this.config.silence;
@@ -182,13 +189,13 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       for (const place of late) {
         if (place.stage === "probing") {
           place.stage = "queued";
+          place.probed = true;
         } else {
           place.stage = "timed_out";
-          this.events.push({ event: "failed", ticket: place.ticket, reason: "timed_out" });
+          this.events.push({ event: "failed", ticket: place.ticket, reason: place.returned ? "returned" : "timed_out" });
         }
       }
       const { framing, pause, settle } = this.config;
-      this.proven = true;
       this.rest(now, framing === "tcp" ? pause : Math.max(pause, settle));
     }
   }
@@ -210,7 +217,7 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       return this.sent(this.encode(request, this.none), true);
     }
     const mirrored = isMirrored(request);
-    place.stage = mirrored && !this.proven ? "probing" : "in_flight";
+    place.stage = mirrored && !this.proven && !place.probed ? "probing" : "in_flight";
     place.deadline = now + timeout;
     place.transaction = framing === "tcp" ? this.nextTransaction() : null;
     return this.sent(this.encode(sentFor(place), place.transaction), place.stage === "probing" || !mirrored);
@@ -324,7 +331,21 @@ export class ModbusClient implements Session<ModbusClientEvent> {
     this.cut = this.partial;
     this.partial = false;
     this.decoder.end();
+    this.decide(now);
     this.read(now);
+  }
+
+  /** More bytes have come after the exception that is in doubt, or the input has ended (FM-84). */
+  private decide(now: number): void {
+    const { doubtful } = this;
+    this.doubtful = null;
+    if (doubtful !== null) this.frame(doubtful, now);
+  }
+
+  /** Forgets what was not read yet. */
+  private discard(): void {
+    this.decoder.discard();
+    this.doubtful = null;
   }
 
   private read(now: number): void {
@@ -355,14 +376,24 @@ export class ModbusClient implements Session<ModbusClientEvent> {
       return;
     }
     const misfit = this.misfitOf(place, unit, decoded);
+    if (transaction === null && misfit === null && this.isDoubtful(pdu) && this.decoder.isOpen) {
+      this.doubtful = frame;
+      return;
+    }
     if (transaction === null && (misfit !== null || this.isDoubtful(pdu))) {
       this.events.push(misfit !== null && "mismatch" in misfit ? { ...stray, ...misfit } : stray);
       return;
     }
-    this.proven = true;
+    const equal = place.stage === "in_flight" && transaction === null && isSame(frame, place.request);
+    if (equal && !this.proven) {
+      place.returned = true;
+      return;
+    }
+    this.proven ||= !equal;
     this.rest(now, this.config.pause);
     if (place.stage === "probing") {
       place.stage = "queued";
+      place.probed = true;
     } else if (misfit !== null) {
       this.fail(place, misfit);
     } else if ("message" in decoded) {
@@ -399,6 +430,12 @@ export class ModbusClient implements Session<ModbusClientEvent> {
 /** The request, or the probe before it (FM-93). */
 function sentFor({ stage, request }: Place): RequestMessage {
   return stage === "probing" ? { ...PROBE, unit: request.unit } : request;
+}
+
+/** Whether a frame has the bytes of a request: the line may have returned it (FM-95). */
+function isSame({ unit, pdu }: Frame, request: RequestMessage): boolean {
+  const sent = encodeFrame(request, "client", "rtu");
+  return unit === sent[0] && pdu.length === sent.length - 3 && pdu.every((byte, at) => byte === sent[at + 1]);
 }
 
 /** Why a reply does not fit a request, in function and data; null, if it does (FM-44). */

@@ -1,0 +1,123 @@
+//! The bytes of a request, and what can be the reply to it.
+
+use super::event::Ticket;
+use super::machine::Fit;
+use crate::error::{DecodeError, Mismatch};
+use crate::frame::{Frame, RtuLen, Side};
+use crate::message::{PduBuf, Reply, Request, function};
+
+/// The bytes of a request, and then of its reply.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub(super) ticket: Ticket,
+    pub(super) unit: u8,
+    /// How many bits or registers the request reads.
+    pub(super) quantity: u16,
+    pub(super) is_reply: bool,
+    /// The reply can be equal to the request.
+    pub(super) is_mirrored: bool,
+    pub(super) pdu: PduBuf,
+}
+
+/// The request whose reply shows that a device answers: it has 2 bytes of data, and so begins in another way than the request.
+const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
+
+/// What begins with some bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Begins {
+    /// The beginning of the reply.
+    Part,
+    /// The whole reply.
+    Whole,
+    /// Something else.
+    Other,
+}
+
+/// Why a frame cannot be the reply to a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Misfit {
+    Mismatch(Mismatch),
+    Malformed(DecodeError),
+}
+
+impl Place {
+    pub(super) const EMPTY: Self = Self {
+        ticket: Ticket { number: 0, place: 0 },
+        unit: 0,
+        quantity: 0,
+        is_reply: false,
+        is_mirrored: false,
+        pdu: PduBuf::EMPTY,
+    };
+
+    /// The read before the request in this place.
+    #[cold]
+    pub(super) fn probe(&self) -> Self {
+        let pdu = PduBuf::new(&PROBE).unwrap_or(PduBuf::EMPTY);
+        Self { unit: self.unit, quantity: PROBE.quantity_read(), pdu, ..Self::EMPTY }
+    }
+
+    /// Whether a frame can be the reply to the request in this place.
+    #[inline(always)]
+    pub(super) fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {
+        if self.unit != frame.unit && !any_unit {
+            return Err(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
+        }
+        // The read that is repeated in every cycle: what it asked for is known without its request.
+        let is_read = self.pdu.function() == function::READ_HOLDING_REGISTERS;
+        match Reply::decode(frame.pdu) {
+            Ok(Reply::HoldingRegisters(words)) if is_read && words.len() == usize::from(self.quantity) => {
+                Ok(Fit::Whole)
+            }
+            Ok(reply) => self.answered(frame, &reply),
+            Err(error) => Err(Misfit::Malformed(error)),
+        }
+    }
+
+    /// Whether an RTU frame with the reply to the request in this place begins with these bytes.
+    pub(super) fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> Begins {
+        let asked = self.pdu.function();
+        let is_unit = |unit: &u8| any_unit || *unit == self.unit;
+        let is_function = |code: &u8| code & !function::EXCEPTION == asked;
+        if !bytes.first().is_none_or(is_unit) || !bytes.get(1).is_none_or(is_function) {
+            return Begins::Other;
+        }
+        let is_whole = || Frame::decode_rtu_whole(bytes).is_ok();
+        match RtuLen::of(bytes, Side::Server) {
+            RtuLen::Known(length) if !self.has_asked_count(bytes) || length < bytes.len() => Begins::Other,
+            RtuLen::Known(length) if length > bytes.len() => Begins::Part,
+            RtuLen::Known(_) if !is_whole() => Begins::Other,
+            RtuLen::Silence if !is_whole() => Begins::Part,
+            RtuLen::AtLeast(_) => Begins::Part,
+            RtuLen::Known(_) | RtuLen::Silence => Begins::Whole,
+        }
+    }
+
+    /// Whether the reply to a read, as far as it has come, counts the bytes that were asked for.
+    const fn has_asked_count(&self, reply: &[u8]) -> bool {
+        match *reply {
+            [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
+                let is_of_bits = matches!(code, function::READ_COILS | function::READ_DISCRETE_INPUTS);
+                count as u16 == if is_of_bits { self.quantity.div_ceil(8) } else { 2 * self.quantity }
+            }
+            _ => true,
+        }
+    }
+
+    #[inline(never)]
+    fn answered(&self, frame: &Frame<&[u8]>, reply: &Reply<'_>) -> Result<Fit, Misfit> {
+        let request = self.pdu.request().map_err(Misfit::Malformed)?;
+        reply.answers(&request).map_err(Misfit::Mismatch)?;
+        Ok(match reply {
+            Reply::Exception { .. } => Fit::Exception,
+            _ if frame.unit == self.unit && frame.pdu == self.pdu.as_bytes() => Fit::Equal,
+            _ => Fit::Whole,
+        })
+    }
+
+    /// The reply takes the place of its request.
+    pub(super) fn keep_reply(&mut self, pdu: &[u8]) {
+        self.pdu.hold(pdu);
+        self.is_reply = true;
+    }
+}

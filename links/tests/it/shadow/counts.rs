@@ -22,13 +22,13 @@ val2-viewer list 2445fb67940bbf88
 isra-ball Assumption: IB-24 55, IB-25 16, IB-26 3, IB-31 15
 isra-ball Rule: IB-10 3, IB-11 1, IB-25 12, IB-33 5, IB-35 27, IB-9 75
 isra-ball list 5596c364515c5fe5
-fanuc-hmi-modbus Assumption: FM-42 139, FM-57 28
-fanuc-hmi-modbus Rule: FM-40 25, FM-41 2, FM-43 27, FM-44 33, FM-48 60, FM-60 7, FM-61 21
-fanuc-hmi-modbus list 44554ed0c9bad5da
-laser-eb90 Assumption: LE-72 18, LE-98 14
-laser-eb90 Budget: LE-99 66
-laser-eb90 Rule: LE-102 12, LE-19 1, LE-22 2, LE-23 4, LE-24 3, LE-25 9, LE-45 20, LE-5 26
-laser-eb90 list 5a6e12e6c2b3fcfd
+fanuc-hmi-modbus Assumption: FM-42 168, FM-57 30
+fanuc-hmi-modbus Rule: FM-40 25, FM-41 2, FM-43 27, FM-44 36, FM-48 87, FM-60 7, FM-61 23
+fanuc-hmi-modbus list 5ae09b9692e64d4a
+laser-eb90 Assumption: LE-72 20, LE-98 14
+laser-eb90 Budget: LE-99 68
+laser-eb90 Rule: LE-102 12, LE-19 1, LE-22 2, LE-23 4, LE-24 3, LE-25 13, LE-45 20, LE-5 30
+laser-eb90 list 459c19b407d940ca
 mmacell-proto Assumption: MM-60 41
 mmacell-proto Rule: MM-18 4, MM-3 16, MM-4 15, MM-51 1, MM-54 2, MM-74 17
 mmacell-proto list ed2d73a38868e4a6
@@ -43,8 +43,8 @@ kawasaki-msg: 99 of 365; 484/512 + 40, 506/552, 550/551 + 1, 26/26 + 341, 120/12
 val2-alter: 91 of 430; 200/208 + 119, 324/327, 168/174 + 153, 11/11 + 239, 327/327; 30; 214 120 6 137 0 34 0 0; list 2d3ce949f9f94e5e
 val2-viewer: 60 of 147; 78/78 + 75, 109/123 + 30, 51/51 + 102, 0/0 + 41, 83/83 + 70; 1; 41 41 6 80 0 0 44 106; list 58a07ca338c56e4d
 isra-ball: 34 of 96; 80/80 + 24, 104/104, 56/56 + 48, 5/5 + 35, 104/104; 0; 35 21 3 48 0 0 0 0; list 8774e218441dacca
-fanuc-hmi-modbus: 101 of 343; 227/233 + 120, 294/304 + 49, 147/151 + 202, 126/132 + 212, 319/319 + 34; 13; 97 134 3 202 147 0 34 0; list 394aa1be2892934a
-laser-eb90: 109 of 269; 175/175 + 80, 246/246 + 9, 114/114 + 141, 116/116 + 134, 255/255; 0; 25 42 4 141 152 0 0 0; list 49ed2ba0c3bd7215
+fanuc-hmi-modbus: 101 of 356; 227/233 + 120, 294/304 + 49, 147/151 + 202, 126/132 + 212, 319/319 + 34; 13; 97 134 3 202 147 0 34 0; list 394aa1be2892934a
+laser-eb90: 109 of 271; 175/175 + 80, 246/246 + 9, 114/114 + 141, 116/116 + 134, 255/255; 0; 25 42 4 141 152 0 0 0; list 49ed2ba0c3bd7215
 mmacell-proto: 118 of 191; 798/799 + 78, 877/877, 419/419 + 458, 100/106 + 225, 819/819 + 58; 45; 212 38 40 458 0 13 58 0; list ebd6b4496045a3ff
 ";
 

@@ -111,25 +111,24 @@ impl<const N: usize> Echo<N> {
 
     /// Looks for the message among what has come first.
     fn look<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
-        for (at, byte) in bytes.iter().enumerate() {
-            for noise in 0..BEGINNINGS {
-                let Some(place) = self.come.checked_sub(noise) else { break };
-                if self.begun & (1 << noise) == 0 {
-                    continue;
-                }
-                if self.sent.get(place) != Some(byte) {
-                    self.begun &= !(1 << noise);
-                } else if place + 1 == self.len {
-                    let length = core::mem::take(&mut self.len);
-                    self.returns = true;
-                    return (bytes.get(at + 1..).unwrap_or_default(), Some(EchoError::NotSet { length }));
-                }
+        for noise in 0..BEGINNINGS {
+            if self.begun & (1 << noise) == 0 {
+                continue;
             }
-            if self.begun == 0 {
-                self.len = 0;
-                break;
+            let own = bytes.get(noise.saturating_sub(self.come)..).unwrap_or_default();
+            let expected = self.sent.get(self.come.saturating_sub(noise)..self.len).unwrap_or_default();
+            let count = own.len().min(expected.len());
+            if own.get(..count) != expected.get(..count) {
+                self.begun &= !(1 << noise);
+            } else if count == expected.len() {
+                let length = core::mem::take(&mut self.len);
+                self.returns = true;
+                return (own.get(count..).unwrap_or_default(), Some(EchoError::NotSet { length }));
             }
-            self.come += 1;
+        }
+        self.come += bytes.len();
+        if self.begun == 0 {
+            self.len = 0;
         }
         (bytes, None)
     }

@@ -8,6 +8,7 @@ mod contract;
 mod datagrams;
 #[cfg(feature = "serialport")]
 mod drivers;
+mod echo;
 #[cfg(all(feature = "embedded-io", feature = "embedded-io-async", feature = "std"))]
 mod embedded;
 mod end;

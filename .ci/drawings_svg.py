@@ -157,7 +157,7 @@ def cuts(plan, mm, page):
 def compare(name, text, page=(100, 100), may_be_cut_off=True):
     file = FOLDER / f"{name.replace(' ', '-')}.svg"
     file.write_text(text)
-    plan, done = laser(file, "--allow")
+    plan, done = laser(file, "--allow", "drawing")
     assert done.returncode == 0, (name, done.stderr)
     allowed = "is cut off at the edge" if may_be_cut_off else None
     warnings = [line for line in done.stderr.splitlines() if not allowed or allowed not in line]

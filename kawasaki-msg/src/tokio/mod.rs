@@ -83,9 +83,9 @@ pub struct Progress {
     pub queued: u32,
 }
 
-/// An order that has begun: a future of its outcome. It goes on when this is dropped; its outcome is an event then, as it always is.
+/// An order that has begun: a future of its outcome, which is always an event too. What happens when it is [dropped](Handle#dropped-futures).
 #[derive(Debug)]
-#[must_use = "the order continues, but its outcome is lost"]
+#[must_use = "without its future, the outcome of the order is an event alone"]
 pub struct Order {
     progress: watch::Receiver<Progress>,
     outcome: Outcome<Result<Over, Error>>,

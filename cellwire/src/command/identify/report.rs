@@ -15,7 +15,7 @@ use super::super::encode::hex;
 use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
-use super::settings::{or, plain, would_decide};
+use super::settings::{or, plain, remarks, would_decide};
 use crate::io::output::{log, printable};
 
 /// Tables: the links, and the options of the best.
@@ -183,18 +183,26 @@ fn lines(seen: &Seen) -> Vec<String> {
     lines
 }
 
-/// The function that returns the crate's configuration.
+/// A module with a function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
     let mut settings = finding.settings.clone();
     let echo = settings.remove("echo");
-    let mut text = (finding.link.open.rust)(&settings, carrier)?;
+    let mut text = format!("//! {}: the options that explain a capture.\n", finding.link.short);
+    for option in finding.options.iter().filter(|option| option.name != "echo") {
+        remarks(&mut text, "//!", option)?;
+    }
     if echo.is_some() {
         text.push_str(
-            "// The line returns what one end sends: `echo: true` in the configuration of that end.\n",
+            "//! The line returns what one end sends: `echo: true` in the configuration of that end.\n",
         );
     }
-    let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
-    Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.short)?)
+    let module = (finding.link.open.rust)(&settings, carrier)?;
+    let module = if module.is_empty() {
+        "// The source leaves no option open: the default configuration."
+    } else {
+        &module
+    };
+    Ok(writeln!(io::stdout().lock(), "{text}\n{module}")?)
 }
 
 /// One line of JSON.

@@ -122,7 +122,7 @@ fn heard(args: &Args, name: &str) -> Result<Conversation> {
     if args.json {
         report::line_json(&line)?;
     } else {
-        report::line(&line)?;
+        report::line(&line, if args.rust { "//! " } else { "" })?;
     }
     Ok(line.conversation)
 }

@@ -64,10 +64,9 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
 #[cfg(unix)]
 const SHOWN: usize = 8;
 
-/// The settings of a serial line.
+/// The settings of a serial line; each line of the report begins with `mark`.
 #[cfg(unix)]
-pub(super) fn line(line: &Line) -> Result<()> {
-    let mut out = io::stdout().lock();
+pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
     let mut settings = table(["line", "characters", "broken", "text", "link", "likelier than a wrong one"]);
     for it in line.judged.iter().take(SHOWN) {
         settings.add_row([
@@ -79,19 +78,19 @@ pub(super) fn line(line: &Line) -> Result<()> {
             format!("2^{:.0}", it.bits),
         ]);
     }
-    writeln!(out, "{}:\n{settings}\n", line.conversation.name)?;
     let likely: Vec<String> = line.judged.iter().take(line.likely).map(|it| it.setting.to_string()).collect();
-    match likely.as_slice() {
-        [only] => writeln!(out, "  The line has {only}.")?,
-        several => {
-            let several = several.join(" or ");
-            writeln!(out, "  Undecided: {several}; listen longer, while both ends speak.")?;
-        }
+    let decided = match likely.as_slice() {
+        [only] => format!("The line has {only}."),
+        several => format!("Undecided: {}; listen longer, while both ends speak.", several.join(" or ")),
+    };
+    let stop =
+        "One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.";
+    let text = format!("{}:\n{settings}\n\n  {decided}\n  {stop}\n\n", line.conversation.name);
+    let mut out = io::stdout().lock();
+    for line in text.lines() {
+        writeln!(out, "{}", format!("{mark}{line}").trim_end())?;
     }
-    Ok(writeln!(
-        out,
-        "  One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.\n"
-    )?)
+    Ok(())
 }
 
 /// The settings of a serial line, one line.

@@ -1,8 +1,8 @@
 """Checks every block of code in the pages of the site that nothing else compiles or runs. Usage: code.py ROOT CELLWIRE BRIDGE
 
 Rust on the crates' pages is a doctest, and what ports' pages have is run by the checks of the ports: ELSEWHERE says by which, and that
-must name the page. Of shell the syntax is checked; a command of the tool parses with its arguments; scripts, packages, binaries and
-features that it names are there. TOML and JSON parse. Prints how many blocks were checked, by language.
+must name the page. Of shell the syntax is checked; a command of the tool parses with its arguments; scripts, packages and binaries
+that it names are there. TOML and JSON parse. Prints how many blocks were checked, by language.
 """
 
 import json
@@ -95,21 +95,13 @@ def parses(tool: str, arguments: list[str], where: str) -> None:
 
 
 def cargo(words: list[str], where: str) -> None:
-    """The packages, binaries, features and paths that a command of Cargo names."""
+    """The packages and binaries that a command of Cargo names. `.ci/first-robot` runs `cargo add`."""
     given = dict(zip(words, words[1:]))
     package = packages.get(given.get("-p", ""))
     if "-p" in given and not package and given["-p"] != "ends":
         wrong.append(f"{where}: there is no package {given['-p']}")
     if "--bin" in given and package and given["--bin"] not in {target["name"] for target in package["targets"]}:
         wrong.append(f"{where}: {package['name']} has no binary {given['--bin']}")
-    if words[0] == "add" and "--path" in given:
-        folder = given["--path"].replace("$CELLWIRE", str(ROOT))
-        added = next((it for it in packages.values() if Path(it["manifest_path"]).parent == Path(folder)), None)
-        if not added or added["name"] != words[1]:
-            wrong.append(f"{where}: {words[1]} is not in {given['--path']}")
-        for feature in given.get("--features", "").split(",") if added else ():
-            if feature and feature not in added["features"]:
-                wrong.append(f"{where}: {words[1]} has no feature {feature}")
     if words[0] == "run" and "--" in words and package and package["name"] in TOOLS:
         parses(package["name"], words[words.index("--") + 1:], where)
 

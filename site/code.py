@@ -20,6 +20,7 @@ FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^ *```[^\n]*$", re.MULTILINE | re.DO
 # What compiles or runs a page's blocks, and how it names the page.
 ELSEWHERE = {
     ("README.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../README.md")]'),
+    ("docs/fuzzing.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../docs/fuzzing.md")]'),
     ("docs/bridge.md", "toml"): ("bridge/tests/it/file.rs", "docs/bridge.md"),
     ("docs/bridge.md", "python"): (".ci/sparkplug/whole_site.py", "docs/bridge.md"),
     ("docs/simulate.md", "python"): ("docs/pytest/test_control_schema.py", "simulate.md"),

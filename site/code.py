@@ -1,8 +1,8 @@
 """Checks every block of code in the pages of the site that nothing else compiles or runs. Usage: code.py ROOT CELLWIRE BRIDGE
 
 Rust on the crates' pages is a doctest, and what ports' pages have is run by the checks of the ports: ELSEWHERE says by which, and that
-must name the page. Of shell the syntax is checked; a command of the tool parses with its arguments; scripts, packages, binaries and
-features that it names are there. TOML and JSON parse. Prints how many blocks were checked, by language.
+must name the page. Of shell the syntax is checked; a command of the tool parses with its arguments; scripts, packages and binaries
+that it names are there. TOML and JSON parse. Prints how many blocks were checked, by language.
 """
 
 import json
@@ -20,6 +20,7 @@ FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^ *```[^\n]*$", re.MULTILINE | re.DO
 # What compiles or runs a page's blocks, and how it names the page.
 ELSEWHERE = {
     ("README.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../README.md")]'),
+    ("docs/fuzzing.md", "rust"): ("testkit/src/lib.rs", '#[doc = include_str!("../../docs/fuzzing.md")]'),
     ("docs/bridge.md", "toml"): ("bridge/tests/it/file.rs", "docs/bridge.md"),
     ("docs/bridge.md", "python"): (".ci/sparkplug/whole_site.py", "docs/bridge.md"),
     ("docs/simulate.md", "python"): ("docs/pytest/test_control_schema.py", "simulate.md"),
@@ -95,21 +96,13 @@ def parses(tool: str, arguments: list[str], where: str) -> None:
 
 
 def cargo(words: list[str], where: str) -> None:
-    """The packages, binaries, features and paths that a command of Cargo names."""
+    """The packages and binaries that a command of Cargo names. `.ci/first-robot` runs `cargo add`."""
     given = dict(zip(words, words[1:]))
     package = packages.get(given.get("-p", ""))
     if "-p" in given and not package and given["-p"] != "ends":
         wrong.append(f"{where}: there is no package {given['-p']}")
     if "--bin" in given and package and given["--bin"] not in {target["name"] for target in package["targets"]}:
         wrong.append(f"{where}: {package['name']} has no binary {given['--bin']}")
-    if words[0] == "add" and "--path" in given:
-        folder = given["--path"].replace("$CELLWIRE", str(ROOT))
-        added = next((it for it in packages.values() if Path(it["manifest_path"]).parent == Path(folder)), None)
-        if not added or added["name"] != words[1]:
-            wrong.append(f"{where}: {words[1]} is not in {given['--path']}")
-        for feature in given.get("--features", "").split(",") if added else ():
-            if feature and feature not in added["features"]:
-                wrong.append(f"{where}: {words[1]} has no feature {feature}")
     if words[0] == "run" and "--" in words and package and package["name"] in TOOLS:
         parses(package["name"], words[words.index("--") + 1:], where)
 

@@ -9,11 +9,12 @@ import os
 import re
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 ROOT, BOOK = (Path(argument).resolve() for argument in sys.argv[1:3])
 SITE = ROOT / "site"
-REPOSITORY = "https://github.com/cellwire/cellwire"
+REPOSITORY = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["repository"]
 PICTURES = {".png", ".svg", ".gif"}
 LINK = re.compile(r"(\]\()([^()\s]+)(\))|^(\[[^\]]+\]: +)(\S+)()|(<(?:img|source)[^>]*\ssrc=\")([^\"]+)(\")", re.MULTILINE)
 DEFINITION = re.compile(r"^((?:- )?)\*\*([A-Z]{2}-\d+)\*\*", re.MULTILINE)

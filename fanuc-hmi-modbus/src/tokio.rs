@@ -16,7 +16,9 @@ use core::ops::{Bound, RangeBounds};
 use core::time::Duration;
 use std::boxed::Box;
 use std::io;
+use std::string::String;
 use std::sync::Arc;
+use std::vec;
 use std::vec::Vec;
 
 use robot_session::End as _;
@@ -27,15 +29,16 @@ use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
 use crate::error::{ConfigError, EncodeError, Mismatch, SessionError};
 use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
 use crate::position::PositionRegister;
-use crate::typed::WordOrder;
+use crate::text;
+use crate::typed::{Number, WordOrder};
 
 /// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
 /// flight, the others wait, the oldest first.
 ///
 /// Addresses are ranges: `0..37`, and `65530..=65535` at the end of a table.
 ///
-/// A request that is refused because of its form is not made. One whose future is dropped is withdrawn as long as it waits; once it is
-/// in flight, its outcome is an [`Event::Abandoned`].
+/// A request that is refused because of its form is not made. If the future of a request is [dropped](Handle#dropped-futures) while the
+/// request is in flight, its outcome is an [`Event::Abandoned`].
 #[derive(Debug, Clone)]
 pub struct Client {
     handle: Handle<Requests>,
@@ -197,6 +200,35 @@ impl Client {
         let request = PositionRegister::request(address);
         let words = self.words(&request).await?;
         PositionRegister::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
+    }
+
+    /// The numeric variable whose first holding register has this address. `number` is its assignment: [`Kind`](crate::typed::Kind) says which
+    /// `$VAR_NAME` and `$MULTIPLY` make which kind.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_number(&self, address: u16, number: Number) -> Result<f64, Error> {
+        let quantity = number.kind.registers();
+        let request = Request::ReadHoldingRegisters { address, quantity };
+        match *self.words(&request).await?.as_slice() {
+            [word] if quantity == 1 => Ok(number.read([word, 0])),
+            [first, second] if quantity == 2 => Ok(number.read([first, second])),
+            ref words => Err(misfit(&request, words)),
+        }
+    }
+
+    /// The string, alarm or program name in these holding registers, two characters each, up to the first NUL: that of an assignment
+    /// with `$MULTIPLY` −1. A string register takes [`text::REGISTERS`]. Bytes that are not UTF-8 are read as Latin-1.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_text(&self, addresses: impl RangeBounds<u16>) -> Result<String, Error> {
+        let words = self.read_holding_registers(addresses).await?;
+        let mut bytes = vec![0; 2 * words.len()];
+        let length = text::read(&words, &mut bytes);
+        bytes.truncate(length);
+        Ok(String::from_utf8(bytes)
+            .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()))
     }
 
     /// Writes a position register in one request.

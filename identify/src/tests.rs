@@ -155,7 +155,7 @@ fn every_open_setting_is_shown_by_a_message() {
 fn the_lines_of_rust_compile() {
     macro_rules! is_rust {
         ($link:literal, $given:tt, $carrier:expr, $($item:item)*) => {
-            #[allow(dead_code)]
+            #[allow(dead_code, unreachable_pub)]
             const _: () = { $($item)* };
             let link = Link::by_name($link).unwrap();
             let plain = |text: &str| text.split_whitespace().collect::<String>();
@@ -166,7 +166,7 @@ fn the_lines_of_rust_compile() {
     }
     is_rust! { "val2-alter", {"leading_dle": 1}, Carrier::Unknown,
         use val2_alter::{Framing, LeadingDle};
-        fn framing() -> Framing {
+        pub fn framing() -> Framing {
             Framing {
                 leading_dle: LeadingDle::One,
                 negated_sum: false,
@@ -177,7 +177,7 @@ fn the_lines_of_rust_compile() {
     }
     is_rust! { "laser-eb90", {"tail": "etx"}, Carrier::Unknown,
         use laser_eb90::{ByteOrder, Flag, Profile, Tags, Tail, Width};
-        fn profile() -> Profile {
+        pub fn profile() -> Profile {
             Profile {
                 tail: Tail::Etx,
                 flag: Flag::Separate,
@@ -191,39 +191,39 @@ fn the_lines_of_rust_compile() {
     }
     is_rust! { "fanuc-hmi-modbus", {"framing": "tcp", "word_order": "high_first"}, Carrier::Network,
         use fanuc_hmi_modbus::{Framing, WordOrder};
-        fn framing() -> (Framing, WordOrder) {
+        pub fn framing() -> (Framing, WordOrder) {
             (Framing::Tcp, WordOrder::HighFirst)
         }
     }
     for carrier in [Carrier::Network, Carrier::Unknown] {
         is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, carrier,
             use fanuc_hmi_modbus::{Framing, WordOrder};
-            fn framing() -> (Framing, WordOrder) {
+            pub fn framing() -> (Framing, WordOrder) {
                 (Framing::RTU_OVER_TCP, WordOrder::LowFirst)
             }
         }
     }
     is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(Some(9600)),
         use fanuc_hmi_modbus::{Framing, WordOrder, timing};
-        fn framing() -> (Framing, WordOrder) {
+        pub fn framing() -> (Framing, WordOrder) {
             (Framing::Rtu { silence: timing::silence(9600) }, WordOrder::LowFirst)
         }
     }
     is_rust! { "fanuc-hmi-modbus", {"framing": "rtu"}, Carrier::Serial(None),
         use fanuc_hmi_modbus::{Framing, WordOrder, timing};
-        fn framing() -> (Framing, WordOrder) {
+        pub fn framing() -> (Framing, WordOrder) {
             (Framing::Rtu { silence: timing::silence(19200) }, WordOrder::LowFirst)
         }
     }
     is_rust! { "kawasaki-msg", {"charset": "latin1"}, Carrier::Unknown,
         use kawasaki_msg::Charset;
-        fn charset() -> Charset {
+        pub fn charset() -> Charset {
             Charset::Latin1
         }
     }
     is_rust! { "mmacell-proto", {"itr": true}, Carrier::Unknown,
         use mmacell_proto::Dialect;
-        fn dialect() -> Dialect {
+        pub fn dialect() -> Dialect {
             Dialect {
                 itr: true,
                 ovrd: false,

@@ -2,7 +2,7 @@
 //! `cargo run -p kawasaki-msg --features tokio --example drawing_tokio -- 127.0.0.1:9105 [JOURNAL]`
 
 use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Journal, pc};
+use kawasaki_msg::tokio::{Journal, LastOrder, pc};
 use kawasaki_msg::{JobKind, Line, PcConfig, Point};
 
 #[tokio::main(flavor = "current_thread")]
@@ -12,18 +12,26 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let jobs: Vec<Line> = (0..100)
         .map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) })
         .collect();
-    let (journal, begun) = Journal::open(journal)?;
+    let (journal, last) = Journal::open(journal)?;
     let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind(address).await?)?;
     tokio::spawn(task.run());
-    let mut order = match begun {
-        Some(begun) => robot.resume(begun, jobs).await?,
-        None => robot.start(50, jobs).await?,
+    let mut order = match last {
+        LastOrder::None => robot.start(50, jobs).await?,
+        LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
+        LastOrder::Over(kept) => {
+            println!("{} executed by an earlier run: another journal begins again", kept.executed);
+            return Ok(());
+        }
+        LastOrder::Unknown(kept) => {
+            return Err(format!("check the workpiece after job {}", kept.executed).into());
+        }
     };
     while let Some(progress) = order.progress().await {
         println!("{progress:?}");
     }
-    println!("{} executed", order.await?.executed);
+    let outcome = order.await;
     // The journal has that too, then.
     robot.handle().shutdown().await;
+    println!("{} executed", outcome?.executed);
     Ok(())
 }

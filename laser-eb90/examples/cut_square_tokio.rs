@@ -18,6 +18,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let (laser, task) = host(config, port)?;
     tokio::spawn(task.run());
     let cuts = CORNERS.map(|corner| Command::new(LINE, move |parameters| parameters.f32(&corner).map(drop)));
+    // An error says how many are queued, and how many unknown: look at the sheet before sending the others.
     laser.run(cuts).await?;
     println!("{} corners are queued", CORNERS.len());
     for item in laser.query(Command::bare(STATE)).await?.items() {

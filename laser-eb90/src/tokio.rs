@@ -119,7 +119,7 @@ pub enum Error {
 impl Laser {
     /// Sends instructions, and waits until the controller has taken all of them: interpreted ones are queued then, and not executed yet.
     ///
-    /// Of a run whose future is dropped nothing more is sent.
+    /// If the future is [dropped](Handle#dropped-futures), the instructions that are not submitted yet are withdrawn too.
     ///
     /// # Errors
     /// See [`Error`].

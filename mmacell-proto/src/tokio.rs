@@ -32,8 +32,8 @@ const ASK: Duration = Duration::from_millis(50);
 
 /// A device: its commands are executed one after the other. Cloning it is cheap.
 ///
-/// All events of the session are those of the [`handle`](Self::handle). A future that is dropped takes no command back: its outcome is an
-/// event, and a motion goes on.
+/// All events of the session are those of the [`handle`](Self::handle). A motion that has begun goes on when its future is
+/// [dropped](Handle#dropped-futures).
 #[derive(Debug)]
 pub struct Device<P: Pose + Send + 'static> {
     handle: Handle<Commands<P>>,

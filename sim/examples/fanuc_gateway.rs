@@ -1,5 +1,6 @@
 //! Polls robots every 8 ms, and gives a PLC what they say: robot N has the 37 registers from 100 N on; what the PLC writes there goes to
-//! the robot. `cargo run -p cellwire-sim --all-features --example fanuc_gateway -- 0.0.0.0:5020 192.168.0.10:502 192.168.0.11:502`
+//! the robot, unless that does not answer. The reply to a write comes before the robot's: the PLC's next reads show whether it was executed.
+//! `cargo run -p cellwire-sim --all-features --example fanuc_gateway -- 0.0.0.0:5020 192.168.0.10:502 192.168.0.11:502`
 
 use core::time::Duration;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -41,6 +42,9 @@ impl Registers for Robots {
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         let (robot, to) = self.robot(address)?;
+        if robot.said.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
+            return Err(Exception::GatewayTargetFailedToRespond);
+        }
         let (client, values) = (robot.client.clone(), values.iter().collect::<Vec<_>>());
         tokio::spawn(async move {
             client.write_registers(to, &values).await.inspect_err(|error| println!("{error}"))
@@ -134,11 +138,14 @@ mod tests {
             let fails =
                 |said: &_| matches!(said, Err(Error::Exception(Exception::GatewayTargetFailedToRespond)));
             until(&plc, 0, fails).await;
+            let refused = plc.write_registers(10, &[7, 8]).await;
+            assert!(matches!(refused, Err(Error::Exception(Exception::GatewayTargetFailedToRespond))));
             assert!(plc.read_holding_registers(200..237).await.is_ok(), "the third robot has done nothing");
             until(&plc, 0, Result::is_ok).await;
             plc.write_registers(210, &[7, 8]).await.unwrap();
             assert!(tokio::task::block_in_place(|| robots[2].wait_for(1, Duration::from_secs(5))));
             assert_eq!(robots[2].executed()[0].work, Write::Registers(10, vec![7, 8]));
+            assert!(robots[0].executed().is_empty(), "it was refused");
             until(&plc, 100, Result::is_ok).await;
             // A hundred requests at once are answered in their order.
             let mut stream = TcpStream::connect(address).await.unwrap();

@@ -4,22 +4,27 @@
 use std::path::PathBuf;
 
 use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Journal, Over, pc};
+use kawasaki_msg::tokio::{Journal, LastOrder, pc};
 use kawasaki_msg::{JobKind, Line, PcConfig, Point};
 
 type Result<T> = core::result::Result<T, Box<dyn core::error::Error>>;
 
-async fn draw(journal: PathBuf, robots: Listen, jobs: Vec<Line>) -> Result<Over> {
-    let (journal, begun) = Journal::open(journal)?;
+/// Returns how many jobs are executed, by this run and earlier ones.
+async fn draw(journal: PathBuf, robots: Listen, jobs: Vec<Line>) -> Result<u32> {
+    let (journal, last) = Journal::open(journal)?;
     let (robot, task) = pc(PcConfig::TCP, journal, robots)?;
     tokio::spawn(task.run());
-    let order = match begun {
-        Some(begun) => robot.resume(begun, jobs).await?,
-        None => robot.start(50, jobs).await?,
+    let order = match last {
+        LastOrder::None => robot.start(50, jobs).await?,
+        LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
+        LastOrder::Over(kept) => return Ok(kept.executed), // before the other robot had drawn its half
+        LastOrder::Unknown(kept) => {
+            return Err(format!("check the drawing after job {}", kept.executed).into());
+        }
     };
-    let over = order.await?;
+    let outcome = order.await;
     robot.handle().shutdown().await; // the journal has that too, then
-    Ok(over)
+    Ok(outcome?.executed)
 }
 
 fn halves(count: i32) -> [Vec<Line>; 2] {
@@ -36,7 +41,7 @@ async fn main() -> Result<()> {
     let (one, other) = (listen().await?, listen().await?);
     let (one, other) =
         tokio::join!(draw(folder.join("left"), one, left), draw(folder.join("right"), other, right));
-    println!("{} and {} executed", one?.executed, other?.executed);
+    println!("{} and {} executed", one?, other?);
     Ok(())
 }
 
@@ -67,11 +72,14 @@ mod tests {
         let early = pc.block_on(async { tokio::time::timeout(Duration::from_millis(250), run(both)).await });
         assert!(early.is_err());
         drop(pc); // killed
-        let (one, other) = runtime().block_on(async {
-            let one = Listen::bind(addresses[0]).await.unwrap();
-            run([one, Listen::bind(addresses[1]).await.unwrap()]).await
-        });
-        assert_eq!((one.unwrap().executed, other.unwrap().executed), (200, 200));
+        // The run after the last one has nothing to do.
+        for _ in 0..2 {
+            let (one, other) = runtime().block_on(async {
+                let one = Listen::bind(addresses[0]).await.unwrap();
+                run([one, Listen::bind(addresses[1]).await.unwrap()]).await
+            });
+            assert_eq!((one.unwrap(), other.unwrap()), (200, 200));
+        }
         for (robot, half) in robots.iter().zip([&left, &right]) {
             let drawn = robot.executed().into_iter().map(|done| done.work.work);
             assert_eq!(drawn.collect::<Vec<Line>>(), *half);

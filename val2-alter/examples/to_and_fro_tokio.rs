@@ -1,10 +1,11 @@
-//! Moves the tool slowly to and fro, within 50 mm: `cargo run -p val2-alter --features tokio-serial --example to_and_fro_tokio -- /dev/ttyS0`
+//! Moves the tool slowly to and fro, within 50 mm, until Ctrl-C brings it to rest:
+//! `cargo run -p val2-alter --features tokio-serial --example to_and_fro_tokio -- /dev/ttyS0`
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program sets the pace")]
 
 use core::time::Duration;
 
 use val2_alter::robot_session::tokio::{Serial, tokio_serial};
-use val2_alter::tokio::host;
+use val2_alter::tokio::{Arm, host};
 use val2_alter::{HostConfig, HostEvent, Reach};
 
 /// 50 mm, in units of 1/32 mm.
@@ -17,8 +18,16 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let config = HostConfig { gap: None, ..HostConfig::default() };
     let reach = Reach { low: [0; 6], high: [END, 0, 0, 0, 0, 0] };
     let (arm, task) = host(config, Some(reach), Serial(tokio_serial::new(path, config.baud)))?;
-    let mut events = arm.handle().events();
     drop(task.thread()?); // a reply is due within 15 ms, whatever else this program does
+    tokio::select! {
+        () = to_and_fro(&arm) => {}
+        interrupted = tokio::signal::ctrl_c() => interrupted?,
+    }
+    Ok(arm.stop().await?)
+}
+
+async fn to_and_fro(arm: &Arm) {
+    let mut events = arm.handle().events();
     let mut speed = 16; // units a cycle: 18 mm/s
     loop {
         match arm.commanded()[0] {

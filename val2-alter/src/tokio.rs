@@ -103,7 +103,7 @@ impl Arm {
         self.handle.call(Call::Stop).await?
     }
 
-    /// Answers start messages again.
+    /// Answers start messages again, even if the future is dropped.
     ///
     /// # Errors
     /// See [`Error`].

@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<bool> {
     interrupt::handle()?;
     let options = SimulateOptions {
         endpoint,
-        dialing: args.connect.dialing(Duration::ZERO),
+        dialing: args.connect.dialing(),
         idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,

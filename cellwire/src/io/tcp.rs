@@ -84,21 +84,35 @@ const TIMEOUTS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration:
 /// The longest pause before the first byte.
 pub const MAX_PAUSE: Duration = Duration::from_secs(60);
 
-/// The options for opening connections.
+/// The option for opening the connections of a client, whose settings have the pause.
 #[derive(Debug, Clone, Copy, clap::Args)]
-pub struct ConnectArgs {
+pub struct TimeoutArgs {
     /// The longest wait for a connection
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = time(TIMEOUTS))]
     connect_timeout: Duration,
+}
+
+impl TimeoutArgs {
+    /// How connections are opened, with this pause.
+    pub const fn dialing(self, pause: Duration) -> Dialing {
+        Dialing { timeout: self.connect_timeout, pause }
+    }
+}
+
+/// The options for opening the connections of a command without the setting `connect_pause`.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct ConnectArgs {
+    #[command(flatten)]
+    timeout: TimeoutArgs,
     /// Wait between a new connection and the first byte, for devices that lose what comes sooner
-    #[arg(long, value_name = "TIME", value_parser = time(Duration::ZERO..=MAX_PAUSE))]
-    connect_pause: Option<Duration>,
+    #[arg(long, value_name = "TIME", default_value = "0s", value_parser = time(Duration::ZERO..=MAX_PAUSE))]
+    connect_pause: Duration,
 }
 
 impl ConnectArgs {
-    /// How connections are opened, with the pause that the settings give; the option overrides it.
-    pub fn dialing(self, pause: Duration) -> Dialing {
-        Dialing { timeout: self.connect_timeout, pause: self.connect_pause.unwrap_or(pause) }
+    /// How connections are opened.
+    pub const fn dialing(self) -> Dialing {
+        self.timeout.dialing(self.connect_pause)
     }
 }
 

@@ -237,7 +237,7 @@ SETVAR $SNPX_ASG[2].$SIZE 100
 SETVAR $SNPX_ASG[2].$VAR_NAME 'PR[1]'
 SETVAR $SNPX_ASG[2].$MULTIPLY 0
 SETVAR $SNPX_ASG[3].$ADDRESS 301
-SETVAR $SNPX_ASG[3].$SIZE 10
+SETVAR $SNPX_ASG[3].$SIZE 80
 SETVAR $SNPX_ASG[3].$VAR_NAME 'SR[1]'
 SETVAR $SNPX_ASG[3].$MULTIPLY -1
 SETVAR $SNPX_ASG[4].$ADDRESS 401
@@ -251,6 +251,7 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
     let folder = Folder::new("modbus");
     let instructions = "R[60]=1.5
         SR[1]='WAITING'
+        SR[2]='PART'
         PR[1]=P[2]
         J P[1] 100% FINE
         DO[7]=ON
@@ -292,6 +293,7 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
     };
     wait(&|| coil(7));
     assert_eq!((read("real", 0), read("string", 300)), (json!(1.5), json!("WAITING")));
+    assert_eq!(read("string", 340), "PART", "SR[2]");
     assert_eq!(read("position", 100)["cartesian"]["xyzwpr"][0], 500.0, "PR[1] is P[2]");
     let here = |part: usize| read("position", 400)["cartesian"]["xyzwpr"][part].as_f64().unwrap();
     assert!((here(0) - 400.0).abs() < 0.01 && (here(1) + 50.0).abs() < 0.01, "at P[1]");

@@ -114,6 +114,16 @@ fn an_interrupt_ends_with_what_is_known() {
 }
 
 #[test]
+fn the_rate_of_a_line_is_a_comment_in_a_module() {
+    let device = Device::start(Format { baud: 9600, data_bits: 8, odd: None, stop_bits: 1 }, poses());
+    let (code, out, said) = run(cellwire(&format!("identify --serial {} --for 8s --rust", device.name)));
+    assert_eq!((code, said.as_str()), (Some(0), ""), "{out}");
+    assert!(out.contains("//!   The line has 9600 baud, 8N1.\n"), "{out}");
+    assert!(out.contains("//! viewer: the options that explain a capture.\n"), "{out}");
+    assert!(out.lines().all(|line| line.is_empty() || line.starts_with("//")), "{out}");
+}
+
+#[test]
 fn a_silent_port_and_a_file_are_no_line() {
     let device = Device::start(Format { baud: 9600, data_bits: 8, odd: None, stop_bits: 1 }, vec![vec![]]);
     let (code, _, said) = run(cellwire(&format!("identify --serial {} --for 1s", device.name)));

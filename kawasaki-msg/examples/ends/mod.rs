@@ -13,7 +13,7 @@ use core::time::Duration;
 use std::io::{self, ErrorKind};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 
-use kawasaki_msg::robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, drive, now};
+use kawasaki_msg::robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
 use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work, motion};
 
 /// `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
@@ -31,15 +31,17 @@ pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> R
     Ok(())
 }
 
-/// Has the jobs executed as order 50; how many were.
+/// Has the jobs executed as order 50; how many were. Nothing is stored: a program that is started again begins with the first job.
 pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u32, Box<dyn Error>> {
     let mut pc = Pc::new(PcConfig::TCP)?;
     pc.start(50, jobs)?;
     // The order outlives a connection: with the next one it goes on.
-    while pc.order().is_some() {
-        drive(&mut pc, listener.accept()?.0, |_, event| until_over(&event))?;
+    loop {
+        let ended = drive(&mut pc, listener.accept()?.0, |_, event| until_over(&event))?;
+        if let Ended::ByHandler(Some(outcome)) = ended {
+            return Ok(outcome?);
+        }
     }
-    Ok(pc.executed())
 }
 
 /// The same over UDP, where there is no connection to accept.
@@ -47,19 +49,27 @@ pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Bo
     let mut pc = Pc::new(PcConfig::UDP)?;
     pc.start(50, jobs)?;
     let mut peer = Udp { socket, peer: None };
-    while pc.order().is_some() {
-        drive(&mut pc, &mut peer, |_, event| until_over(&event))?;
+    loop {
+        let ended = drive(&mut pc, &mut peer, |_, event| until_over(&event))?;
+        if let Ended::ByHandler(Some(outcome)) = ended {
+            return Ok(outcome?);
+        }
     }
-    Ok(pc.executed())
 }
 
-fn until_over(event: &PcEvent) -> ControlFlow<()> {
-    match event {
-        PcEvent::Disconnect | PcEvent::OrderOver { .. } | PcEvent::OutcomeUnknown { .. } => {
-            ControlFlow::Break(())
+/// Until the order has an outcome, or the connection is to be closed.
+fn until_over(event: &PcEvent) -> ControlFlow<Option<Result<u32, String>>> {
+    ControlFlow::Break(match *event {
+        PcEvent::Disconnect => None,
+        PcEvent::OrderOver { executed, .. } => Some(Ok(executed)),
+        PcEvent::OutcomeUnknown { executed, sent, .. } => {
+            Some(Err(format!("check the workpiece: jobs {executed} to {sent} are executed or not")))
         }
-        _ => ControlFlow::Continue(()),
-    }
+        PcEvent::OrderRefused { active, given_up: true, .. } => {
+            Some(Err(format!("the robot is in order {active}")))
+        }
+        _ => return ControlFlow::Continue(()),
+    })
 }
 
 /// Executes one order; its jobs in the order of their execution.

@@ -1,6 +1,6 @@
 //! What a killed program has to know about its order when it restarts.
 
-use core::fmt::Write as _;
+use core::fmt::{self, Write as _};
 use core::future::Future;
 use core::str::FromStr;
 use core::time::Duration;
@@ -14,10 +14,24 @@ use std::vec::Vec;
 use fs4::FileExt;
 use robot_session::tokio::{JoinHandle, spawn_blocking};
 
-/// How far an order is.
+/// The last order of a program, as it was kept: how the program goes on when it starts again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LastOrder {
+    /// No order has begun.
+    None,
+    /// The program ended before the order: [`Pc::resume`](super::Pc::resume) goes on with it, and no job is executed twice.
+    Active(Kept),
+    /// The order is over: its first `executed` jobs are executed, and no others. Started again, they are executed again.
+    Over(Kept),
+    /// The outcome of the jobs from `executed` to `sent` is unknown
+    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece before any of them is sent again.
+    Unknown(Kept),
+}
+
+/// How far an order is, or was when it ended.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kept {
-    /// Its number; 0 when there is none.
+    /// Its number, from 1.
     pub order: u16,
     /// How many of its jobs are known to be executed, all of them from the first on.
     pub executed: u32,
@@ -29,22 +43,23 @@ pub struct Kept {
 
 /// Keeps how far an order is, before the robot can know of it.
 pub trait Keep: Send + 'static {
-    /// Stores it durably: even across a loss of power, if the program is to survive that.
+    /// Stores it durably: even across a loss of power, if the program is to survive that. It is never [`LastOrder::None`].
     ///
     /// # Errors
     /// It could not be kept: the packet is not sent, and the connection ends.
-    fn keep(&mut self, kept: &Kept) -> impl Future<Output = io::Result<()>> + Send;
+    fn keep(&mut self, last: &LastOrder) -> impl Future<Output = io::Result<()>> + Send;
 }
 
 /// Keeps nothing: an order ends with the program.
 impl Keep for () {
-    async fn keep(&mut self, _kept: &Kept) -> io::Result<()> {
+    async fn keep(&mut self, _last: &LastOrder) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] *CHECKSUM` for every change, of which the last counts. The checksum is the
-/// CRC-32 of the line before it, in hex. Earlier versions wrote lines without one: such lines are read before the first that has one.
+/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] [over|unknown] *CHECKSUM` for every change, of which the last counts. The
+/// checksum is the CRC-32 of the line before it, in hex. Earlier versions wrote lines without one: such lines are read before the first that
+/// has one. They wrote order 0 after an order, whatever its outcome: that is read as unknown.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
 #[derive(Debug)]
@@ -52,7 +67,7 @@ pub struct Journal {
     /// Not while it writes.
     writer: Option<Writer>,
     /// The change that is being written. It goes on if the future that has begun it is dropped.
-    writing: Option<(Writing, Kept)>,
+    writing: Option<(Writing, LastOrder)>,
 }
 
 type Writing = JoinHandle<(Writer, io::Result<()>)>;
@@ -72,14 +87,14 @@ const RETRY: Duration = Duration::from_millis(10);
 const LONGEST: u64 = 1 << 20;
 
 impl Journal {
-    /// Opens a journal, or begins one; with it, the order that an earlier program has begun and not ended. One program has it at a time.
+    /// Opens a journal, or begins one; with it, the last order. One program has it at a time.
     ///
     /// # Errors
     /// The file system's; another program has the journal, also after a second; it holds something else, or a line of it is damaged
     /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, and
     /// begin a new order after the last executed job, with another file.
     #[allow(clippy::disallowed_methods, reason = "the lock of a file can only be tried again")]
-    pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, Option<Kept>)> {
+    pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, LastOrder)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         let mut waited = Duration::ZERO;
         while FileExt::try_lock(&file).is_err() {
@@ -95,35 +110,35 @@ impl Journal {
         let whole = text.rfind('\n').map_or("", |end| text.get(..=end).unwrap_or_default());
         let last = whole.lines().last().map(|line| match line.rsplit_once(" *") {
             Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(crc32fast::hash(text.as_bytes())) => {
-                Kept::from_str(text)
+                LastOrder::from_str(text)
             }
-            None if !whole.contains('*') => Kept::from_str(line),
+            None if !whole.contains('*') => LastOrder::from_str(line),
             _ => Err(damaged(line)),
         });
-        let last = last.transpose()?;
+        let last = last.unwrap_or(Ok(LastOrder::None))?;
         let length = whole.len() as u64;
         file.set_len(length)?;
         file.seek(SeekFrom::Start(length))?;
         let writer = Writer { file, line: String::new(), length };
-        Ok((Self { writer: Some(writer), writing: None }, last.filter(|kept| kept.order != 0)))
+        Ok((Self { writer: Some(writer), writing: None }, last))
     }
 
     /// Waits for the change that is being written. Returns the change and how it went.
-    async fn written(&mut self) -> Option<(Kept, io::Result<()>)> {
+    async fn written(&mut self) -> Option<(LastOrder, io::Result<()>)> {
         let (writing, _) = self.writing.as_mut()?;
         let joined = writing.await;
-        let (_, kept) = self.writing.take()?;
+        let (_, last) = self.writing.take()?;
         let result = joined.map_err(io::Error::other).and_then(|(writer, result)| {
             self.writer = Some(writer);
             result
         });
-        Some((kept, result))
+        Some((last, result))
     }
 }
 
 impl Writer {
-    fn store(&mut self, kept: &Kept) -> io::Result<()> {
-        let written = self.write(kept);
+    fn store(&mut self, last: &LastOrder) -> io::Result<()> {
+        let written = self.write(last);
         if written.is_err() {
             // What was not kept whole is written over.
             self.file.set_len(self.length)?;
@@ -132,13 +147,11 @@ impl Writer {
         written
     }
 
-    fn write(&mut self, kept: &Kept) -> io::Result<()> {
+    fn write(&mut self, last: &LastOrder) -> io::Result<()> {
         self.line.clear();
-        let Kept { order, executed, sent, ahead } = kept;
-        let written = write!(self.line, "{order} {executed} {sent}");
-        let ahead = ahead.iter().try_for_each(|index| write!(self.line, " {index}"));
+        write!(self.line, "{last}").map_err(io::Error::other)?;
         let sum = crc32fast::hash(self.line.as_bytes());
-        written.and(ahead).and(writeln!(self.line, " *{sum:08x}")).map_err(io::Error::other)?;
+        writeln!(self.line, " *{sum:08x}").map_err(io::Error::other)?;
         self.file.write_all(self.line.as_bytes())?;
         self.file.sync_data()?;
         self.length += self.line.len() as u64;
@@ -162,39 +175,60 @@ impl Writer {
 }
 
 impl Keep for Journal {
-    async fn keep(&mut self, kept: &Kept) -> io::Result<()> {
+    async fn keep(&mut self, last: &LastOrder) -> io::Result<()> {
         if let Some((written, result)) = self.written().await
-            && written == *kept
+            && written == *last
         {
             return result;
         }
         let Some(mut writer) = self.writer.take() else {
             return Err(io::Error::other("the journal has stopped in the middle of a line"));
         };
-        let change = kept.clone();
+        let change = last.clone();
         let writing = spawn_blocking(move || {
             let result = writer.store(&change);
             (writer, result)
         });
-        self.writing = Some((writing, kept.clone()));
+        self.writing = Some((writing, last.clone()));
         self.written().await.map_or(Ok(()), |(_, result)| result)
     }
 }
 
-impl FromStr for Kept {
+/// The words of a line of the journal.
+impl fmt::Display for LastOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Kept { order, executed, sent, ahead }, end) = match self {
+            Self::None => return Ok(()),
+            Self::Active(kept) => (kept, ""),
+            Self::Over(kept) => (kept, " over"),
+            Self::Unknown(kept) => (kept, " unknown"),
+        };
+        write!(f, "{order} {executed} {sent}")?;
+        ahead.iter().try_for_each(|index| write!(f, " {index}"))?;
+        f.write_str(end)
+    }
+}
+
+impl FromStr for LastOrder {
     type Err = io::Error;
 
     fn from_str(line: &str) -> io::Result<Self> {
         let wrong = || damaged(line);
-        let mut words = line.split(' ');
+        let (numbers, last): (_, fn(Kept) -> Self) = match line.rsplit_once(' ') {
+            Some((numbers, "over")) => (numbers, Self::Over),
+            Some((numbers, "unknown")) => (numbers, Self::Unknown),
+            _ if line.starts_with("0 ") => (line, Self::Unknown),
+            _ => (line, Self::Active),
+        };
+        let mut words = numbers.split(' ');
         let mut word = || words.next().ok_or_else(wrong);
         let (order, executed, sent) = (word()?.parse(), word()?.parse(), word()?.parse());
         let ahead = words.map(str::parse).collect();
         match (order, executed, sent, ahead) {
             (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => {
-                let kept = Self { order, executed, sent, ahead };
+                let kept = Kept { order, executed, sent, ahead };
                 let fits = executed <= sent && kept.ahead.iter().all(|index| *index < sent);
-                if fits { Ok(kept) } else { Err(wrong()) }
+                if fits { Ok(last(kept)) } else { Err(wrong()) }
             }
             _ => Err(wrong()),
         }
@@ -203,7 +237,7 @@ impl FromStr for Kept {
 
 fn damaged(line: &str) -> io::Error {
     let message = std::format!(
-        "this is not the journal of an order, or it is damaged: {line:?} is not ORDER EXECUTED SENT [AHEAD …] *CHECKSUM"
+        "this is not the journal of an order, or it is damaged: {line:?} is not ORDER EXECUTED SENT [AHEAD …] [over|unknown] *CHECKSUM"
     );
     io::Error::new(io::ErrorKind::InvalidData, message)
 }

@@ -3,18 +3,20 @@
 //!
 //! ```no_run
 //! use kawasaki_msg::robot_session::tokio::Listen;
-//! use kawasaki_msg::tokio::{Journal, pc};
+//! use kawasaki_msg::tokio::{Journal, LastOrder, pc};
 //! use kawasaki_msg::{JobKind, Line, PcConfig, Point};
 //!
 //! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
-//! let (journal, begun) = Journal::open("order.journal")?;
+//! let (journal, last) = Journal::open("order.journal")?;
 //! let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind("0.0.0.0:9105").await?)?;
 //! tokio::spawn(task.run());
 //! let jobs = vec![Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
-//! let mut order = match begun {
-//!     // This program was killed in the middle of an order: nothing is sent twice.
-//!     Some(begun) => robot.resume(begun, jobs).await?,
-//!     None => robot.start(50, jobs).await?,
+//! let mut order = match last {
+//!     LastOrder::None => robot.start(50, jobs).await?,
+//!     // This program was killed in the middle of the order: nothing is executed twice.
+//!     LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
+//!     LastOrder::Over(_) => return Ok(()), // the same jobs again would be executed again
+//!     LastOrder::Unknown(kept) => return Err(format!("check the workpiece after job {}", kept.executed).into()),
 //! };
 //! while let Some(progress) = order.progress().await {
 //!     println!("{} executed, {} queued", progress.executed, progress.queued);
@@ -37,7 +39,7 @@ use std::vec::Vec;
 
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, watch};
 
-pub use journal::{Journal, Keep, Kept};
+pub use journal::{Journal, Keep, Kept, LastOrder};
 pub use robot::{Job, Motion, Queueing, Robot, RobotError, SpawnedRobot, robot};
 use service::{Begun, Call};
 pub use service::{Orders, Source};
@@ -81,9 +83,9 @@ pub struct Progress {
     pub queued: u32,
 }
 
-/// An order that has begun: a future of its outcome. It goes on when this is dropped; its outcome is an event then, as it always is.
+/// An order that has begun: a future of its outcome, which is always an event too. What happens when it is [dropped](Handle#dropped-futures).
 #[derive(Debug)]
-#[must_use = "the order continues, but its outcome is lost"]
+#[must_use = "without its future, the outcome of the order is an event alone"]
 pub struct Order {
     progress: watch::Receiver<Progress>,
     outcome: Outcome<Result<Over, Error>>,

@@ -10,7 +10,7 @@ use std::vec::Vec;
 
 use robot_session::tokio::{Reply, Reports, Service, watch};
 
-use super::journal::{Keep, Kept};
+use super::journal::{Keep, Kept, LastOrder};
 use super::{Error, Job, Over, Progress};
 use crate::error::FieldError;
 use crate::job::Work;
@@ -40,6 +40,8 @@ pub struct Orders<W, K> {
     /// The order that was kept, and how many of its jobs were sent then.
     kept: (u16, u32),
     active: Option<Active>,
+    /// The order that has ended. `None` if nothing of it was sent: the journal stays as it is.
+    ended: Option<LastOrder>,
     commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
     jobs: core::marker::PhantomData<fn() -> W>,
 }
@@ -80,7 +82,8 @@ type Session<W> = LargePc<'static, Source<W>>;
 
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {
-        Self { keep, kept: (0, 0), active: None, commands: VecDeque::new(), jobs: core::marker::PhantomData }
+        let (active, ended, commands) = (None, None, VecDeque::new());
+        Self { keep, kept: (0, 0), active, ended, commands, jobs: core::marker::PhantomData }
     }
 
     /// The order has an outcome. If it is not awaited, it is an event.
@@ -105,7 +108,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
                     Some(ahead) => session.resume(kept.order, source, kept.executed, kept.sent, ahead),
                 };
                 match begun {
-                    Ok(()) => self.active = Some(Active { known, reply, unfit: None }),
+                    Ok(()) => (self.active, self.ended) = (Some(Active { known, reply, unfit: None }), None),
                     Err(error) => drop(reply.send(Err(error.into()))),
                 }
             }
@@ -119,7 +122,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
         }
     }
 
-    fn event(&mut self, _session: &mut Session<W>, event: PcEvent, reports: &mut Reports<'_, PcEvent>) {
+    fn event(&mut self, session: &mut Session<W>, event: PcEvent, reports: &mut Reports<'_, PcEvent>) {
         match event {
             PcEvent::Disconnect => {
                 reports.reconnect(io::Error::new(io::ErrorKind::TimedOut, "the robot is silent"));
@@ -134,10 +137,12 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
                     active.unfit = Some((index, error));
                 }
             }
-            PcEvent::OrderOver { executed, complete, .. } => {
+            PcEvent::OrderOver { order, executed, complete } => {
+                self.ended = Some(LastOrder::Over(Kept { order, ..Kept::of(session) }));
                 self.end(|unfit| Ok(Over { executed, complete, unfit }));
             }
-            PcEvent::OutcomeUnknown { executed, sent, .. } => {
+            PcEvent::OutcomeUnknown { order, executed, sent } => {
+                self.ended = Some(LastOrder::Unknown(Kept { order, ..Kept::of(session) }));
                 self.end(|_| Err(Error::OutcomeUnknown { executed, sent }));
             }
             PcEvent::OrderRefused { active, given_up: true, .. } => {
@@ -156,10 +161,16 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
     /// What is executed the robot says itself: it is kept with what is sent.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
         let now = (session.order().unwrap_or(0), session.sent());
-        if self.kept == now {
-            return Ok(());
+        let last = match session.order() {
+            _ if self.kept == now => return Ok(()),
+            Some(_) => Some(LastOrder::Active(Kept::of(session))),
+            // The event that ends the order is still in the session.
+            None if self.active.is_some() => return Ok(()),
+            None => self.ended.clone(),
+        };
+        if let Some(last) = last {
+            self.keep.keep(&last).await?;
         }
-        self.keep.keep(&Kept::of(session)).await?;
         self.kept = now;
         Ok(())
     }
@@ -200,7 +211,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
 }
 
 impl Kept {
-    /// How far the order of a session is; without an order none is to be resumed.
+    /// How far the order of a session is, or was when it ended.
     fn of<W: Work>(session: &Session<W>) -> Self {
         let (executed, sent) = (session.executed(), session.sent());
         Self {

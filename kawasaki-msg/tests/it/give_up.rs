@@ -7,7 +7,7 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use kawasaki_msg::robot_session::tokio::{Dial, GIVE_UP_AFTER, Reconnect};
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Over, Pc, pc};
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc};
 use kawasaki_msg::{JobKind, Line, PcConfig, PcEvent, Point, SessionError};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
 use tokio::time::{Instant, sleep, timeout};
@@ -160,7 +160,7 @@ enum Disk {
 }
 
 impl Keep for Disk {
-    async fn keep(&mut self, _: &Kept) -> io::Result<()> {
+    async fn keep(&mut self, _: &LastOrder) -> io::Result<()> {
         match self {
             Self::Fails => Err(io::Error::other("the disk is full")),
             Self::Hangs => pending().await,

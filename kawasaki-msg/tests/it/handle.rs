@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::thread;
 
 use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Over, Pc, pc};
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc};
 use kawasaki_msg::{Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
@@ -89,20 +89,24 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     let mut address = any();
     let (mut working, mut runs, is_over) = (None, 0, Arc::new(AtomicBool::new(false)));
     let over = loop {
-        let (journal, begun) = Journal::open(&path).unwrap();
+        let (journal, last) = Journal::open(&path).unwrap();
         let (pc, at, task) = listening(address, journal).await;
         address = at;
         working.get_or_insert_with(|| robot_until(at, is_over.clone()));
-        let order = match begun {
-            Some(begun) => pc.resume(begun, jobs(600)).await.unwrap(),
-            None => pc.start(7, jobs(600)).await.unwrap(),
+        let order = match last {
+            LastOrder::Active(kept) => pc.resume(kept, jobs(600)).await.unwrap(),
+            // Killed before the robot had begun, the last time too.
+            LastOrder::None | LastOrder::Over(Kept { executed: 0, .. }) => {
+                pc.start(7, jobs(600)).await.unwrap()
+            }
+            other => panic!("{other:?}"),
         };
         runs += 1;
         match timeout(runs * 17 * MS, order).await {
             Ok(over) => {
                 pc.handle().shutdown().await;
                 match over.unwrap() {
-                    // Killed before the robot had begun: no order is left to go on with.
+                    // Killed before the robot had begun: nothing is left to go on with.
                     Over { executed: 0, complete: false, .. } => {}
                     over => break over,
                 }
@@ -117,8 +121,8 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert!(runs > 3, "{runs}");
     assert_eq!(over, Over { executed: 600, complete: true, unfit: None });
     assert_eq!(executed(working.unwrap()), jobs(600));
-    // What is over is not gone on with.
-    assert_eq!(Journal::open(&path).unwrap().1, None);
+    let over = Kept { order: 7, executed: 600, sent: 600, ahead: vec![] };
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Over(over));
 }
 
 /// What is not kept, because the disk is full or does not answer, does not reach the robot.
@@ -127,9 +131,9 @@ async fn nothing_is_sent_that_was_not_kept() {
     #[derive(Debug, Clone)]
     struct Disk(Arc<Semaphore>, Arc<AtomicUsize>);
     impl Keep for Disk {
-        fn keep(&mut self, kept: &Kept) -> impl Future<Output = io::Result<()>> + Send {
+        fn keep(&mut self, last: &LastOrder) -> impl Future<Output = io::Result<()>> + Send {
             let Self(works, full) = self.clone();
-            let has_jobs = kept.sent > 0;
+            let has_jobs = matches!(last, LastOrder::Active(kept) if kept.sent > 0);
             async move {
                 if !has_jobs {
                     return Ok(());
@@ -181,18 +185,18 @@ fn a_journal_counts_to_its_last_whole_line() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     fs::write(&path, "7 0 5\n7 3 12 5 6\n7 9").unwrap();
-    let (journal, begun) = Journal::open(&path).unwrap();
-    assert_eq!(begun, Some(Kept { order: 7, executed: 3, sent: 12, ahead: vec![5, 6] }));
+    let (journal, last) = Journal::open(&path).unwrap();
+    assert_eq!(last, LastOrder::Active(Kept { order: 7, executed: 3, sent: 12, ahead: vec![5, 6] }));
     assert!(Journal::open(&path).is_err(), "one program has it");
     drop(journal);
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     for sent in 0..200_000 {
-        let (mut journal, begun) = Journal::open(&path).unwrap();
-        assert!(begun.is_some());
+        let (mut journal, last) = Journal::open(&path).unwrap();
+        assert!(matches!(last, LastOrder::Active(_)));
         let mut kept = Kept { order: 7, executed: 3, sent: sent + 3, ahead: Vec::new() };
         let until = if sent == 0 { 3 } else { 1 };
         for _ in 0..until {
-            block_on.block_on(journal.keep(&kept)).unwrap();
+            block_on.block_on(journal.keep(&LastOrder::Active(kept.clone()))).unwrap();
             kept.sent += 1;
         }
         if sent > 20 {
@@ -205,6 +209,31 @@ fn a_journal_counts_to_its_last_whole_line() {
     assert!(fs::metadata(&path).unwrap().len() > 0, "it is left as it is");
 }
 
+/// After a finished order, and after one whose outcome is unknown, a program that starts again must not do the same.
+#[test]
+fn a_journal_says_how_its_last_order_has_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None);
+    let kept = || Kept { order: 7, executed: 3, sent: 6, ahead: vec![4] };
+    for (line, last) in [
+        ("7 3 6 4", LastOrder::Active(kept())),
+        ("7 3 6 4 over", LastOrder::Over(kept())),
+        ("7 3 6 4 unknown", LastOrder::Unknown(kept())),
+    ] {
+        let (mut journal, _) = Journal::open(&path).unwrap();
+        block_on.block_on(journal.keep(&last)).unwrap();
+        drop(journal);
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(text.lines().last().unwrap().rsplit_once(" *").unwrap().0, line);
+        assert_eq!(Journal::open(&path).unwrap().1, last);
+    }
+    // An earlier version wrote this after both.
+    fs::write(&path, "7 3 6 4\n0 3 6 4\n").unwrap();
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Unknown(Kept { order: 0, ..kept() }));
+}
+
 /// A digit of the last line that is another one would be believed: jobs would be lost or repeated.
 #[test]
 fn a_changed_digit_in_a_journal_is_damage() {
@@ -213,8 +242,8 @@ fn a_changed_digit_in_a_journal_is_damage() {
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     let (mut journal, _) = Journal::open(&path).unwrap();
     for sent in [5, 17] {
-        let kept = Kept { order: 7, executed: 3, sent, ahead: vec![4] };
-        block_on.block_on(journal.keep(&kept)).unwrap();
+        let last = LastOrder::Active(Kept { order: 7, executed: 3, sent, ahead: vec![4] });
+        block_on.block_on(journal.keep(&last)).unwrap();
     }
     drop(journal);
     let text = fs::read(&path).unwrap();
@@ -239,6 +268,6 @@ fn a_changed_digit_in_a_journal_is_damage() {
     fs::write(&path, &text).unwrap();
     assert_eq!(
         Journal::open(&path).unwrap().1,
-        Some(Kept { order: 7, executed: 3, sent: 17, ahead: vec![4] })
+        LastOrder::Active(Kept { order: 7, executed: 3, sent: 17, ahead: vec![4] })
     );
 }

@@ -9,7 +9,7 @@ use std::io;
 use std::sync::Arc;
 
 use kawasaki_msg::robot_session::tokio::{Dial, Link, Reconnect};
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, Order, Over, Pc, RobotError, pc, robot};
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Order, Over, Pc, RobotError, pc, robot};
 use kawasaki_msg::{
     CommandOutcome, Dialect, Entry, Field, JobKind, LargePc, Line, PcConfig, Point, RobotConfig, RobotEvent,
     Role, SessionError, Supply, Takeover,
@@ -95,8 +95,8 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let config = PcConfig { cumulative_acks: false, ..PcConfig::TCP };
-    let (journal, begun) = Journal::open(&path).unwrap();
-    assert_eq!(begun, None);
+    let (journal, last) = Journal::open(&path).unwrap();
+    assert_eq!(last, LastOrder::None);
     let (pc, gate, task) = a_pc(config, journal);
     let mut robot = open(gate);
     let limit = Arc::new(AtomicU32::new(3));
@@ -113,13 +113,13 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     assert_eq!(packet.matches("<Tyo$").count(), 1);
     kill(task).await;
     drop(order);
-    let (journal, begun) = Journal::open(&path).unwrap();
-    let begun = begun.expect("an order has begun");
-    assert_eq!(begun, Kept { order: 50, executed: 0, sent: 4, ahead: vec![1] });
+    let (journal, last) = Journal::open(&path).unwrap();
+    let kept = Kept { order: 50, executed: 0, sent: 4, ahead: vec![1] };
+    assert_eq!(last, LastOrder::Active(kept.clone()));
 
     let (pc, gate, task) = a_pc(config, journal);
     let mut robot = open(gate);
-    let order = pc.resume(begun, jobs(5)).await.unwrap();
+    let order = pc.resume(kept, jobs(5)).await.unwrap();
     assert!(!robot.exchange("<Tila$8#50$2$4$$#>").await.contains("<Tyo$"), "nothing is sent twice");
     let acks = [1, 3, 4].map(|number| format!("<TyoKuittaus$4#50${number}#>")).concat();
     let packet = robot.exchange(&(acks + "<TyoPyynto$4#50$5#>")).await;
@@ -127,7 +127,8 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     robot.exchange("<TyoKuittaus$4#50$5#><LoppuKuittaus$6#50$0$5#>").await;
     assert_eq!(outcome(order).await.unwrap(), Over { executed: 5, complete: true, unfit: None });
     kill(task).await;
-    assert_eq!(Journal::open(&path).unwrap().1, None, "what is over is not resumed");
+    let kept = Kept { order: 50, executed: 5, sent: 5, ahead: vec![] };
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Over(kept), "what is over is not resumed");
 }
 
 #[tokio::test]
@@ -141,28 +142,28 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     let mut kept = Kept { order: 50, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
     (kept.ahead[0], kept.ahead[1]) = (10_000, 10_000);
     let (mut journal, _) = Journal::open(&path).unwrap();
-    journal.keep(&kept).await.unwrap();
+    journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     assert_eq!(length(), MOST / 2);
     kept.executed = 2;
-    journal.keep(&kept).await.unwrap();
+    journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     assert_eq!(length(), MOST);
     // It would be longer than that: the last line is left.
     kept.executed = 3;
-    journal.keep(&kept).await.unwrap();
+    journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     assert_eq!(length(), MOST / 2);
     drop(journal);
-    let (mut journal, begun) = Journal::open(&path).unwrap();
-    assert_eq!(begun.as_ref(), Some(&kept));
+    let (mut journal, last) = Journal::open(&path).unwrap();
+    assert_eq!(last, LastOrder::Active(kept.clone()));
     // One that was opened again knows how long the file is.
     kept.executed = 4;
-    journal.keep(&kept).await.unwrap();
+    journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     kept.executed = 5;
-    journal.keep(&kept).await.unwrap();
+    journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     assert_eq!(length(), MOST / 2);
-    let last = Kept { order: 51, ..Kept::default() };
+    let last = LastOrder::Active(Kept { order: 51, ..Kept::default() });
     journal.keep(&last).await.unwrap();
     drop(journal);
-    assert_eq!(Journal::open(&path).unwrap().1, Some(last));
+    assert_eq!(Journal::open(&path).unwrap().1, last);
 }
 
 /// A write goes on when its future is dropped: the next one waits for it, and does not write the same again.
@@ -171,7 +172,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let (mut journal, _) = Journal::open(&path).unwrap();
-    let kept = |sent| Kept { order: 50, sent, ..Kept::default() };
+    let kept = |sent| LastOrder::Active(Kept { order: 50, sent, ..Kept::default() });
     for sent in 1..=20 {
         let mut context = Context::from_waker(Waker::noop());
         let first = kept(sent);
@@ -182,7 +183,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
     }
     drop(journal);
     // The last write ends before another journal begins.
-    assert_eq!(Journal::open(&path).unwrap().1, Some(kept(20)));
+    assert_eq!(Journal::open(&path).unwrap().1, kept(20));
     let text = std::fs::read_to_string(&path).unwrap();
     let lines: Vec<_> = text.lines().map(|line| line.rsplit_once(" *").unwrap().0).collect();
     assert_eq!(lines, (1..=20).map(|sent| format!("50 0 {sent}")).collect::<Vec<_>>());
@@ -230,6 +231,33 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
     robot.exchange("<TilausKuittaus$1#9#>").await;
     let refused = outcome(order).await.unwrap_err();
     assert!(matches!(refused, Error::Refused { active: 9 }), "{refused:?}");
+}
+
+/// The robot forgets the order, refuses it, or ends it early.
+#[tokio::test]
+async fn a_journal_has_the_outcome_of_its_last_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let kept = |executed, sent| Kept { order: 50, executed, sent, ahead: vec![] };
+    let ends: [(&[&str], LastOrder); 3] = [
+        (&[IDLE, STARTED, "<TyoKuittaus$4#50$1#>", IDLE], LastOrder::Unknown(kept(1, 3))),
+        (&["<Tila$6#9$2$$$#>", "<TilausKuittaus$1#9#>"], LastOrder::Active(kept(0, 0))),
+        (&[IDLE, STARTED, "<TyoKuittaus$4#50$3#><LoppuKuittaus$6#50$0$3#>"], LastOrder::Over(kept(3, 3))),
+    ];
+    for (packets, expected) in ends {
+        std::fs::remove_file(&path).unwrap_or_default();
+        let (journal, _) = Journal::open(&path).unwrap();
+        let (pc, gate, task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }, journal);
+        let mut robot = open(gate);
+        let order = pc.start(50, jobs(3)).await.unwrap();
+        for packet in packets {
+            robot.exchange(packet).await;
+        }
+        drop(outcome(order).await);
+        pc.handle().shutdown().await;
+        task.await.unwrap();
+        assert_eq!(Journal::open(&path).unwrap().1, expected);
+    }
 }
 
 /// Over TCP, with a command of the plant: number 7.

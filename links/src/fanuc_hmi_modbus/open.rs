@@ -42,7 +42,7 @@ pub(super) const OPEN: Open = Open {
         let timing = if framing.starts_with("Framing::Rtu {") { ", timing" } else { "" };
         let order = settings.word_order;
         Ok(format!(
-            "use fanuc_hmi_modbus::{{Framing, WordOrder{timing}}};\n\nfn framing() -> (Framing, WordOrder) {{\n    ({framing}, WordOrder::{order:?})\n}}"
+            "use fanuc_hmi_modbus::{{Framing, WordOrder{timing}}};\n\npub fn framing() -> (Framing, WordOrder) {{\n    ({framing}, WordOrder::{order:?})\n}}"
         ))
     },
     sense: |before, message| {

@@ -17,7 +17,9 @@ pub(super) const OPEN: Open = Open {
     rust: |given, _| {
         let settings = settings::read("kawasaki", CodecSettings::default(), given)?;
         let charset = settings.plant.charset;
-        Ok(format!("use kawasaki_msg::Charset;\n\nfn charset() -> Charset {{\n    Charset::{charset:?}\n}}"))
+        Ok(format!(
+            "use kawasaki_msg::Charset;\n\npub fn charset() -> Charset {{\n    Charset::{charset:?}\n}}"
+        ))
     },
     ..Open::NOTHING
 };

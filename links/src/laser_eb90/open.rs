@@ -47,7 +47,7 @@ pub(super) const OPEN: Open = Open {
         );
         let profile = text.replace(&format!("{:?}", profile.tags), &made);
         Ok(format!(
-            "use laser_eb90::{{ByteOrder, Flag, Profile, Tags, Tail, Width}};\n\nfn profile() -> Profile {{\n    {profile}\n}}"
+            "use laser_eb90::{{ByteOrder, Flag, Profile, Tags, Tail, Width}};\n\npub fn profile() -> Profile {{\n    {profile}\n}}"
         ))
     },
     ..Open::NOTHING

@@ -31,7 +31,7 @@ pub(super) const OPEN: Open = Open {
     reads_more: &[],
     rust: |given, _| {
         let dialect = settings::read("mma", Dialect::STRICT, given)?;
-        Ok(format!("use mmacell_proto::Dialect;\n\nfn dialect() -> Dialect {{\n    {dialect:?}\n}}"))
+        Ok(format!("use mmacell_proto::Dialect;\n\npub fn dialect() -> Dialect {{\n    {dialect:?}\n}}"))
     },
     ..Open::NOTHING
 };

@@ -41,7 +41,7 @@ pub(super) const OPEN: Open = Open {
         let framing = settings::read("alter", Framing::DEFAULT, given)?;
         let framing = format!("{framing:?}").replace("leading_dle: ", "leading_dle: LeadingDle::");
         Ok(format!(
-            "use val2_alter::{{Framing, LeadingDle}};\n\nfn framing() -> Framing {{\n    {framing}\n}}"
+            "use val2_alter::{{Framing, LeadingDle}};\n\npub fn framing() -> Framing {{\n    {framing}\n}}"
         ))
     },
     ..Open::NOTHING

@@ -146,6 +146,11 @@ impl<E: Clone> Reports<'_, E> {
 /// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. That of a peer which closes it
 ///   at once is not usable, nor is one while the state cannot be stored.
 /// - With the task, all calls end: [`Closed`].
+///
+/// # Dropped futures
+/// A call whose future is dropped while the call waits is withdrawn: nothing of it is sent. Once the session has accepted a call, it goes
+/// on, and its outcome is one of the [`events`](Self::events). A call that stops a motion, ends an order or clears a queue is made in any
+/// case. Where another call differs, its own documentation says so.
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
     pub(super) events: broadcast::Receiver<S::Event>,
@@ -155,7 +160,7 @@ pub struct Handle<S: Service> {
     pub(super) shared: Arc<Shared<S>>,
 }
 
-/// Whether there is a connection.
+/// The state of a [`Handle`]'s connection.
 #[derive(Debug, Clone, Default)]
 pub enum Link {
     /// The first one is being made.
@@ -178,7 +183,7 @@ impl<S: Service> Handle<S> {
     /// Makes a call and waits for its outcome: `call` gets the receiver of that. The session limits the number of calls in progress;
     /// others wait, the oldest first. Without a connection they wait for the current attempt, and fail with it.
     ///
-    /// Dropping the future does not withdraw the call: its outcome is then an event.
+    /// [What a dropped future withdraws](Self#dropped-futures).
     ///
     /// # Errors
     /// The task has ended.
@@ -223,7 +228,8 @@ impl<S: Service> Handle<S> {
         self.events.resubscribe()
     }
 
-    /// Whether there is a connection, and every change of that.
+    /// The state of the connection, and every change of it: [`Link::Connecting`] until the first attempt has an outcome,
+    /// [`Link::Connected`], [`Link::Failed`] with the reason while further attempts follow, and [`Link::Ended`] with the task.
     pub fn link(&self) -> watch::Receiver<Link> {
         self.link.clone()
     }

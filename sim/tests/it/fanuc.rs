@@ -8,9 +8,10 @@ use cellwire_sim::fanuc::{
 use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
+use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, Exception, Failure, PositionRegister, Registers as _, Reply, Request,
-    ServerEvent, Signal, Table, TelemetryBlock, WordOrder, Words,
+    ServerEvent, Signal, Table, TelemetryBlock, WordOrder, Words, text,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -62,6 +63,22 @@ async fn a_position_register_is_written_and_read_whole() {
     assert_eq!(robot.read_position(400, WordOrder::LowFirst).await.unwrap(), position);
     assert_eq!(sim.executed().len(), 1, "one request");
     let beyond = robot.read_position(16_400, WordOrder::LowFirst).await;
+    assert!(matches!(beyond, Err(Error::Exception(Exception::IllegalDataAddress))), "{beyond:?}");
+}
+
+#[tokio::test]
+async fn numbers_and_texts_are_read_by_their_assignment() {
+    let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
+    let (robot, task) = client(ClientConfig::tcp(), Tcp::new(sim.address().to_string())).unwrap();
+    tokio::spawn(task.run());
+    let speed = Number { kind: Kind::Int32, multiply: Multiply::Scale(10.0), order: WordOrder::HighFirst };
+    robot.write_registers(400, &speed.write(-12_345.6).unwrap()).await.unwrap();
+    assert_eq!(robot.read_number(400, speed).await.unwrap(), -12_345.6);
+    let mut registers = [0xFFFF; text::REGISTERS as usize];
+    text::write(b"PART 7", &mut registers).unwrap();
+    robot.write_registers(410, &registers).await.unwrap();
+    assert_eq!(robot.read_text(410..450).await.unwrap(), "PART 7");
+    let beyond = robot.read_number(16_447, speed).await;
     assert!(matches!(beyond, Err(Error::Exception(Exception::IllegalDataAddress))), "{beyond:?}");
 }
 

@@ -66,7 +66,7 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
 }
 
 /// A message with the envelope that it is written in: what a framed transport sends
-/// ([`robot_session::tokio::Codec`](https://docs.rs/robot-session)).
+/// (`robot_session::tokio::Codec`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framed<M> {
     /// The message.

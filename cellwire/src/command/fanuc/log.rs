@@ -24,7 +24,7 @@ use crate::io::input::time;
 use crate::io::line::Clock;
 use crate::io::output::remark;
 use crate::io::samples::Samples;
-use crate::io::tcp::ConnectArgs;
+use crate::io::tcp::TimeoutArgs;
 use crate::io::{files, interrupt};
 use cellwire_links::fanuc_hmi_modbus::Frames;
 
@@ -71,7 +71,7 @@ pub(super) struct Args {
     #[command(flatten)]
     geometry: GeometryArgs,
     #[command(flatten)]
-    connect: ConnectArgs,
+    connect: TimeoutArgs,
     #[command(flatten)]
     set: SetArgs,
     /// Print one JSON object at the end instead of a table

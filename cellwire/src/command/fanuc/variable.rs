@@ -10,7 +10,7 @@ use super::{OrderArg, USES};
 use crate::command::modbus::{Refused, silent_unit};
 use crate::command::settings::SetArgs;
 use crate::io::output::{log, remark};
-use crate::io::tcp::ConnectArgs;
+use crate::io::tcp::TimeoutArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
 use cellwire_links::fanuc_hmi_modbus::Frames;
 
@@ -37,7 +37,7 @@ pub(super) struct PlaceArgs {
     /// The PDU address of its first register, from 0 [default: the setting `address`]
     #[arg(long, value_name = "N")]
     address: Option<u16>,
-    /// The registers of a string, two characters each: $SIZE [default: 40]
+    /// The registers of a string, two characters each [default: 40, a whole SR[n]]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=120))]
     size: Option<u16>,
     /// $MULTIPLY of an integer
@@ -50,7 +50,7 @@ pub(super) struct PlaceArgs {
     #[arg(long, value_enum)]
     word_order: Option<OrderArg>,
     #[command(flatten)]
-    connect: ConnectArgs,
+    connect: TimeoutArgs,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -146,7 +146,7 @@ impl Variable<'_> {
         match self.place.kind {
             KindArg::Int16 => 1,
             KindArg::Int32 | KindArg::Real => 2,
-            KindArg::String => self.place.size.unwrap_or(40),
+            KindArg::String => self.place.size.unwrap_or(text::REGISTERS),
             KindArg::Position => PositionRegister::QUANTITY,
         }
     }

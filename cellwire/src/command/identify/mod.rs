@@ -27,7 +27,7 @@ use crate::links::link_parser;
 /// ruled out when another one decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that begins in the middle of a message, are
 /// tolerated. Options that the bytes do not determine are listed with their other values and the message that would decide:
 /// let the ends send that message, and capture again. --write writes a file for --settings of decode, simulate and the clients;
-/// --rust prints the configuration for a program.
+/// --rust prints the configuration of the link's crate as a module for a program.
 ///
 /// --serial listens to a serial line at 300 to 115200 baud, with eight or seven data bits and each parity, in turn. The choice
 /// follows from framing and parity errors, and from how well the links decode the rest.
@@ -56,8 +56,8 @@ pub struct Args {
     /// by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
-    /// Print the settings as Rust, for the configuration of the link's crate
-    #[arg(long)]
+    /// Print the settings as a Rust module instead of tables, with comments on undecided ones
+    #[arg(long, conflicts_with = "json")]
     rust: bool,
     #[command(flatten)]
     source: SourceArgs,
@@ -90,29 +90,26 @@ pub fn run(args: &Args) -> Result<bool> {
         all &= findings.first().is_some_and(Finding::is_sure);
         if args.json {
             report::json(conversation, &findings)?;
-        } else {
+        } else if !args.rust {
             report::tables(conversation, &findings)?;
         }
         if let Some(best) = findings.into_iter().next().filter(Finding::is_sure) {
             found.push((best, conversation));
         }
     }
+    let only = |to: &str| match found.as_slice() {
+        [(finding, conversation)] => Ok((finding, *conversation)),
+        [] => bail!("no result is certain enough to {to}"),
+        _ => bail!("{} conversations were identified: choose one with --port to {to}", found.len()),
+    };
     if args.rust {
-        for (finding, conversation) in &found {
-            report::rust(finding, conversation.carrier)?;
-        }
+        let (finding, conversation) = only("print as Rust")?;
+        report::rust(finding, conversation.carrier)?;
     }
     for (file, is_draft) in [(&args.write, false), (&args.draft, true)] {
         let Some(file) = file else { continue };
-        let text = match found.as_slice() {
-            [(finding, conversation)] if is_draft => draft(finding, &conversation.streams)?,
-            [(finding, _)] => settings::toml(finding)?,
-            [] => bail!("no result is certain enough to write {}", file.display()),
-            _ => bail!(
-                "{} conversations were identified: choose one with --port to write its settings",
-                found.len()
-            ),
-        };
+        let (finding, conversation) = only(&format!("write {}", file.display()))?;
+        let text = if is_draft { draft(finding, &conversation.streams)? } else { settings::toml(finding)? };
         files::write(file, text.as_bytes())?;
     }
     Ok(all)
@@ -125,7 +122,7 @@ fn heard(args: &Args, name: &str) -> Result<Conversation> {
     if args.json {
         report::line_json(&line)?;
     } else {
-        report::line(&line)?;
+        report::line(&line, if args.rust { "//! " } else { "" })?;
     }
     Ok(line.conversation)
 }

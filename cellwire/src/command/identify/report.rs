@@ -15,7 +15,7 @@ use super::super::encode::hex;
 use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
-use super::settings::{or, plain, would_decide};
+use super::settings::{or, plain, remarks, would_decide};
 use crate::io::output::{log, printable};
 
 /// Tables: the links, and the options of the best.
@@ -64,10 +64,9 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
 #[cfg(unix)]
 const SHOWN: usize = 8;
 
-/// The settings of a serial line.
+/// The settings of a serial line; each line of the report begins with `mark`.
 #[cfg(unix)]
-pub(super) fn line(line: &Line) -> Result<()> {
-    let mut out = io::stdout().lock();
+pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
     let mut settings = table(["line", "characters", "broken", "text", "link", "likelier than a wrong one"]);
     for it in line.judged.iter().take(SHOWN) {
         settings.add_row([
@@ -79,19 +78,19 @@ pub(super) fn line(line: &Line) -> Result<()> {
             format!("2^{:.0}", it.bits),
         ]);
     }
-    writeln!(out, "{}:\n{settings}\n", line.conversation.name)?;
     let likely: Vec<String> = line.judged.iter().take(line.likely).map(|it| it.setting.to_string()).collect();
-    match likely.as_slice() {
-        [only] => writeln!(out, "  The line has {only}.")?,
-        several => {
-            let several = several.join(" or ");
-            writeln!(out, "  Undecided: {several}; listen longer, while both ends speak.")?;
-        }
+    let decided = match likely.as_slice() {
+        [only] => format!("The line has {only}."),
+        several => format!("Undecided: {}; listen longer, while both ends speak.", several.join(" or ")),
+    };
+    let stop =
+        "One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.";
+    let text = format!("{}:\n{settings}\n\n  {decided}\n  {stop}\n\n", line.conversation.name);
+    let mut out = io::stdout().lock();
+    for line in text.lines() {
+        writeln!(out, "{}", format!("{mark}{line}").trim_end())?;
     }
-    Ok(writeln!(
-        out,
-        "  One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.\n"
-    )?)
+    Ok(())
 }
 
 /// The settings of a serial line, one line.
@@ -183,18 +182,26 @@ fn lines(seen: &Seen) -> Vec<String> {
     lines
 }
 
-/// The function that returns the crate's configuration.
+/// A module with a function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
     let mut settings = finding.settings.clone();
     let echo = settings.remove("echo");
-    let mut text = (finding.link.open.rust)(&settings, carrier)?;
+    let mut text = format!("//! {}: the options that explain a capture.\n", finding.link.short);
+    for option in finding.options.iter().filter(|option| option.name != "echo") {
+        remarks(&mut text, "//!", option)?;
+    }
     if echo.is_some() {
         text.push_str(
-            "// The line returns what one end sends: `echo: true` in the configuration of that end.\n",
+            "//! The line returns what one end sends: `echo: true` in the configuration of that end.\n",
         );
     }
-    let text = if text.is_empty() { "// nothing is open: the default configuration".into() } else { text };
-    Ok(writeln!(io::stdout().lock(), "// {}\n{text}", finding.link.short)?)
+    let module = (finding.link.open.rust)(&settings, carrier)?;
+    let module = if module.is_empty() {
+        "// The source leaves no option open: the default configuration."
+    } else {
+        &module
+    };
+    Ok(writeln!(io::stdout().lock(), "{text}\n{module}")?)
 }
 
 /// One line of JSON.

@@ -13,7 +13,7 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
     for (name, value) in &finding.settings {
         let inner = format!("{name}.");
         for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
-            remarks(&mut text, option)?;
+            remarks(&mut text, "#", option)?;
         }
         writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
     }
@@ -23,14 +23,20 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
     Ok(text)
 }
 
-fn remarks(text: &mut String, Open { name, decided, .. }: &Open) -> Result<()> {
+/// A comment on an option that the bytes do not decide.
+pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }: &Open) -> Result<()> {
     match decided {
         Decided::ByBytes => {}
         Decided::ByValues => {
-            writeln!(text, "# {name}: other values give numbers or texts that make no sense")?
+            writeln!(text, "{mark} {name}: other values give numbers or texts that make no sense")?
         }
         Decided::Not { others, message } => {
-            writeln!(text, "# {name} is undecided: {}; {}", or(others), would_decide(message.as_deref()))?;
+            writeln!(
+                text,
+                "{mark} {name} is undecided: {}; {}",
+                or(others),
+                would_decide(message.as_deref())
+            )?;
         }
     }
     Ok(())

@@ -17,7 +17,7 @@ use super::settings::{SetArgs, client_help};
 use crate::io::output::remark;
 use crate::io::port::AnyPort;
 use crate::io::serial::{self, Mode};
-use crate::io::tcp::ConnectArgs;
+use crate::io::tcp::TimeoutArgs;
 use crate::links::fanuc_hmi_modbus::client::{Client, Port, PortKind};
 use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
 use cellwire_links::settings::Setting;
@@ -89,7 +89,7 @@ struct PortArgs {
     #[arg(long, value_name = "MODE", default_value = "8N1")]
     mode: Mode,
     #[command(flatten)]
-    connect: ConnectArgs,
+    connect: TimeoutArgs,
     #[command(flatten)]
     set: SetArgs,
 }

@@ -57,14 +57,14 @@ impl TransportArgs {
                 Box::new(Stream::new(stream))
             }
             PlaceArgs { connect: Some(address), .. } => {
-                let stream = tcp::connect(address, self.dialing.dialing(Duration::ZERO))?;
+                let stream = tcp::connect(address, self.dialing.dialing())?;
                 discard_unacknowledged(&stream, tcp::DISCARD_AFTER)?;
                 ready(end, "connect", address)?;
                 Box::new(Stream::new(stream))
             }
             PlaceArgs { serial: Some(path), .. } => {
                 let port = serial::open_with(path, self.baud, self.mode)?;
-                self.dialing.dialing(Duration::ZERO).pause();
+                self.dialing.dialing().pause();
                 ready(end, "serial", path)?;
                 Box::new(Serial(port))
             }

@@ -14,7 +14,7 @@ use crate::io::drive::Lost;
 use crate::io::input::{self, Typed};
 use crate::io::journal::{self, Journal, Outcome, Record, Tally, Unwritten};
 use crate::io::output::{self, EventArgs, log, remark};
-use crate::io::tcp::ConnectArgs;
+use crate::io::tcp::TimeoutArgs;
 use crate::io::{files, interrupt};
 
 #[derive(Debug, clap::Args)]
@@ -35,7 +35,7 @@ pub(super) struct WorkArgs {
     #[arg(long)]
     again: bool,
     #[command(flatten)]
-    pub(super) connect: ConnectArgs,
+    pub(super) connect: TimeoutArgs,
     #[command(flatten)]
     pub(super) set: SetArgs,
     #[command(flatten)]

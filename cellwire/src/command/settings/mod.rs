@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 use crate::io::input;
 use crate::io::output::remark;
-use crate::io::tcp::{ConnectArgs, Dialing, MAX_PAUSE};
+use crate::io::tcp::{Dialing, MAX_PAUSE, TimeoutArgs};
 use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_settings};
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
@@ -61,18 +61,18 @@ impl SetArgs {
         Ok(given)
     }
 
-    /// How a client opens its connections: the options, and the setting `connect_pause` of the file or of `--set`.
+    /// How a client opens its connections: the option, and the setting `connect_pause` of the file or of `--set`.
     ///
     /// # Errors
     /// As [`read`](Self::read); when the pause is not one.
-    pub(super) fn dialing(&self, base: Option<&Path>, connect: ConnectArgs) -> Result<Dialing> {
+    pub(super) fn dialing(&self, base: Option<&Path>, timeout: TimeoutArgs) -> Result<Dialing> {
         let mut given = files(base.into_iter().chain(self.settings.as_deref()))?;
         for (name, value) in &self.set {
             settings::insert(&mut given, name, value.clone())?;
         }
         given.retain(|name, _| name == CONNECT_PAUSE);
         let read = settings::read("the connection", ConnectSettings::default(), &given);
-        Ok(connect.dialing(read.map_err(|error| self.located(error.into()))?.pause))
+        Ok(timeout.dialing(read.map_err(|error| self.located(error.into()))?.pause))
     }
 
     /// The settings of a Modbus client, of a command that uses these of the link's bytes. A remark names others that were given.

@@ -1,7 +1,6 @@
 //! What is tapped.
 
 use std::net::{TcpListener, UdpSocket};
-use std::time::Duration;
 
 use anyhow::{Result, bail};
 use serialport::SerialPort;
@@ -100,9 +99,7 @@ impl Way {
     pub(in crate::command) fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
         let server = args.connect.as_deref().unwrap_or_default();
         match self {
-            Self::Tcp(listener) => {
-                tap::tcp::run(&listener, server, args.dialing.dialing(Duration::ZERO), watch)
-            }
+            Self::Tcp(listener) => tap::tcp::run(&listener, server, args.dialing.dialing(), watch),
             Self::Udp(socket) => tap::udp::run(&socket, server, watch),
             Self::Ports(a, Some(b)) if !args.listen_only => tap::serial::join([a, b], watch),
             Self::Ports(a, b) => tap::serial::listen(a, b, watch),

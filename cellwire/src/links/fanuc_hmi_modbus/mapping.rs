@@ -31,7 +31,7 @@ enum Variable {
     Number(Kind, Multiply),
     /// PR\[n\], 50 registers each.
     Position,
-    /// SR\[n\], in all registers of the slot.
+    /// SR\[n\], 40 registers each.
     Text,
     /// `POS[0]`: where the robot is.
     Here,
@@ -145,7 +145,7 @@ impl Area {
         match self.variable {
             Variable::Number(kind, _) => kind.registers().into(),
             Variable::Position | Variable::Here => PositionRegister::QUANTITY.into(),
-            Variable::Text => self.registers.len(),
+            Variable::Text => text::REGISTERS.into(),
         }
     }
 
@@ -268,6 +268,25 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         mapping.take(0..2, &registers, &mut memory);
         assert_eq!(memory.numbers[&5], 2.0);
         assert!(!memory.numbers.contains_key(&1), "hidden by the first slot");
+    }
+
+    /// `$SIZE` 85: all of SR[3] and SR[4], and the first ten characters of SR[5].
+    #[test]
+    fn a_string_takes_forty_registers_and_the_next_one_follows() {
+        let listing = "SETVAR $SNPX_ASG[1].$ADDRESS 1\nSETVAR $SNPX_ASG[1].$SIZE 85\n\
+                       SETVAR $SNPX_ASG[1].$VAR_NAME 'SR[3]'\nSETVAR $SNPX_ASG[1].$MULTIPLY -1\n";
+        let mapping = Mapping::parse(listing, WordOrder::LowFirst).unwrap();
+        let mut memory = Memory::default();
+        let strings = [(3, "A".repeat(81)), (4, "PART".into()), (5, "0123456789AB".into()), (6, "NO".into())];
+        memory.strings.extend(strings);
+        let mut registers = vec![0; 300];
+        mapping.show(&memory, &Place::default(), &mut registers);
+        assert_eq!(registers[..40], [0x4141; 40]);
+        assert_eq!(registers[40..43], [0x5041, 0x5254, 0]);
+        assert_eq!(registers[80..86], [0x3031, 0x3233, 0x3435, 0x3637, 0x3839, 0]);
+        registers[41] = 0x4500; // a client writes "PAE" into SR[4]
+        mapping.take(41..42, &registers, &mut memory);
+        assert_eq!((memory.strings[&4].as_str(), memory.strings[&5].len()), ("PAE", 12));
     }
 
     #[test]

@@ -25,6 +25,9 @@ use crate::links::device_parser;
 /// Kawasaki end or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
 /// each other: data that a client sends faster than the device reads waits in that client's socket.
 ///
+/// Of events that a client can cause at any rate, such as reads, writes and corrupt bytes, ten of a kind are printed in a second; a line
+/// `left_out` has the number of the others. --control lists everything that was executed.
+///
 /// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -48,6 +51,9 @@ pub struct Args {
     set: SetArgs,
     #[command(flatten)]
     events: EventArgs,
+    /// Print the line that reports the device as ready, and no events
+    #[arg(long)]
+    quiet: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -77,6 +83,9 @@ pub fn run(args: &Args) -> Result<bool> {
     };
     let settings = args.set.read(&(args.device.settings)())?;
     args.events.choose();
+    if args.quiet {
+        output::be_quiet();
+    }
     output::never_wait()?;
     interrupt::handle()?;
     let options = SimulateOptions {

@@ -10,6 +10,7 @@ pub mod input;
 pub mod interrupt;
 pub mod journal;
 pub mod latency;
+mod limiter;
 pub mod line;
 pub mod listener;
 #[cfg(unix)]

@@ -1,6 +1,6 @@
 //! What both ends say, decoded.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
@@ -61,6 +61,8 @@ pub(super) struct Decoding<'a> {
     baud: Option<u32>,
     connections: BTreeMap<u32, Connection>,
     watchers: BTreeMap<u32, Watcher>,
+    /// Connections that an end has closed.
+    closed: BTreeSet<u32>,
 }
 
 enum Connection {
@@ -97,7 +99,13 @@ impl<'a> Decoding<'a> {
             args.codec_of(side)?;
         }
         args.watcher(baud, baud.is_some())?;
-        Ok(Self { args, baud, connections: BTreeMap::new(), watchers: BTreeMap::new() })
+        Ok(Self {
+            args,
+            baud,
+            connections: BTreeMap::new(),
+            watchers: BTreeMap::new(),
+            closed: BTreeSet::new(),
+        })
     }
 
     /// Takes what is seen; `tell` gets what is clear now, and what is wrong with it.
@@ -107,6 +115,9 @@ impl<'a> Decoding<'a> {
         if let What::Opened(place) = what {
             let is_serial = matches!(place, Place::Ports(_) | Place::Line(_));
             self.watchers.insert(*connection, self.args.watcher(self.baud, is_serial)?);
+        }
+        if let What::Closed(_) = what {
+            self.closed.insert(*connection);
         }
         let mut watcher = self.watchers.remove(connection);
         if let (Some(watcher), What::Bytes(bytes)) = (&mut watcher, what)
@@ -174,9 +185,13 @@ impl<'a> Decoding<'a> {
         }
     }
 
-    /// Where the conversation of the last connection is.
+    /// The state of the last connection.
     pub(super) fn state(&self) -> String {
-        self.watchers.last_key_value().map_or_else(String::new, |(_, watcher)| watcher.state())
+        match self.watchers.last_key_value() {
+            Some((connection, _)) if self.closed.contains(connection) => "the connection is closed".into(),
+            Some((_, watcher)) => watcher.state(),
+            None => String::new(),
+        }
     }
 
     /// Nothing was seen for a while: what is held on a line is all that was sent.

@@ -1,6 +1,7 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
 use std::cell::RefCell;
+use std::net::SocketAddr;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use cellwire_sim::fanuc::{Controller, FanucController, Shared, TelemetryFaults, circle};
+use cellwire_sim::fanuc::{Controller, FanucController, FanucEvent, Shared, TelemetryFaults, circle};
 use cellwire_sim::{Simulator, Told};
 use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
 use robot_session::{Driver, Session as _};
@@ -23,7 +24,7 @@ use super::robot::{Reporting, Reports, Robot};
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::{log, remark};
+use crate::io::output::{log, notice, remark};
 use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
@@ -69,7 +70,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
             // A script that reads no more is none of our business.
-            serve_clients(Listener::new(listener)?, first, &service, |event| drop(log(&event)))
+            serve_clients(Listener::new(listener)?, first, &service, |event| drop(notice(&event)))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
@@ -190,12 +191,16 @@ fn serve_clients(
             Notice::Refused(peer, why) => {
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
-            Notice::Event(Told::Device(ServerEvent::OutOfStep(error))) => {
+            Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
                 return ControlFlow::Break(format!("the client violates the protocol: {error}"));
             }
-            Notice::Event(Told::Device(event)) => report(event, &mut notify),
-            Notice::Event(Told::Close(why)) => return ControlFlow::Break(why.into()),
-            Notice::Event(_) => {}
+            Notice::Event(peer, Told::Device(event)) => {
+                if let Some(event) = show(event, Some(peer)) {
+                    notify(event);
+                }
+            }
+            Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
+            Notice::Event(..) => {}
             Notice::Disconnected(peer, why) => {
                 notify(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
@@ -213,8 +218,10 @@ fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>) -> Result
         attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
         let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
             closes |= matches!(told, Told::Close(_));
-            if let Told::Device(event) = told {
-                report(event, &mut |event| drop(log(&event)));
+            if let Told::Device(event) = told
+                && let Some(event) = show(event, None)
+            {
+                drop(notice(&event));
             }
             Ok(())
         })?;
@@ -229,19 +236,29 @@ fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<Fan
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
-/// Reports what was refused, and what was corrupt.
-fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) {
-    match event {
-        ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
+/// The event of a client: what it reads and writes, what was refused, and what was corrupt.
+fn show(event: FanucEvent, peer: Option<SocketAddr>) -> Option<Value> {
+    let mut line = match event {
+        FanucEvent::Read { table, address, count } => {
+            json!({"event": "read", "table": table, "address": address, "count": count})
+        }
+        FanucEvent::Written(write) => {
+            let mut line = control::show(&write);
+            line.as_object_mut()?.shift_insert(0, "event".into(), "write".into());
+            line
+        }
+        FanucEvent::Server(ServerEvent::Served { unit, function, exception: Some(exception), .. }) => {
             let exception = u8::from(exception);
-            notify(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
+            json!({"event": "refused", "unit": unit, "function": function, "exception": exception})
         }
-        ServerEvent::Refused { unit, function } => {
-            notify(json!({"event": "too_many", "unit": unit, "function": function}));
+        FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
+            json!({"event": "too_many", "unit": unit, "function": function})
         }
-        ServerEvent::Corrupt(error) => {
-            notify(json!({"event": "corrupt", "error": error}));
-        }
-        _ => {}
+        FanucEvent::Server(ServerEvent::Corrupt(error)) => json!({"event": "corrupt", "error": error}),
+        _ => return None,
+    };
+    if let Some(peer) = peer {
+        line.as_object_mut()?.shift_insert(1, "peer".into(), peer.to_string().into());
     }
+    Some(line)
 }

@@ -30,6 +30,7 @@ use crate::links::device_parser;
 ///
 /// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.
 #[derive(Debug, clap::Args)]
+#[command(override_usage = USAGE)]
 pub struct Args {
     /// The device
     #[arg(value_parser = device_parser())]
@@ -55,6 +56,11 @@ pub struct Args {
     #[arg(long)]
     quiet: bool,
 }
+
+const USAGE: &str = "\
+cellwire simulate [OPTIONS] <DEVICE> --listen <ADDR>
+       cellwire simulate [OPTIONS] <DEVICE> --connect <ADDR>
+       cellwire simulate [OPTIONS] <DEVICE> --pty <LINKPATH>";
 
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]

@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn a_kind_has_ten_lines_a_second_and_the_others_are_counted() {
         let mut limiter = Limiter::NEW;
-        let mut admitted = |limiter: &mut Limiter, ms: u64, kind| {
+        let admitted = |limiter: &mut Limiter, ms: u64, kind| {
             (0..25).filter(|_| limiter.admits(Duration::from_millis(ms), kind)).count()
         };
         assert_eq!(admitted(&mut limiter, 5000, "corrupt"), 10);

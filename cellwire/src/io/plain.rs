@@ -26,7 +26,11 @@ fn value(of: &Value) -> String {
         Value::Bool(is) => if *is { "yes" } else { "no" }.to_owned(),
         Value::Array(values) => values.iter().map(value).collect::<Vec<_>>().join(" "),
         Value::Object(fields) => format!("({})", pairs(fields)),
-        other => other.to_string(),
+        Value::Number(number) => {
+            let text = number.to_string();
+            text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)
+        }
+        Value::Null => "null".to_owned(),
     }
 }
 
@@ -45,6 +49,7 @@ mod tests {
             "ready fanuc, listen 127.0.0.1:5020"
         );
         assert_eq!(line(&json!({"event": "paused"})), "paused");
+        assert_eq!(line(&json!({"mm": [40.0, -2.5, 7]})), "mm 40 -2.5 7");
         assert_eq!(
             line(&json!({"mm": {"least": [0.5, 1], "is_closed": true}})),
             "mm (least 0.5 1, is closed yes)"

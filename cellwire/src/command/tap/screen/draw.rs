@@ -56,7 +56,7 @@ const COLUMNS: [(&str, u16, bool); 8] = [
 
 fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     // Rates and bytes are left out of a terminal that has no space for them.
-    let is_wide = area.width >= COLUMNS.iter().map(|(_, width, _)| width + 1).sum::<u16>() + 1;
+    let is_wide = area.width > COLUMNS.iter().map(|(_, width, _)| width + 1).sum::<u16>();
     let shown = |cells: [String; COLUMNS.len()]| {
         let cells = cells.into_iter().zip(COLUMNS).filter(move |(_, (.., stays))| *stays || is_wide);
         Row::new(cells.map(|(cell, _)| cell))
@@ -149,17 +149,26 @@ fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         title = format!("{title}; {} bytes forwarded but not captured", board.missed);
     }
     let block = Block::bordered().title(title);
-    let room = usize::from(block.inner(area).height);
-    let from = board.lines.len().saturating_sub(room);
+    let inner = block.inner(area);
+    let from = board.lines.len().saturating_sub(inner.height.into());
+    let width = usize::from(inner.width).saturating_sub("00:00:00.000 workstation ".len());
     let lines = board.lines.iter().skip(from).map(|line| {
         let style = if line.is_wrong { WRONG } else { Style::new() };
         Line::from(vec![
             Span::styled(clock(line.at), QUIET),
             Span::raw(format!(" {:<11} ", line.end)),
-            Span::styled(line.text.clone(), style),
+            Span::styled(shortened(&line.text, width), style),
         ])
     });
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
+}
+
+/// The text, or its beginning and `…` if it is longer.
+fn shortened(text: &str, width: usize) -> String {
+    match text.char_indices().nth(width) {
+        None => text.into(),
+        Some(_) => text.chars().take(width.saturating_sub(1)).chain(['…']).collect(),
+    }
 }
 
 /// The time of day (UTC).

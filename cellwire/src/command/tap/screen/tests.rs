@@ -112,7 +112,8 @@ fn numbers_have_their_units_on_a_narrow_terminal() {
     assert_eq!(columns(60, "workstation"), "workstation 10 0 123 ms 123 ms 123 ms");
     let text = rows_of(&board, 60).join("\n");
     assert!(text.contains("│0.1ms 10 100   10s "), "{text}");
-    assert!(text.contains("of its request") && text.contains("(VV-40)"), "{text}");
+    assert!(text.contains("within stale_after (1000 ms) of\nits request (VV-40)"), "{text}");
+    assert!(text.contains(" host        no packet within stale_after (10…│"), "{text}");
 }
 
 #[test]

@@ -18,7 +18,7 @@ pub mod marked;
 mod outlet;
 pub mod output;
 pub mod pauses;
-mod plain;
+pub mod plain;
 pub mod port;
 pub mod ports;
 pub mod priority;

@@ -65,7 +65,7 @@ impl Drop for Unread {
 
 #[test]
 fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
-    const REQUESTS: usize = 50_000;
+    const REQUESTS: u64 = 50_000;
     let mut robot = Unread::start("mma-robot");
     let mut client = robot.connect();
     client.set_nodelay(true).unwrap();
@@ -81,7 +81,7 @@ fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
     for line in robot.lines() {
         match line["event"].as_str().unwrap() {
             "servo" => seen += 1,
-            "lines_dropped" => dropped += line["lines"].as_u64().unwrap() as usize,
+            "lines_dropped" => dropped += line["lines"].as_u64().unwrap(),
             "connected" => {}
             other => panic!("{other}"),
         }
@@ -95,7 +95,7 @@ fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
 
 #[test]
 fn a_flood_of_refused_requests_is_counted() {
-    const REQUESTS: usize = 20_000;
+    const REQUESTS: u64 = 20_000;
     let mut fanuc = Unread::start("fanuc");
     let begin = Instant::now();
     // Function 99 is none.
@@ -105,13 +105,13 @@ fn a_flood_of_refused_requests_is_counted() {
         client.write_all(&request.repeat(100)).unwrap();
         client.read_exact(&mut [0; 900]).unwrap();
     }
-    let most = 10 * (begin.elapsed().as_secs() as usize + 2);
+    let most = 10 * (begin.elapsed().as_secs() + 2);
     drop(client);
     let (mut seen, mut left_out) = (0, 0);
     for line in fanuc.lines() {
         match (line["event"].as_str().unwrap(), &line["of"]) {
             ("refused", _) => seen += 1,
-            ("left_out", of) if of == "refused" => left_out += line["count"].as_u64().unwrap() as usize,
+            ("left_out", of) if of == "refused" => left_out += line["count"].as_u64().unwrap(),
             ("disconnected", _) => break,
             _ => {}
         }

@@ -76,6 +76,10 @@ pub fn be_quiet() {
     IS_QUIET.store(true, Ordering::Relaxed);
 }
 
+fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
 /// The lines that [`admits`] has counted.
 static LIMITER: Mutex<Limiter> = Mutex::new(Limiter::NEW);
 
@@ -100,7 +104,7 @@ pub fn notice(event: &Value) -> Result<()> {
 /// # Errors
 /// When standard output is closed.
 pub fn log(line: &Value) -> Result<()> {
-    if IS_QUIET.load(Ordering::Relaxed) {
+    if is_quiet() {
         return Ok(());
     }
     log_left_out()?;
@@ -108,6 +112,9 @@ pub fn log(line: &Value) -> Result<()> {
 }
 
 fn log_left_out() -> Result<()> {
+    if is_quiet() {
+        return Ok(());
+    }
     let mut limiter = LIMITER.lock().unwrap_or_else(PoisonError::into_inner);
     let mut lines =
         limiter.take_left_out().map(|(of, count)| json!({"event": "left_out", "of": of, "count": count}));

@@ -116,8 +116,10 @@ impl<'a> Decoding<'a> {
             let is_serial = matches!(place, Place::Ports(_) | Place::Line(_));
             self.watchers.insert(*connection, self.args.watcher(self.baud, is_serial)?);
         }
-        if let What::Closed(_) = what {
-            self.closed.insert(*connection);
+        match what {
+            What::Opened(_) => _ = self.closed.remove(connection),
+            What::Closed(_) => _ = self.closed.insert(*connection),
+            What::Bytes(_) | What::Missed(_) => {}
         }
         let mut watcher = self.watchers.remove(connection);
         if let (Some(watcher), What::Bytes(bytes)) = (&mut watcher, what)
@@ -337,4 +339,34 @@ fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
 /// Bytes as text.
 pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        of: LinkArgs,
+    }
+
+    #[test]
+    fn a_connection_that_was_seen_from_its_beginning_is_closed_and_not_unknown() {
+        let cli = Cli::parse_from(["tap", "ball"]);
+        let mut decoding = Decoding::new(&cli.of, None).unwrap();
+        let mut state = |what| {
+            let seen = Seen { at: UNIX_EPOCH, connection: 1, from: End::A, what };
+            decoding.take(&seen, &mut |_| Ok(())).unwrap();
+            decoding.state()
+        };
+        let place = || Place::Tcp("127.0.0.1:4000".parse().unwrap(), "127.0.0.1:9600".parse().unwrap());
+        assert_eq!(state(What::Opened(place())), "no poll is open");
+        assert_eq!(state(What::Bytes([5].as_slice().into())), "a poll waits for its packet");
+        assert_eq!(state(What::Closed(None)), "the connection is closed");
+        assert_eq!(state(What::Opened(place())), "no poll is open");
+        assert_eq!(state(What::Missed(1)), "the state is not known yet");
+    }
 }

@@ -13,7 +13,7 @@ use cellwire_sim::fanuc::{Controller, FanucController, FanucEvent, Shared, Telem
 use cellwire_sim::{Simulator, Told};
 use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
 use robot_session::{Driver, Session as _};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::control;
 use super::inputs::Inputs;
@@ -24,7 +24,7 @@ use super::robot::{Reporting, Reports, Robot};
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::{log, notice, remark};
+use crate::io::output::{admits, log, remark};
 use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
@@ -70,7 +70,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
             // A script that reads no more is none of our business.
-            serve_clients(Listener::new(listener)?, first, &service, |event| drop(notice(&event)))
+            serve_clients(Listener::new(listener)?, first, &service, |event| drop(log(&event)))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
@@ -185,10 +185,10 @@ fn serve_clients(
                     return ControlFlow::Break("the controller has no power".into());
                 }
             }
-            Notice::Connected(peer) => {
+            Notice::Connected(peer) if admits("connected") => {
                 notify(json!({"event": "connected", "peer": peer}));
             }
-            Notice::Refused(peer, why) => {
+            Notice::Refused(peer, why) if admits("refused_client") => {
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
             Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
@@ -200,11 +200,11 @@ fn serve_clients(
                 }
             }
             Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
-            Notice::Event(..) => {}
-            Notice::Disconnected(peer, why) => {
+            Notice::Disconnected(peer, why) if admits("disconnected") => {
                 notify(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
             Notice::Traced(path) => notify(json!({"event": "trace", "path": path})),
+            Notice::Connected(_) | Notice::Refused(..) | Notice::Disconnected(..) | Notice::Event(..) => {}
         }
         ControlFlow::Continue(())
     })
@@ -221,7 +221,7 @@ fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>) -> Result
             if let Told::Device(event) = told
                 && let Some(event) = show(event, None)
             {
-                drop(notice(&event));
+                drop(log(&event));
             }
             Ok(())
         })?;
@@ -236,29 +236,41 @@ fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<Fan
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
-/// The event of a client: what it reads and writes, what was refused, and what was corrupt.
+/// Returns the line for what a client reads and writes, what was refused, and what was corrupt, if it is to be printed.
 fn show(event: FanucEvent, peer: Option<SocketAddr>) -> Option<Value> {
-    let mut line = match event {
-        FanucEvent::Read { table, address, count } => {
-            json!({"event": "read", "table": table, "address": address, "count": count})
-        }
-        FanucEvent::Written(write) => {
-            let mut line = control::show(&write);
-            line.as_object_mut()?.shift_insert(0, "event".into(), "write".into());
-            line
-        }
-        FanucEvent::Server(ServerEvent::Served { unit, function, exception: Some(exception), .. }) => {
-            let exception = u8::from(exception);
-            json!({"event": "refused", "unit": unit, "function": function, "exception": exception})
-        }
-        FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
-            json!({"event": "too_many", "unit": unit, "function": function})
-        }
-        FanucEvent::Server(ServerEvent::Corrupt(error)) => json!({"event": "corrupt", "error": error}),
+    let kind = match event {
+        FanucEvent::Read { .. } => "read",
+        FanucEvent::Written(_) => "write",
+        FanucEvent::Server(ServerEvent::Served { exception: Some(_), .. }) => "refused",
+        FanucEvent::Server(ServerEvent::Refused { .. }) => "too_many",
+        FanucEvent::Server(ServerEvent::Corrupt(_)) => "corrupt",
         _ => return None,
     };
-    if let Some(peer) = peer {
-        line.as_object_mut()?.shift_insert(1, "peer".into(), peer.to_string().into());
+    // Of most requests nothing is printed: their lines are not made.
+    if !admits(kind) {
+        return None;
     }
-    Some(line)
+    let fields = match event {
+        FanucEvent::Read { table, address, count } => {
+            json!({"table": table, "address": address, "count": count})
+        }
+        FanucEvent::Written(write) => control::show(&write),
+        FanucEvent::Server(ServerEvent::Served { unit, function, exception, .. }) => {
+            json!({"unit": unit, "function": function, "exception": exception.map(u8::from)})
+        }
+        FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
+            json!({"unit": unit, "function": function})
+        }
+        FanucEvent::Server(ServerEvent::Corrupt(error)) => json!({"error": error}),
+        _ => return None,
+    };
+    let mut line = Map::new();
+    line.insert("event".into(), kind.into());
+    if let Some(peer) = peer {
+        line.insert("peer".into(), peer.to_string().into());
+    }
+    if let Value::Object(fields) = fields {
+        line.extend(fields);
+    }
+    Some(line.into())
 }

@@ -209,5 +209,5 @@ pub(crate) fn ms(time: Duration) -> String {
     format!("{} ms", (time.as_secs_f64() * 1e4).round() / 10.0)
 }
 
-/// The state of a conversation whose beginning was not seen.
-pub(crate) const UNSEEN: &str = "the beginning was not seen";
+/// The state of a conversation whose beginning, or some bytes since, were not seen or not decoded.
+pub(crate) const UNSEEN: &str = "the state is not known yet";

@@ -34,7 +34,7 @@ impl Shadow for Asked {
 
     fn state(&self) -> String {
         match self {
-            Self::Unknown => "the beginning was not seen",
+            Self::Unknown => "the state is not known yet",
             Self::Never => "unsolicited",
             Self::Once => "the host has asked",
         }

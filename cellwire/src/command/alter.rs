@@ -26,6 +26,7 @@ use cellwire_links::settings;
 ///
 /// The screen and the disk never delay a reply. Try it with `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
 #[derive(Debug, clap::Args)]
+#[command(override_usage = USAGE)]
 pub struct Args {
     /// The robot controller's port
     #[arg(long, value_name = "PORT")]
@@ -57,6 +58,11 @@ pub struct Args {
 }
 
 /// Where the hand is.
+const USAGE: &str = "\
+cellwire alter [OPTIONS] --robot <PORT> --ball <PORT>
+       cellwire alter [OPTIONS] --robot <PORT> --keyboard|--spacenav|--hid
+       cellwire alter [OPTIONS] --robot <PORT> --evdev <DEVICE>|--play <FILE>";
+
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct InputArgs {

@@ -80,7 +80,9 @@ impl ConversationArgs {
                 collecting.all
             }
             (_, None) => {
-                bail!("the capture needs both ends: a file of pcap, a hex dump, output of strace, or a trace")
+                bail!(
+                    "the capture needs both ends: a file of pcap, a hex dump, output of strace or socat, or a trace"
+                )
             }
         };
         all.retain(|it| !it.sent.is_empty());

@@ -25,8 +25,12 @@ use crate::links::device_parser;
 /// Kawasaki end or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
 /// each other: data that a client sends faster than the device reads waits in that client's socket.
 ///
+/// Of events that a client can cause at any rate, such as reads, writes and corrupt bytes, ten of a kind are printed in a second; a line
+/// `left_out` has the number of the others. --control lists everything that was executed.
+///
 /// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.
 #[derive(Debug, clap::Args)]
+#[command(override_usage = USAGE)]
 pub struct Args {
     /// The device
     #[arg(value_parser = device_parser())]
@@ -48,7 +52,15 @@ pub struct Args {
     set: SetArgs,
     #[command(flatten)]
     events: EventArgs,
+    /// Print the line that reports the device as ready, and no events
+    #[arg(long)]
+    quiet: bool,
 }
+
+const USAGE: &str = "\
+cellwire simulate [OPTIONS] <DEVICE> --listen <ADDR>
+       cellwire simulate [OPTIONS] <DEVICE> --connect <ADDR>
+       cellwire simulate [OPTIONS] <DEVICE> --pty <LINKPATH>";
 
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
@@ -77,6 +89,9 @@ pub fn run(args: &Args) -> Result<bool> {
     };
     let settings = args.set.read(&(args.device.settings)())?;
     args.events.choose();
+    if args.quiet {
+        output::be_quiet();
+    }
     output::never_wait()?;
     interrupt::handle()?;
     let options = SimulateOptions {

@@ -8,7 +8,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 
 use crate::io::bell::Bell;
 use crate::io::interrupt;
@@ -95,6 +95,14 @@ pub fn text(path: &Path) -> Result<String> {
 /// # Errors
 /// When it is no UTF-8.
 pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    ensure!(
+        !matches!(
+            bytes.as_slice(),
+            [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] | [0, _, 0, _, ..] | [_, 0, _, 0, ..]
+        ),
+        "{} is UTF-16: save it as UTF-8",
+        path.display()
+    );
     let text = String::from_utf8(bytes).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }

@@ -10,6 +10,7 @@ pub mod input;
 pub mod interrupt;
 pub mod journal;
 pub mod latency;
+mod limiter;
 pub mod line;
 pub mod listener;
 #[cfg(unix)]
@@ -17,7 +18,7 @@ pub mod marked;
 mod outlet;
 pub mod output;
 pub mod pauses;
-mod plain;
+pub mod plain;
 pub mod port;
 pub mod ports;
 pub mod priority;

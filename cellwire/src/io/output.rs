@@ -9,9 +9,11 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 
+use crate::io::limiter::Limiter;
 use crate::io::outlet::Outlet;
 use crate::io::plain;
 use cellwire_links::json;
+use robot_session::now;
 
 /// Returns whether an error is that standard output is closed.
 pub fn is_closed(error: &anyhow::Error) -> bool {
@@ -42,8 +44,9 @@ pub fn never_wait() -> Result<()> {
     Ok(())
 }
 
-/// Before the program ends: what waits is written, if it is read within a second.
+/// Called before the program ends: prints the counts of omitted lines, and waits a second at most until all lines are written.
 pub fn finish() {
+    let _ = log_left_out();
     OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
 }
 
@@ -65,11 +68,60 @@ impl EventArgs {
     }
 }
 
+/// Whether [`log()`] and [`notice`] print nothing.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on [`log()`] and [`notice`] print nothing; [`announce`] does.
+pub fn be_quiet() {
+    IS_QUIET.store(true, Ordering::Relaxed);
+}
+
+fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
+/// The lines that [`admits`] has counted.
+static LIMITER: Mutex<Limiter> = Mutex::new(Limiter::NEW);
+
+/// Returns whether a line of this kind is to be printed: ten a second are. The next line that is printed is preceded by the number of the
+/// others.
+pub fn admits(kind: &str) -> bool {
+    LIMITER.lock().unwrap_or_else(PoisonError::into_inner).admits(now(), kind)
+}
+
+/// As [`log()`], for an event that a peer can cause at any rate, such as corrupt bytes: ten of a kind are printed in a second. An outcome is
+/// not such an event.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn notice(event: &Value) -> Result<()> {
+    let kind = event.get("event").and_then(Value::as_str).unwrap_or_default();
+    if admits(kind) { log(event) } else { Ok(()) }
+}
+
 /// Prints one line and flushes it, so that a script can read it while the tool runs: of JSON, or for people.
 ///
 /// # Errors
 /// When standard output is closed.
 pub fn log(line: &Value) -> Result<()> {
+    if is_quiet() {
+        return Ok(());
+    }
+    log_left_out()?;
+    put(line)
+}
+
+fn log_left_out() -> Result<()> {
+    if is_quiet() {
+        return Ok(());
+    }
+    let mut limiter = LIMITER.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut lines =
+        limiter.take_left_out().map(|(of, count)| json!({"event": "left_out", "of": of, "count": count}));
+    lines.try_for_each(|line| put(&line))
+}
+
+fn put(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
     if IS_FOR_PEOPLE.load(Ordering::Relaxed) {
         bytes.extend(printable(&plain::line(line)).bytes());
@@ -97,7 +149,7 @@ pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
 /// # Errors
 /// When standard output does not accept it.
 pub fn announce(line: &Value) -> Result<()> {
-    log(line)?;
+    put(line)?;
     match OUTLETS.get() {
         Some([out, _]) => out.finish().context(Unwritten),
         None => Ok(()),

@@ -1,6 +1,6 @@
 //! An event as a line for people.
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Number, Value};
 
 /// The event, or the first name, and then each other name with its value: `answered: lines 1 to 20, outcome done`.
 pub(super) fn line(event: &Value) -> String {
@@ -26,8 +26,15 @@ fn value(of: &Value) -> String {
         Value::Bool(is) => if *is { "yes" } else { "no" }.to_owned(),
         Value::Array(values) => values.iter().map(value).collect::<Vec<_>>().join(" "),
         Value::Object(fields) => format!("({})", pairs(fields)),
-        other => other.to_string(),
+        Value::Number(it) => number(it),
+        Value::Null => "null".to_owned(),
     }
+}
+
+/// A number, without decimals if it has none: `40` for 40.0.
+pub fn number(number: &Number) -> String {
+    let text = number.to_string();
+    text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)
 }
 
 #[cfg(test)]
@@ -45,6 +52,7 @@ mod tests {
             "ready fanuc, listen 127.0.0.1:5020"
         );
         assert_eq!(line(&json!({"event": "paused"})), "paused");
+        assert_eq!(line(&json!({"mm": [40.0, -2.5, 7]})), "mm 40 -2.5 7");
         assert_eq!(
             line(&json!({"mm": {"least": [0.5, 1], "is_closed": true}})),
             "mm (least 0.5 1, is closed yes)"

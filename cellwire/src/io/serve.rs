@@ -36,7 +36,7 @@ pub enum Notice<'a, E> {
     /// A client is not served, and its connection is closed.
     Refused(SocketAddr, &'a str),
     /// An event of its session; what the handler breaks with is why the connection is to be closed.
-    Event(E),
+    Event(SocketAddr, E),
     /// Its connection has ended, and why.
     Disconnected(SocketAddr, &'a str),
     /// Its bytes were written there.
@@ -259,7 +259,7 @@ where
         _ = self.poll.registry().deregister(&mut client.stream);
         client.session.handle_disconnected(now);
         while let Some(event) = client.session.poll_event() {
-            _ = (self.handle)(Notice::Event(event));
+            _ = (self.handle)(Notice::Event(client.peer, event));
         }
         _ = (self.handle)(Notice::Disconnected(client.peer, why));
         if let Some(path) = self.service.trace.finish(why) {
@@ -312,9 +312,9 @@ impl<S: Session> Client<S> {
     where
         H: FnMut(Notice<'_, S::Event>) -> ControlFlow<String>,
     {
-        let Self { session, unsent, .. } = self;
+        let Self { session, unsent, peer, .. } = self;
         let settled = settle(session, steps.now, out, |_, output| match output {
-            Output::Event(event) => (steps.handle)(Notice::Event(event)),
+            Output::Event(event) => (steps.handle)(Notice::Event(*peer, event)),
             Output::Transmit(bytes) => {
                 steps.service.trace.add(steps.now, Way::Sent, bytes);
                 unsent.extend_from_slice(bytes);

@@ -45,6 +45,26 @@ fn every_command_has_a_help_that_ends_with_success() {
 }
 
 #[test]
+fn the_short_help_of_every_command_fits_80_columns() {
+    let top = "demo simulate ports tap identify decode encode replay run alter fanuc modbus ls settings capture extcap vectors completions man";
+    let mut names: Vec<String> = top.split(' ').map(str::to_owned).collect();
+    let mut count = 0;
+    while let Some(name) = names.pop() {
+        let (code, text, _) = run(cellwire(&format!("{name} -h")));
+        assert_eq!(code, Some(0), "{name}");
+        let long: Vec<&str> = text.lines().filter(|line| line.chars().count() > 80).collect();
+        assert_eq!(long, [""; 0], "{name}");
+        let inner = text.split_once("\nCommands:\n").map_or("", |(_, after)| after);
+        let inner = inner.lines().take_while(|line| line.starts_with("  "));
+        let inner =
+            inner.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
+        names.extend(inner.filter(|inner| *inner != "help").map(|inner| format!("{name} {inner}")));
+        count += 1;
+    }
+    assert!(count > 36, "{count}");
+}
+
+#[test]
 fn the_manual_has_the_settings_of_every_command_and_keeps_columns() {
     let folder = tempfile::tempdir().unwrap();
     let (code, _, said) = run(cellwire(&format!("man {}", folder.path().display())));

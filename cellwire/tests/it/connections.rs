@@ -382,3 +382,39 @@ fn a_new_central_controller_takes_the_place_of_one_that_does_not_read() {
     BufReader::new(next).read_line(&mut reply).unwrap();
     assert_eq!(reply, "OK\r\n");
 }
+
+#[test]
+fn simulators_print_what_their_clients_do_and_nothing_of_it_with_quiet() {
+    for (arguments, is_quiet) in [("fanuc", false), ("fanuc --quiet", true)] {
+        let mut fanuc = Running::listening(arguments);
+        let mut client = fanuc.connect();
+        let peer = client.local_addr().unwrap();
+        for (request, reply) in [
+            (&[0, 1, 0, 0, 0, 6, 1, 3, 0, 10, 0, 2][..], 13),
+            (&[0, 2, 0, 0, 0, 11, 1, 16, 0, 200, 0, 2, 4, 0, 7, 0, 8], 12),
+            (&[0, 3, 0, 0, 0, 6, 1, 5, 0, 7, 0xFF, 0], 12),
+            (&[0, 4, 0, 0, 0, 6, 1, 3, 0xFF, 0, 0, 1], 9),
+        ] {
+            client.write_all(request).unwrap();
+            client.read_exact(&mut vec![0; reply]).unwrap();
+        }
+        assert_eq!(fanuc.signal("-TERM"), Some(130));
+        let expected = [
+            format!(r#"{{"event":"connected","peer":"{peer}"}}"#),
+            format!(
+                r#"{{"event":"read","peer":"{peer}","table":"holding_registers","address":10,"count":2}}"#
+            ),
+            format!(
+                r#"{{"event":"write","peer":"{peer}","table":"holding_registers","address":200,"values":[7,8]}}"#
+            ),
+            format!(r#"{{"event":"write","peer":"{peer}","table":"coils","address":7,"values":[true]}}"#),
+            format!(r#"{{"event":"refused","peer":"{peer}","unit":1,"function":3,"exception":2}}"#),
+        ];
+        assert_eq!(fanuc.rest(), if is_quiet { &[][..] } else { &expected });
+    }
+    let mut ball = Running::listening("ball");
+    let mut client = ball.connect();
+    client.write_all(&[ENQ]).unwrap();
+    client.read_exact(&mut [0; 12]).unwrap();
+    assert!(ball.line(r#""event":"reply""#).contains(r#""force":["#));
+}

@@ -393,6 +393,14 @@ fn encodings_are_read_or_refused_by_name() {
     for data in [wide(u16::to_le_bytes), wide(u16::to_be_bytes)] {
         assert_same(&steps(&read("part.svg", data).unwrap()), &path(&drawing));
     }
+    for unit in [u16::to_le_bytes, u16::to_be_bytes] {
+        let data = drawing.encode_utf16().flat_map(unit).collect();
+        let refused = read("part.svg", data).unwrap_err();
+        assert!(refused.ends_with("is UTF-16 without a byte order mark: save it as UTF-8"), "{refused}");
+        let data = "G1 X1\n".encode_utf16().flat_map(unit).collect();
+        let refused = read("part.nc", data).unwrap_err();
+        assert!(refused.ends_with("part.nc is UTF-16: save it as UTF-8"), "{refused}");
+    }
     for name in ["part.svg", "part.svgz"] {
         let refused = read(name, vec![0x1F, 0x8B, 8]).unwrap_err();
         assert!(

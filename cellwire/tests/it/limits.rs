@@ -41,6 +41,14 @@ impl Unread {
         stream
     }
 
+    /// The lines of its output, from now on.
+    fn lines(&mut self) -> impl Iterator<Item = Value> + use<> {
+        let (stdout, (sender, lines)) = (self.child.stdout.take().unwrap(), channel());
+        thread::spawn(move || BufReader::new(stdout).lines().try_for_each(|line| sender.send(line.unwrap())));
+        core::iter::from_fn(move || lines.recv_timeout(DEADLINE).ok())
+            .map(|line| serde_json::from_str(&line).unwrap())
+    }
+
     fn resident(&self) -> u64 {
         let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
@@ -57,38 +65,59 @@ impl Drop for Unread {
 
 #[test]
 fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
-    const REQUESTS: usize = 40_000;
-    // So few at once that each is reported by itself.
-    const AT_ONCE: usize = 4;
-    let mut fanuc = Unread::start("fanuc");
-    // Function 99 is none: each request is a line.
-    let request = [0, 7, 0, 0, 0, 2, 1, 99];
-    let mut client = fanuc.connect();
+    const REQUESTS: u64 = 50_000;
+    let mut robot = Unread::start("mma-robot");
+    let mut client = robot.connect();
     client.set_nodelay(true).unwrap();
-    for number in 0..REQUESTS / AT_ONCE {
-        client.write_all(&request.repeat(AT_ONCE)).unwrap();
-        let mut replies = [0; 9 * AT_ONCE];
-        client.read_exact(&mut replies).unwrap_or_else(|error| panic!("reply {number}: {error}"));
-        assert_eq!(replies[..9], [0, 7, 0, 0, 0, 3, 1, 99 | 0x80, 1]);
+    for number in 0..REQUESTS {
+        client.write_all(b"SRVON\r\n").unwrap();
+        let mut reply = [0; 4];
+        client.read_exact(&mut reply).unwrap_or_else(|error| panic!("reply {number}: {error}"));
+        assert_eq!(&reply, b"OK\r\n");
     }
-    assert!(fanuc.resident() < 64 * MB, "{} bytes", fanuc.resident());
+    assert!(robot.resident() < 64 * MB, "{} bytes", robot.resident());
     // Now somebody reads: every line is there, or counted.
-    let (stdout, (sender, lines)) = (fanuc.child.stdout.take().unwrap(), channel());
-    thread::spawn(move || BufReader::new(stdout).lines().try_for_each(|line| sender.send(line.unwrap())));
     let (mut seen, mut dropped) = (0, 0);
-    while seen + dropped < REQUESTS {
-        let line = lines.recv_timeout(DEADLINE);
-        let line = line.unwrap_or_else(|_| panic!("{seen} lines were read, {dropped} were dropped"));
-        let line: Value = serde_json::from_str(&line).unwrap();
+    for line in robot.lines() {
         match line["event"].as_str().unwrap() {
-            "refused" => seen += 1,
-            "lines_dropped" => dropped += usize::try_from(line["lines"].as_u64().unwrap()).unwrap(),
+            "servo" => seen += 1,
+            "lines_dropped" => dropped += line["lines"].as_u64().unwrap(),
             "connected" => {}
             other => panic!("{other}"),
+        }
+        if seen + dropped >= REQUESTS {
+            break;
         }
     }
     assert_eq!(seen + dropped, REQUESTS);
     assert!(dropped > 0, "{seen} lines waited");
+}
+
+#[test]
+fn a_flood_of_refused_requests_is_counted() {
+    const REQUESTS: u64 = 20_000;
+    let mut fanuc = Unread::start("fanuc");
+    let begin = Instant::now();
+    // Function 99 is none.
+    let request = [0, 7, 0, 0, 0, 2, 1, 99];
+    let mut client = fanuc.connect();
+    for _ in 0..REQUESTS / 100 {
+        client.write_all(&request.repeat(100)).unwrap();
+        client.read_exact(&mut [0; 900]).unwrap();
+    }
+    let most = 10 * (begin.elapsed().as_secs() + 2);
+    drop(client);
+    let (mut seen, mut left_out) = (0, 0);
+    for line in fanuc.lines() {
+        match (line["event"].as_str().unwrap(), &line["of"]) {
+            ("refused", _) => seen += 1,
+            ("left_out", of) if of == "refused" => left_out += line["count"].as_u64().unwrap(),
+            ("disconnected", _) => break,
+            _ => {}
+        }
+    }
+    assert_eq!(seen + left_out, REQUESTS);
+    assert!(seen <= most, "{seen} lines");
 }
 
 #[test]
@@ -127,7 +156,12 @@ fn what_was_printed_before_an_interrupt_is_written() {
     assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
     let mut text = String::new();
     fanuc.child.stdout.take().unwrap().read_to_string(&mut text).unwrap();
-    assert_eq!(text.matches("\"connected\"").count(), 21, "{text}");
+    // Of the lines that are left out the last ones are counted at the end.
+    assert_eq!(text.matches("{\"event\":\"connected\"").count(), 10, "{text}");
+    let counts = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let left_out: u64 =
+        counts.filter(|line| line["of"] == "connected").map(|line| line["count"].as_u64().unwrap()).sum();
+    assert_eq!(left_out, 11, "{text}");
     assert!(text.contains("\"refused\""), "{text}");
     assert_eq!(fanuc.child.wait().unwrap().code(), Some(130));
 }

@@ -9,7 +9,7 @@ use core::time::Duration;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Exception, Registers, Server, ServerConfig, ServerEvent, WordOrder, Words, WordsMut,
+    Bits, BitsMut, Exception, Registers, Server, ServerConfig, ServerEvent, Table, WordOrder, Words, WordsMut,
 };
 use robot_session::End as _;
 
@@ -51,6 +51,25 @@ pub enum Write {
     Registers(u16, Vec<u16>),
 }
 
+/// An event of a FANUC controller.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FanucEvent {
+    /// An event of the server: a request, corrupt bytes.
+    Server(ServerEvent),
+    /// A client has read values.
+    Read {
+        /// The table.
+        table: Table,
+        /// The PDU address of the first value.
+        address: u16,
+        /// The number of values.
+        count: u16,
+    },
+    /// A client has written values.
+    Written(Write),
+}
+
 /// A FANUC controller on one connection; [another](Device::another) has the same registers.
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct FanucController {
@@ -63,7 +82,7 @@ impl FanucController {
     /// # Errors
     /// A configuration that cannot work.
     pub fn new(config: ServerConfig, controller: Shared) -> Result<Self, Error> {
-        let connection = Connection { controller, writes: Vec::new() };
+        let connection = Connection { controller, accesses: Vec::new() };
         Ok(Self { server: Server::new(config, connection).map_err(Error::settings)? })
     }
 
@@ -75,7 +94,7 @@ impl FanucController {
 
 impl Device for FanucController {
     type Session = Server<Connection>;
-    type Event = ServerEvent;
+    type Event = FanucEvent;
     type Work = Write;
 
     fn session(&self) -> &Self::Session {
@@ -86,16 +105,19 @@ impl Device for FanucController {
         &mut self.server
     }
 
-    fn take(&mut self, _: Duration, event: ServerEvent, notes: &mut Notes<ServerEvent, Write>) {
+    fn take(&mut self, _: Duration, event: ServerEvent, notes: &mut Notes<FanucEvent, Write>) {
         if matches!(event, ServerEvent::OutOfStep(_)) {
             notes.close("the client is out of step");
         }
-        notes.event(event);
+        notes.event(FanucEvent::Server(event));
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<ServerEvent, Write>) {
-        for write in self.server.registers_mut().writes.drain(..) {
-            notes.executed(now, write);
+    fn advance(&mut self, now: Duration, notes: &mut Notes<FanucEvent, Write>) {
+        for access in self.server.registers_mut().accesses.drain(..) {
+            if let FanucEvent::Written(write) = &access {
+                notes.executed(now, write.clone());
+            }
+            notes.event(access);
         }
         let mut controller = self.controller();
         controller.tick(now);
@@ -136,41 +158,57 @@ impl Device for FanucController {
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct Connection {
     controller: Shared,
-    writes: Vec<Write>,
+    /// Reads and writes that the device has not reported yet.
+    accesses: Vec<FanucEvent>,
 }
 
 impl Connection {
     fn lock(&self) -> MutexGuard<'_, Controller> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    #[expect(clippy::cast_possible_truncation, reason = "a request reads 2000 values at most")]
+    fn read(&mut self, table: Table, address: u16, count: usize) {
+        self.accesses.push(FanucEvent::Read { table, address, count: count as u16 });
+    }
 }
 
 impl Registers for Connection {
     fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_coils(address, out)
+        self.lock().read_coils(address, out)?;
+        self.read(Table::Coils, address, out.len());
+        Ok(())
     }
 
     fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_discrete_inputs(address, out)
+        self.lock().read_discrete_inputs(address, out)?;
+        self.read(Table::DiscreteInputs, address, out.len());
+        Ok(())
     }
 
     fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_holding_registers(address, out)
+        self.lock().read_holding_registers(address, out)?;
+        self.read(Table::HoldingRegisters, address, out.len());
+        Ok(())
     }
 
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_input_registers(address, out)
+        self.lock().read_input_registers(address, out)?;
+        self.read(Table::InputRegisters, address, out.len());
+        Ok(())
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
         self.lock().write_coils(address, values)?;
-        self.writes.push(Write::Coils(address, values.iter().collect()));
+        let write = Write::Coils(address, values.iter().collect());
+        self.accesses.push(FanucEvent::Written(write));
         Ok(())
     }
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         self.lock().write_registers(address, values)?;
-        self.writes.push(Write::Registers(address, values.iter().collect()));
+        let write = Write::Registers(address, values.iter().collect());
+        self.accesses.push(FanucEvent::Written(write));
         Ok(())
     }
 }

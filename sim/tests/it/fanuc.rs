@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use cellwire_sim::fanuc::{
-    Controller, FanucController, Program, Tables, TelemetryFault, TelemetryFaults, Write, circle,
+    Controller, FanucController, FanucEvent, Program, Tables, TelemetryFault, TelemetryFaults, Write, circle,
 };
 use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
@@ -287,8 +287,14 @@ fn a_controller_that_is_away_ends_the_connection_and_says_why() {
     assert_eq!(bench.told(), []);
     bench.session_mut().request(1, &Request::ReadCoils { address: 0, quantity: 1 }).unwrap();
     bench.run_for(50 * MS);
-    let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
-    assert!(matches!(told[..], [Told::Device(ServerEvent::Served { function: 1, .. })]), "{told:?}");
+    let told: Vec<_> = bench.told().iter().map(|(_, told)| told.clone()).collect();
+    let read = FanucEvent::Read { table: Table::Coils, address: 0, count: 1 };
+    let [Told::Device(FanucEvent::Server(ServerEvent::Served { function: 1, .. })), Told::Device(told)] =
+        &told[..]
+    else {
+        panic!("{told:?}")
+    };
+    assert_eq!(*told, read);
     bench.run_for(S);
     let away = bench.told().iter().filter(|(_, told)| *told == Told::Close("the fault `disconnect`"));
     let away: Vec<Duration> = away.map(|(at, _)| *at).collect();
@@ -303,8 +309,9 @@ fn what_is_out_of_step_ends_the_connection() {
     let server = bench.device_mut().session_mut();
     cellwire_sim::robot_session::Session::handle_input(server, now, &[0xff; 64]);
     bench.run_for(10 * MS);
-    let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
-    assert!(told.iter().any(|told| matches!(told, Told::Device(ServerEvent::OutOfStep(_)))), "{told:?}");
+    let told: Vec<_> = bench.told().iter().map(|(_, told)| told.clone()).collect();
+    let is_out = |told: &_| matches!(told, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(_))));
+    assert!(told.iter().any(is_out), "{told:?}");
     assert!(told.contains(&Told::Close("the client is out of step")), "{told:?}");
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use cellwire_motion::latch::{Cause, Latch};
 use isra_ball::Packet;
+use robot_session::EchoError;
 use val2_alter::{
     AXES, End, ErrorCode, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, SegmentStatus,
     Start, timing,
@@ -283,6 +284,13 @@ impl Model {
                 self.counts.ball_corrupt += 1;
                 self.say_damage(format!("ball: {error}"));
             }
+            Notification::Echo("robot", EchoError::NotSet { .. }) => self.show(
+                "robot: the line returns what is sent: ALTER needs four wires (RS-422), without an echo of the adapter".into(),
+            ),
+            Notification::Echo(name, EchoError::NotSet { .. }) => {
+                self.show(format!("{name}: the line returns what is sent: set {name}.echo=true"));
+            }
+            Notification::Echo(name, error) => self.say_damage(format!("{name}: {error}")),
             Notification::BallStale => {
                 self.ball_is_stale = true;
             }

@@ -219,3 +219,19 @@ fn a_question_mark_shows_the_keys_until_another_key() {
     assert_eq!((press(&mut model, KeyCode::Char('?')), model.view), (None, View::Keys));
     assert_eq!((press(&mut model, KeyCode::Char('a')), model.view), (None, View::Main));
 }
+
+#[test]
+fn a_line_that_returns_what_is_sent_is_named_with_the_setting() {
+    let mut model = model();
+    model.take(MS, Notification::Echo("ball", EchoError::NotSet { length: 1 }));
+    assert_eq!(last(&model), "ball: the line returns what is sent: set ball.echo=true");
+    model.take(MS, Notification::Echo("robot", EchoError::NotSet { length: 1 }));
+    assert!(last(&model).starts_with("robot: the line returns what is sent: ALTER needs four wires"));
+    let collision = EchoError::Collision { offset: 0, expected: 5, found: 8 };
+    model.take(2000 * MS, Notification::Echo("ball", collision));
+    assert!(
+        last(&model).starts_with("ball: byte 0 of what was sent, 0x05, came back as 0x08"),
+        "{}",
+        last(&model)
+    );
+}

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::io::input::Typed;
 use crate::io::journal::Tally;
-use crate::io::output::remark;
+use crate::io::output::{admits, remark};
 
 /// After a signal, the longest wait for the machine to stop by itself.
 pub const STOP_WITHIN: Duration = Duration::from_secs(30);
@@ -100,6 +100,14 @@ impl<'a> Operator<'a> {
         if let Err(error) = (self.notify)(event) {
             remark(&format!("{error:#}: the run stops"));
             (self.is_deaf, self.stops) = (true, true);
+        }
+    }
+
+    /// As [`notify`](Self::notify), for an event that the machine can cause at any rate and that is not an outcome: most are left out, and
+    /// counted.
+    pub fn notice(&mut self, event: Value) {
+        if event.get("event").and_then(Value::as_str).is_some_and(admits) {
+            self.notify(event);
         }
     }
 

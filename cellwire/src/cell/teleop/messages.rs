@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use cellwire_motion::latch::Latch;
 use isra_ball::Packet;
+use robot_session::EchoError;
 use val2_alter::{
     AXES, End, ErrorCode, Exception, ExceptionOutcome, HostState, LostReason, Motion, Policy, SessionError,
     Start,
@@ -104,6 +105,8 @@ pub enum Notification {
     BallCorrupt(isra_ball::DecodeError),
     /// The ball's values are too old.
     BallStale,
+    /// A line returns what is sent, or two ends of it have sent at once.
+    Echo(&'static str, EchoError),
     /// The workstation holds the line (XOFF), or takes packets again (XON).
     ViewerHolds(bool),
     /// The workstation asked for a pose.

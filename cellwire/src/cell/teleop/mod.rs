@@ -23,6 +23,7 @@ pub mod input;
 mod messages;
 mod port;
 mod profile;
+mod returned;
 mod robot;
 mod sample;
 mod viewer;

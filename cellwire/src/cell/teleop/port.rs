@@ -12,6 +12,7 @@ use robot_session::{Received, Sent, Serial, Session, Transport, Wait};
 
 use super::context::Context;
 use super::messages::Notification;
+use super::returned::Returned;
 use crate::io::latency::Deadline;
 use crate::io::port::AnyPort;
 use crate::io::serial;
@@ -46,6 +47,7 @@ pub(super) struct Port {
     opened: Receiver<Opened>,
     /// What goes to the trace when its lock is free.
     untraced: VecDeque<(Duration, Way, Vec<u8>)>,
+    returned: Returned,
     /// When bytes were read last.
     pub(super) read_at: Duration,
     /// When bytes were written last.
@@ -79,6 +81,7 @@ impl Port {
             lost,
             opened,
             untraced: VecDeque::new(),
+            returned: Returned::default(),
             read_at: Duration::ZERO,
             written_at: Duration::ZERO,
             discard_after: None,
@@ -131,9 +134,16 @@ impl Port {
         }
         if length > 0 {
             self.read_at = self.context.clock.now();
-            self.keep(self.read_at, Way::Received, buffer.get(..length).unwrap_or_default());
+            let bytes = buffer.get(..length).unwrap_or_default();
+            self.returned.read(bytes);
+            self.keep(self.read_at, Way::Received, bytes);
         }
         length
+    }
+
+    /// Returns whether the line returns what is sent: the last messages came back before anything else.
+    pub(super) fn returns(&self) -> bool {
+        self.returned.is_proved()
     }
 
     /// Whether the port is there.
@@ -149,6 +159,7 @@ impl Port {
             return false;
         }
         self.written_at = self.context.clock.now();
+        self.returned.sent(bytes);
         self.keep(self.written_at, Way::Sent, bytes);
         true
     }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use cellwire_motion::latch::{Latch, LatchAction, LatchConfig, LatchInput};
-use robot_session::{Decoder as _, Driver, End as _, Machine as _, Session as _};
+use robot_session::{Decoder as _, Driver, EchoError, End as _, Machine as _, Session as _};
 use val2_alter::{AXES, Decoder, Host, HostEvent, HostState, MotionPhase, RobotMessage, Transform};
 
 use super::config::TeleopConfig;
@@ -41,6 +41,8 @@ pub(super) struct Robot {
     /// To be reported after the reply has left.
     later: Vec<Notification>,
     state: HostState,
+    /// Whether it was reported that the line returns the replies.
+    has_told_echo: bool,
 }
 
 impl Robot {
@@ -68,6 +70,7 @@ impl Robot {
             poses,
             later: Vec::with_capacity(32),
             state: HostState::Disconnected,
+            has_told_echo: false,
         })
     }
 
@@ -224,6 +227,9 @@ impl Robot {
             ControlFlow::Continue(())
         });
         debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
+        if self.driver.transport_mut().returns() && !core::mem::replace(&mut self.has_told_echo, true) {
+            self.later.push(Notification::Echo("robot", EchoError::NotSet { length: 1 }));
+        }
         inputs.into_iter().for_each(|input| self.latch_on(input));
     }
 

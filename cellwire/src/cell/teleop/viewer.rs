@@ -76,6 +76,7 @@ impl Feed {
             match event {
                 HostEvent::Asked | HostEvent::Ignored => context.notify(Notification::PoseAsked),
                 HostEvent::Sent(_) => context.notify(Notification::Pose),
+                HostEvent::Echo(error) => context.notify(Notification::Echo("viewer", error)),
                 _ => {}
             }
             ControlFlow::<()>::Continue(())

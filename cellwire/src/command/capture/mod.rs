@@ -32,6 +32,9 @@ enum Command {
 
 /// Writes the messages of a range as vectors, and each side's bytes as a stream
 #[derive(Debug, clap::Args)]
+#[command(override_usage = "\
+cellwire capture to-vectors [OPTIONS] --source <TEXT> --out <FILE>
+           <LINK> [FILE]")]
 struct VectorsArgs {
     #[command(flatten)]
     stretch: StretchArgs,

@@ -20,6 +20,9 @@ use crate::io::output::log;
 /// each message of the session that differs from the captured one, as replay does; the exit status is 1 if more than values
 /// differ.
 #[derive(Debug, clap::Args)]
+#[command(override_usage = "\
+cellwire capture to-story [OPTIONS] --as <END> --source <TEXT>
+           --out <FILE> <LINK> [FILE]")]
 pub(super) struct Args {
     #[command(flatten)]
     stretch: StretchArgs,

@@ -28,7 +28,7 @@ use crate::io::output::{self, remark};
 /// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end repeats,
 /// such as an order or transaction number, are replaced by the current ones.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, override_usage = USAGE)]
 pub struct Args {
     #[command(flatten)]
     of: LinkArgs,
@@ -60,6 +60,12 @@ enum Pace {
     /// At the captured times, whatever the other end sends
     Times,
 }
+
+const USAGE: &str = "\
+cellwire replay [OPTIONS] --as <END> --listen <ADDR> <LINK> [FILE]
+       cellwire replay [OPTIONS] --as <END> --connect <ADDR> <LINK> [FILE]
+       cellwire replay [OPTIONS] --as <END> --serial <PORT> <LINK> [FILE]
+       cellwire replay [OPTIONS] --as <END> --pty <LINKPATH> <LINK> [FILE]";
 
 const EXAMPLES: &str = "\
 Examples:

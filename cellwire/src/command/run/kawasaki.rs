@@ -80,6 +80,7 @@ Examples:
 
 /// Returns true when every job is done.
 pub(super) fn run(args: &Args) -> Result<bool> {
+    args.work.events.choose();
     execute(args).map_err(|error| args.work.set.located(error))
 }
 

@@ -73,6 +73,7 @@ enum Allow {
 
 /// Returns true when every instruction is done.
 pub(super) fn run(args: &Args) -> Result<bool> {
+    args.work.events.choose();
     let given = args.work.set.read(&self::settings())?;
     // Some defaults follow from the rate.
     let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;

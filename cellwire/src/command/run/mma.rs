@@ -79,6 +79,7 @@ Examples:
 
 /// Returns true when every part is placed.
 pub(super) fn run(args: &Args) -> Result<bool> {
+    args.work.events.choose();
     let given = args.work.set.read_over(Some(&args.file), &self::settings())?;
     let settings = settings::read("the task", Settings::default(), &given)?;
     let parts = settings.count(args.periphery.is_none())?;

@@ -39,7 +39,7 @@ pub(super) struct WorkArgs {
     #[command(flatten)]
     pub(super) set: SetArgs,
     #[command(flatten)]
-    events: EventArgs,
+    pub(super) events: EventArgs,
 }
 
 /// A piece of work in a file.
@@ -78,7 +78,6 @@ impl WorkArgs {
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
     ) -> Result<Ran<R, T>> {
-        self.events.choose();
         let Work { file, what, fingerprint, parts, lines } = work;
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
         let mut journal = Journal::open(&path, what, fingerprint, parts, self.again)?;

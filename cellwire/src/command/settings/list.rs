@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::cell::{demo, operator};
 use crate::command::{fanuc, modbus, run};
+use crate::io::plain;
 use crate::links::{DEVICES, device_by_name};
 
 /// Prints the settings of a command as a file for --settings
@@ -118,7 +119,8 @@ pub(in crate::command) fn toml_value(value: &Value) -> Option<String> {
             let pairs: Option<Vec<String>> = fields.iter().map(pair).collect();
             format!("{{ {} }}", pairs?.join(", "))
         }
-        other => other.to_string(),
+        Value::Number(number) => plain::number(number),
+        Value::Bool(is) => is.to_string(),
     })
 }
 

@@ -5,7 +5,7 @@ use std::io::{BufRead, Cursor, Read};
 use anyhow::{Context, Result, bail};
 
 use super::Format;
-use crate::io::capture::{is_dump, unreadable};
+use crate::io::capture::{is_dump, is_socat, unreadable};
 use crate::io::trace::{parse_line, parse_name};
 
 /// How many bytes decide at most.
@@ -69,6 +69,9 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     }
     if lines().any(is_call) {
         return Ok(Some(Format::Strace));
+    }
+    if lines().any(is_socat) {
+        return Ok(Some(Format::Socat));
     }
     let first = bytes.next();
     if first
@@ -139,6 +142,7 @@ mod tests {
             (b"# robot: the end\n11 # 0.001000 s received\n", Format::Trace),
             (b"12:00:01.5 read(3</dev/ttyS0>, \"\\x05\", 64) = 1\n", Format::Strace),
             (b"[pid 7] write(3, \"a\", 1 <unfinished ...>\n", Format::Strace),
+            (b"> 2026/11/29 12:45:03.000206370  length=1 from=0 to=0\n 05\n", Format::Socat),
             (b"<TilausAlkaa$4#50$1#>", Format::Raw),
             (b"$POSE,7,16384,0,0*30\r\n", Format::Raw),
             (b"STA\r\nSRVON\r\n", Format::Raw),

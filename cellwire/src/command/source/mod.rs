@@ -46,6 +46,8 @@ pub(super) enum Format {
     Hexdump,
     /// Output of strace: `strace -f -tt -xx -y -s 4096 -e trace=%desc,%network …`; --from is the end of the traced program
     Strace,
+    /// Output of `socat -x` or `socat -x -v`; --from is the end at socat's first address
+    Socat,
     /// A file written by --trace: lines have "from" and "at", the seconds of the trace; --from is the end that wrote it
     Trace,
 }
@@ -69,6 +71,7 @@ impl SourceArgs {
             Format::Pcap => Form::Pcap,
             Format::Hexdump => Form::HexDump,
             Format::Strace => Form::Strace,
+            Format::Socat => Form::Socat,
             Format::Hex | Format::Raw | Format::Trace => return None,
         };
         Some(Reading { form, port: self.port, adapter: self.adapter, descriptor: self.fd })

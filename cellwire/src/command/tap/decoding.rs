@@ -1,6 +1,6 @@
 //! What both ends say, decoded.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
@@ -61,6 +61,8 @@ pub(super) struct Decoding<'a> {
     baud: Option<u32>,
     connections: BTreeMap<u32, Connection>,
     watchers: BTreeMap<u32, Watcher>,
+    /// Connections that an end has closed.
+    closed: BTreeSet<u32>,
 }
 
 enum Connection {
@@ -97,7 +99,13 @@ impl<'a> Decoding<'a> {
             args.codec_of(side)?;
         }
         args.watcher(baud, baud.is_some())?;
-        Ok(Self { args, baud, connections: BTreeMap::new(), watchers: BTreeMap::new() })
+        Ok(Self {
+            args,
+            baud,
+            connections: BTreeMap::new(),
+            watchers: BTreeMap::new(),
+            closed: BTreeSet::new(),
+        })
     }
 
     /// Takes what is seen; `tell` gets what is clear now, and what is wrong with it.
@@ -107,6 +115,11 @@ impl<'a> Decoding<'a> {
         if let What::Opened(place) = what {
             let is_serial = matches!(place, Place::Ports(_) | Place::Line(_));
             self.watchers.insert(*connection, self.args.watcher(self.baud, is_serial)?);
+        }
+        match what {
+            What::Opened(_) => _ = self.closed.remove(connection),
+            What::Closed(_) => _ = self.closed.insert(*connection),
+            What::Bytes(_) | What::Missed(_) => {}
         }
         let mut watcher = self.watchers.remove(connection);
         if let (Some(watcher), What::Bytes(bytes)) = (&mut watcher, what)
@@ -174,9 +187,13 @@ impl<'a> Decoding<'a> {
         }
     }
 
-    /// Where the conversation of the last connection is.
+    /// The state of the last connection.
     pub(super) fn state(&self) -> String {
-        self.watchers.last_key_value().map_or_else(String::new, |(_, watcher)| watcher.state())
+        match self.watchers.last_key_value() {
+            Some((connection, _)) if self.closed.contains(connection) => "the connection is closed".into(),
+            Some((_, watcher)) => watcher.state(),
+            None => String::new(),
+        }
     }
 
     /// Nothing was seen for a while: what is held on a line is all that was sent.
@@ -322,4 +339,34 @@ fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
 /// Bytes as text.
 pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        of: LinkArgs,
+    }
+
+    #[test]
+    fn a_connection_that_was_seen_from_its_beginning_is_closed_and_not_unknown() {
+        let cli = Cli::parse_from(["tap", "ball"]);
+        let mut decoding = Decoding::new(&cli.of, None).unwrap();
+        let mut state = |what| {
+            let seen = Seen { at: UNIX_EPOCH, connection: 1, from: End::A, what };
+            decoding.take(&seen, &mut |_| Ok(())).unwrap();
+            decoding.state()
+        };
+        let place = || Place::Tcp("127.0.0.1:4000".parse().unwrap(), "127.0.0.1:9600".parse().unwrap());
+        assert_eq!(state(What::Opened(place())), "no poll is open");
+        assert_eq!(state(What::Bytes([5].as_slice().into())), "a poll waits for its packet");
+        assert_eq!(state(What::Closed(None)), "the connection is closed");
+        assert_eq!(state(What::Opened(place())), "no poll is open");
+        assert_eq!(state(What::Missed(1)), "the state is not known yet");
+    }
 }

@@ -13,7 +13,7 @@ use crate::io::tap::{Place, Seen};
 
 /// Prints what is seen, until there is nothing more to see.
 pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {
-    let mut tell = |entry: Entry| output::log(&line(entry));
+    let mut tell = |entry: Entry| if admits(&entry) { output::log(&line(entry)) } else { Ok(()) };
     loop {
         let outcome = match seen.recv_timeout(SILENCE) {
             Ok(seen) => decoding.take(&seen, &mut tell),
@@ -24,6 +24,22 @@ pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {
             remark(&format!("warning: {error:#}: no more lines; bytes are still forwarded"));
             return seen.iter().for_each(drop);
         }
+    }
+}
+
+/// The most bytes of a line. A poll is shorter.
+const MAX_BYTES: usize = 512;
+
+/// Returns whether an entry is to be printed: all messages are, and of corrupt bytes, of long runs of bytes and of complaints of a kind as
+/// many as [`output::admits`].
+fn admits(entry: &Entry) -> bool {
+    match &entry.what {
+        Told::Corrupt { error, .. } => {
+            output::admits(error.get("kind").and_then(Value::as_str).unwrap_or_default())
+        }
+        Told::Wrong(complaint) => output::admits(complaint.clause),
+        Told::Bytes(bytes) => bytes.len() <= MAX_BYTES || output::admits("bytes"),
+        _ => true,
     }
 }
 
@@ -61,14 +77,19 @@ fn line(entry: Entry) -> Value {
             put("length", json!(bytes.len()));
             put("error", error);
             put("clause", json!(clause));
-            put("bytes", json!(hex(&bytes)));
+            put("bytes", json!(first_bytes(&bytes)));
         }
         Told::Wrong(Complaint { kind, clause, text, .. }) => {
             put("shadow", json!(kind));
             put("clause", json!(clause));
             put("text", json!(text));
         }
-        Told::Bytes(bytes) => put("bytes", json!(hex(&bytes))),
+        Told::Bytes(bytes) => {
+            if bytes.len() > MAX_BYTES {
+                put("length", json!(bytes.len()));
+            }
+            put("bytes", json!(first_bytes(&bytes)));
+        }
         Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),
         Told::Closed(why) => {
             put("event", json!("closed"));
@@ -78,4 +99,9 @@ fn line(entry: Entry) -> Value {
         }
     }
     Value::Object(line)
+}
+
+/// The first bytes of many, as text.
+fn first_bytes(bytes: &[u8]) -> String {
+    hex(bytes.get(..MAX_BYTES).unwrap_or(bytes))
 }

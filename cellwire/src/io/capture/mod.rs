@@ -1,5 +1,5 @@
 //! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being read. They
-//! are files of pcap and pcapng, the text of hex dumps, and what strace has written of a program.
+//! are files of pcap and pcapng, the text of hex dumps, and what strace or socat has written.
 //!
 //! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
 //! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
@@ -12,6 +12,7 @@ mod fragments;
 mod hexdump;
 mod network;
 pub mod reassembly;
+mod socat;
 mod strace;
 mod usb;
 pub mod write;
@@ -32,6 +33,7 @@ use self::usb::{Captured, Devices};
 
 pub use self::fault::Fault;
 pub use self::hexdump::is_dump;
+pub use self::socat::is_socat;
 pub use self::usb::Adapter;
 
 /// What a capture is, and what is read of it.
@@ -57,6 +59,8 @@ pub enum Form {
     HexDump,
     /// What strace writes.
     Strace,
+    /// What `socat -x` writes.
+    Socat,
 }
 
 /// Returns why an input that begins so is not read, with the command that makes a capture of it, if it is a known form of captures.
@@ -200,6 +204,7 @@ pub fn read(
         Form::Pcap => read_packets(input, reading.adapter, take),
         Form::HexDump => hexdump::read(BufReader::new(input), take),
         Form::Strace => strace::read(BufReader::new(input), reading.descriptor, take),
+        Form::Socat => socat::read(BufReader::new(input), take),
     }
 }
 

@@ -184,6 +184,10 @@ fn text(data: &[u8]) -> Result<String> {
         !data.starts_with(&[0x1F, 0x8B]),
         "is compressed (SVGZ): unpack it with `gzip -dc FILE.svgz > FILE.svg`"
     );
+    ensure!(
+        !matches!(data, [b'<', 0, ..] | [0, b'<', ..]),
+        "is UTF-16 without a byte order mark: save it as UTF-8"
+    );
     let units = |unit: fn([u8; 2]) -> u16| {
         data.chunks_exact(2)
             .skip(1)

@@ -90,7 +90,7 @@ impl SimulateOptions {
                 listener,
                 || Ok(Client::new(Arc::clone(&commands))),
                 |notice| match notice {
-                    Notice::Event(why) => core::ops::ControlFlow::Break(why.into()),
+                    Notice::Event(_, why) => core::ops::ControlFlow::Break(why.into()),
                     _ => core::ops::ControlFlow::Continue(()),
                 },
             );

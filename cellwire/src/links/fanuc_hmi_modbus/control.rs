@@ -59,14 +59,19 @@ pub(super) fn own() -> Own<FanucController> {
             fanuc.controller().set_values(table, address, &values).ok_or_else(|| outside(table))?;
             Ok(Fields::new())
         },
-        show: Box::new(|write| match write {
-            Write::Coils(address, values) => {
-                json!({"table": Table::Coils, "address": address, "values": values})
-            }
-            Write::Registers(address, values) => {
-                json!({"table": Table::HoldingRegisters, "address": address, "values": values})
-            }
-        }),
+        show: Box::new(show),
+    }
+}
+
+/// A write as JSON.
+pub(super) fn show(write: &Write) -> Value {
+    match write {
+        Write::Coils(address, values) => {
+            json!({"table": Table::Coils, "address": address, "values": values})
+        }
+        Write::Registers(address, values) => {
+            json!({"table": Table::HoldingRegisters, "address": address, "values": values})
+        }
     }
 }
 

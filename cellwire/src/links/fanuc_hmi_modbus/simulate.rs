@@ -1,6 +1,7 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
 use std::cell::RefCell;
+use std::net::SocketAddr;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,11 +9,11 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use cellwire_sim::fanuc::{Controller, FanucController, Shared, TelemetryFaults, circle};
+use cellwire_sim::fanuc::{Controller, FanucController, FanucEvent, Shared, TelemetryFaults, circle};
 use cellwire_sim::{Simulator, Told};
 use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
 use robot_session::{Driver, Session as _};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::control;
 use super::inputs::Inputs;
@@ -23,7 +24,7 @@ use super::robot::{Reporting, Reports, Robot};
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
-use crate::io::output::{log, remark};
+use crate::io::output::{admits, log, remark};
 use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
@@ -184,22 +185,26 @@ fn serve_clients(
                     return ControlFlow::Break("the controller has no power".into());
                 }
             }
-            Notice::Connected(peer) => {
+            Notice::Connected(peer) if admits("connected") => {
                 notify(json!({"event": "connected", "peer": peer}));
             }
-            Notice::Refused(peer, why) => {
+            Notice::Refused(peer, why) if admits("refused_client") => {
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
-            Notice::Event(Told::Device(ServerEvent::OutOfStep(error))) => {
+            Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
                 return ControlFlow::Break(format!("the client violates the protocol: {error}"));
             }
-            Notice::Event(Told::Device(event)) => report(event, &mut notify),
-            Notice::Event(Told::Close(why)) => return ControlFlow::Break(why.into()),
-            Notice::Event(_) => {}
-            Notice::Disconnected(peer, why) => {
+            Notice::Event(peer, Told::Device(event)) => {
+                if let Some(event) = show(event, Some(peer)) {
+                    notify(event);
+                }
+            }
+            Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
+            Notice::Disconnected(peer, why) if admits("disconnected") => {
                 notify(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
             Notice::Traced(path) => notify(json!({"event": "trace", "path": path})),
+            Notice::Connected(_) | Notice::Refused(..) | Notice::Disconnected(..) | Notice::Event(..) => {}
         }
         ControlFlow::Continue(())
     })
@@ -213,8 +218,10 @@ fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>) -> Result
         attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
         let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
             closes |= matches!(told, Told::Close(_));
-            if let Told::Device(event) = told {
-                report(event, &mut |event| drop(log(&event)));
+            if let Told::Device(event) = told
+                && let Some(event) = show(event, None)
+            {
+                drop(log(&event));
             }
             Ok(())
         })?;
@@ -229,19 +236,41 @@ fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<Fan
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
-/// Reports what was refused, and what was corrupt.
-fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) {
-    match event {
-        ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
-            let exception = u8::from(exception);
-            notify(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
-        }
-        ServerEvent::Refused { unit, function } => {
-            notify(json!({"event": "too_many", "unit": unit, "function": function}));
-        }
-        ServerEvent::Corrupt(error) => {
-            notify(json!({"event": "corrupt", "error": error}));
-        }
-        _ => {}
+/// Returns the line for what a client reads and writes, what was refused, and what was corrupt, if it is to be printed.
+fn show(event: FanucEvent, peer: Option<SocketAddr>) -> Option<Value> {
+    let kind = match event {
+        FanucEvent::Read { .. } => "read",
+        FanucEvent::Written(_) => "write",
+        FanucEvent::Server(ServerEvent::Served { exception: Some(_), .. }) => "refused",
+        FanucEvent::Server(ServerEvent::Refused { .. }) => "too_many",
+        FanucEvent::Server(ServerEvent::Corrupt(_)) => "corrupt",
+        _ => return None,
+    };
+    // Of most requests nothing is printed: their lines are not made.
+    if !admits(kind) {
+        return None;
     }
+    let fields = match event {
+        FanucEvent::Read { table, address, count } => {
+            json!({"table": table, "address": address, "count": count})
+        }
+        FanucEvent::Written(write) => control::show(&write),
+        FanucEvent::Server(ServerEvent::Served { unit, function, exception, .. }) => {
+            json!({"unit": unit, "function": function, "exception": exception.map(u8::from)})
+        }
+        FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
+            json!({"unit": unit, "function": function})
+        }
+        FanucEvent::Server(ServerEvent::Corrupt(error)) => json!({"error": error}),
+        _ => return None,
+    };
+    let mut line = Map::new();
+    line.insert("event".into(), kind.into());
+    if let Some(peer) = peer {
+        line.insert("peer".into(), peer.to_string().into());
+    }
+    if let Value::Object(fields) = fields {
+        line.extend(fields);
+    }
+    Some(line.into())
 }

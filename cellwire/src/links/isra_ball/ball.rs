@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::io::line::Line;
-use crate::io::output::log;
+use crate::io::output::notice;
 use crate::links::control::{Command, Fields, Own, fields};
 use crate::links::device::{SimulateOptions, on_line, serve};
 use cellwire_links::settings;
@@ -25,7 +25,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let mut ball = settings.simulator()?;
     serve("ball", "ball", options, settings.baud, |line, _| {
         options.control("ball", &mut ball, own())?;
-        answer_polls(line, &mut ball, &AtomicBool::new(false), |event| log(&event))
+        answer_polls(line, &mut ball, &AtomicBool::new(false), |event| notice(&event))
     })
 }
 
@@ -102,6 +102,7 @@ fn answer_polls(
     mut report: impl FnMut(Value) -> Result<()>,
 ) -> Result<()> {
     on_line(line, ball, stop, |event| match event {
+        Ok(Told::Device(BallEvent::Reply(packet))) => report(json!({"event": "reply", "message": packet})),
         Ok(Told::Device(BallEvent::Unknown(byte))) => report(json!({"event": "unknown", "byte": byte})),
         Ok(_) => Ok(()),
         Err(connected) => report(json!({"event": if connected { "connected" } else { "disconnected" }})),

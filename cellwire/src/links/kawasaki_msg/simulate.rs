@@ -19,7 +19,7 @@ use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke, Switch};
 use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
-use crate::io::output::{log, remark};
+use crate::io::output::{log, notice, remark};
 use crate::links::device::SimulateOptions;
 use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
 use cellwire_links::settings::{self, Refused};
@@ -136,10 +136,17 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
                         drawing::write_svg(file, SHEET, &drawn)?;
                     }
                 }
-                log(&serde_json::to_value(event)?)
+                let print = match event {
+                    RobotEvent::PeerStatus { .. }
+                    | RobotEvent::NoReply
+                    | RobotEvent::Corrupt(_)
+                    | RobotEvent::Rejected(_) => notice,
+                    _ => log,
+                };
+                print(&serde_json::to_value(event)?)
             }
-            robot::Notification::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
-            robot::Notification::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
+            robot::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+            robot::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
             robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
         }
     })?;
@@ -193,12 +200,18 @@ impl Program for Alone {
         _: &mut Self::Session,
         notification: pc::Notification<'_, Told<PcEvent>>,
     ) -> Result<()> {
-        log(&match notification {
-            pc::Notification::Event(Told::Device(event)) => serde_json::to_value(event)?,
-            pc::Notification::Event(_) => return Ok(()),
-            pc::Notification::Connected(peer) => json!({"event": "connected", "peer": peer}),
-            pc::Notification::Disconnected(why) => json!({"event": "disconnected", "why": why}),
-            pc::Notification::Traced(path) => json!({"event": "trace", "path": path}),
-        })
+        match notification {
+            pc::Notification::Event(Told::Device(event)) => {
+                let print = match event {
+                    PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
+                    _ => log,
+                };
+                print(&serde_json::to_value(event)?)
+            }
+            pc::Notification::Event(_) => Ok(()),
+            pc::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+            pc::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
+            pc::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
+        }
     }
 }

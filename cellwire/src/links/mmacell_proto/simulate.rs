@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use super::connections::Connections;
 use crate::io::drive::Traced;
 use crate::io::line::Clock;
-use crate::io::output::log;
+use crate::io::output::{log, notice};
 use crate::io::stream::Stream;
 use crate::io::tcp;
 use crate::links::control::{Command, Fields, Own, fields};
@@ -61,13 +61,13 @@ where
     let mut connections = Connections::accept(listener, options.idle_timeout)?;
     while let Some(stream) = next(&mut connections, &mut device, clock, look)? {
         let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
-        log(&json!({"event": "connected", "peer": peer}))?;
+        notice(&json!({"event": "connected", "peer": peer}))?;
         let mut watched =
             Watched { stream: Stream::new(stream), clock, idle: options.idle_timeout, heard: clock.now() };
         let why = serve(&mut device, Traced::new(&mut watched, &trace, clock), look)?;
         // What would end it from another thread has a second handle to it.
         watched.stream.close();
-        log(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
+        notice(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
         if let Some(path) = trace.finish(&why) {
             log(&json!({"event": "trace", "path": path}))?;
         }
@@ -137,7 +137,7 @@ fn next<P: Simulated + Serialize>(
     loop {
         device.handle_timeout(clock.now());
         while let Some(told) = device.poll_event() {
-            show(&told).map_or(Ok(()), |line| log(&line))?;
+            print(&told)?;
         }
         if !device.accepts(clock.now()) {
             thread::sleep(look);
@@ -158,7 +158,7 @@ fn serve<P: Simulated + Serialize>(
     let why = loop {
         let turn = driver.turn(device, look, |_, told| match told {
             Told::Close(why) => ControlFlow::Break(Ok(why)),
-            told => match show(&told).map_or(Ok(()), |line| log(&line)) {
+            told => match print(&told) {
                 Ok(()) => ControlFlow::Continue(()),
                 Err(error) => ControlFlow::Break(Err(error)),
             },
@@ -175,6 +175,14 @@ fn serve<P: Simulated + Serialize>(
     };
     device.handle_disconnected(driver.transport_mut().now());
     Ok(why)
+}
+
+fn print<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Result<()> {
+    let print = match told {
+        Told::Device(MmaEvent::Refused(_) | MmaEvent::Rejected(_)) => notice,
+        _ => log,
+    };
+    show(told).map_or(Ok(()), |line| print(&line))
 }
 
 fn show<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Option<Value> {

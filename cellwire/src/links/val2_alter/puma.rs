@@ -17,7 +17,7 @@ use super::judge::{Judge, Taken};
 use super::robot_line::{Request, RobotLine};
 use super::script::{self, Script};
 use crate::io::line::Line;
-use crate::io::output::log;
+use crate::io::output::{log, notice};
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::links::device::{SimulateOptions, is_there, serve};
@@ -116,7 +116,10 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let mut robot = simulator(&config)?;
     serve("puma", "robot", options, config.puma.config.baud, |line, _| {
         options.control("puma", &mut robot, control::own())?;
-        let notify = |at, told| log(&to_json(at, told));
+        let notify = |at, told| match told {
+            Notification::Robot(PumaEvent::BadReply(_)) => notice(&to_json(at, told)),
+            told => log(&to_json(at, told)),
+        };
         follow(line, robot, config.keeps_all, &AtomicBool::new(false), notify)?;
         Ok(())
     })

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use val2_viewer::{PosePacket, WorkstationConfig, WorkstationEvent};
 
 use crate::io::line::Line;
-use crate::io::output::log;
+use crate::io::output::notice;
 use crate::links::control::{Command, Own, fields};
 use crate::links::device::{SimulateOptions, on_line, serve};
 use cellwire_links::settings;
@@ -23,7 +23,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let mut screen = settings.simulator()?.keeping_nothing();
     serve("viewer", "viewer", options, settings.baud, |line, _| {
         options.control("viewer", &mut screen, own())?;
-        draw(line, &mut screen, &AtomicBool::new(false), |event| log(&event))
+        draw(line, &mut screen, &AtomicBool::new(false), |event| notice(&event))
     })
 }
 

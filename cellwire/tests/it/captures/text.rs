@@ -77,6 +77,27 @@ fn a_dump_is_read_in_both_directions() {
     assert!(code == Some(2) && said.contains("the input is not a hex dump"), "{said}");
 }
 
+#[test]
+fn the_output_of_socat_is_read_in_both_directions() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("socat.txt");
+    let block = |n: u8, way: &str, bytes: &[u8]| {
+        let hex: String = bytes.iter().map(|byte| format!(" {byte:02x}")).collect();
+        let length = bytes.len();
+        format!("{way} 2026/11/29 10:00:0{n}.000206370  length={length} from=0 to={}\n{hex}\n", length - 1)
+    };
+    let blocks: String =
+        (1..=3).flat_map(|n| [block(n, ">", &request(n)), block(n, "<", &reply(n))]).collect();
+    let turned = blocks.replace('<', "-").replace('>', "<").replace("-", ">");
+    fs::write(&file, turned).unwrap();
+    assert_eq!(words("--from server", &file), "c1 s1 c2 s2 c3 s3");
+    fs::write(&file, blocks).unwrap();
+    assert_eq!(words("", &file), "c1 s1 c2 s2 c3 s3");
+    let (table, code, said) = cellwire("identify", &file);
+    assert_eq!(code, Some(0), "{table} {said}");
+    assert!(table.contains("It is fanuc:"), "{table}");
+}
+
 /// The dumps of `hexdump`, `od` and `xxd`: read as the same bytes, or refused.
 #[test]
 fn the_dumps_of_other_programs_are_read_or_refused() {

@@ -102,26 +102,26 @@ fn a_state_is_told_in_a_few_words() {
     let table = [
         (
             "val2-alter",
-            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the beginning was not seen",
-            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the beginning was not seen",
+            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the state is not known yet",
+            "ALTER is off | ALTER runs | ALTER runs in mode n | ALTER starts | the state is not known yet",
         ),
         (
             "val2-viewer",
             "a request has no packet | a request has no packet; the workstation is held | a request waits for its packet | \
              a request waits for its packet; the host is held | a request waits for its packet; the workstation is held | \
              no request is open | no request is open; the host is held | no request is open; the workstation is held | \
-             the beginning was not seen",
-            "a request has no packet | no request is open | the beginning was not seen",
+             the state is not known yet",
+            "a request has no packet | no request is open | the state is not known yet",
         ),
         (
             "isra-ball",
-            "a poll has no packet | a poll waits for its packet | no poll is open | the beginning was not seen",
-            "a poll has no packet | no poll is open | the beginning was not seen",
+            "a poll has no packet | a poll waits for its packet | no poll is open | the state is not known yet",
+            "a poll has no packet | no poll is open | the state is not known yet",
         ),
         (
             "fanuc-hmi-modbus",
-            "a request waits for its reply | n requests wait for their replies | no request is open | the beginning was not seen",
-            "no request is open | the beginning was not seen",
+            "a request waits for its reply | n requests wait for their replies | no request is open | the state is not known yet",
+            "no request is open | the state is not known yet",
         ),
         (
             "laser-eb90",

@@ -312,6 +312,10 @@ impl<'a> Runner<'a> {
                 let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop";
                 json!({"event": "alarm", "order": order, "what": what})
             }
+            PcEvent::Corrupt(_) | PcEvent::Rejected(_) => {
+                self.operator.notice(serde_json::to_value(event)?);
+                return Ok(());
+            }
             _ => serde_json::to_value(event)?,
         };
         self.operator.notify(shown);

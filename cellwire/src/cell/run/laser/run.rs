@@ -166,7 +166,7 @@ impl<'a> Runner<'a> {
             HostEvent::Echo(error) => json!({"event": "echo", "error": error, "text": error.to_string()}),
             other => json!({"event": "notice", "what": format!("{other:?}")}),
         };
-        self.operator.notify(event);
+        self.operator.notice(event);
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, Packet, timing};
-use robot_session::{Decoder as _, Driver, Session as _};
+use robot_session::{Decoder as _, Driver, EchoError, Session as _};
 
 use super::device::{Input, InputEvent};
 use crate::cell::teleop::context::Context;
@@ -22,6 +22,8 @@ pub(super) struct Ball {
     probe: Receiver<()>,
     polls: HostConfig,
     is_connected: bool,
+    /// Whether it was reported that the line returns the polls.
+    has_told_echo: bool,
 }
 
 impl Ball {
@@ -33,15 +35,21 @@ impl Ball {
     ) -> Result<Self> {
         let driver = Driver::new(Port::open("ball", port, Some(Deadline::of_ball(&polls)), &context)?);
         let host = Host::new(polls)?;
-        Ok(Self { context, driver, host, probe, polls, is_connected: false })
+        Ok(Self { context, driver, host, probe, polls, is_connected: false, has_told_echo: false })
     }
 
     fn collect(&mut self, events: Vec<HostEvent>, out: &mut Vec<InputEvent>) {
         let asked = self.driver.transport_mut().written_at;
+        let returns = self.driver.transport_mut().returns();
         for event in events {
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
+                    // A known packet begins with another byte than a poll.
+                    if returns && !self.polls.echo && !core::mem::replace(&mut self.has_told_echo, true) {
+                        let error = EchoError::NotSet { length: 1 };
+                        self.context.notify(Notification::Echo("ball", error));
+                    }
                     let fresh_until = self.host.live_until().unwrap_or(now);
                     out.push(InputEvent::Sample(sample(&packet, fresh_until)));
                     self.context.notify(Notification::Ball(packet, now - asked));
@@ -53,6 +61,7 @@ impl Ball {
                 }
                 HostEvent::Missed => self.context.notify(Notification::BallMissed),
                 HostEvent::Corrupt(error) => self.context.notify(Notification::BallCorrupt(error)),
+                HostEvent::Echo(error) => self.context.notify(Notification::Echo("ball", error)),
                 HostEvent::Unasked(_) => self.context.notify(Notification::BallLate),
                 _ => {}
             }

@@ -6,7 +6,7 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Paragraph, Row, Sparkline, Table};
+use ratatui::widgets::{Block, Paragraph, Row, Sparkline, Table, Wrap};
 
 use super::board::{BARS, Board, LineBoard};
 
@@ -20,7 +20,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
         Constraint::Length(3),
         Constraint::Length(ends + 3),
         Constraint::Length(5),
-        Constraint::Length(2),
+        Constraint::Length(3),
         Constraint::Min(4),
         Constraint::Length(1),
     ]);
@@ -42,15 +42,31 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     frame.render_widget(Paragraph::new(vec![first, second, third]), area);
 }
 
+/// The columns of the table: name, width, and whether every terminal shows it.
+const COLUMNS: [(&str, u16, bool); 8] = [
+    ("", 11, true),
+    ("messages", 9, true),
+    ("a second", 8, false),
+    ("bytes", 10, false),
+    ("corrupt", 7, true),
+    ("median", 7, true),
+    ("99 %", 7, true),
+    ("longest", 7, true),
+];
+
 fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
-    let header =
-        Row::new(["", "messages", "a second", "bytes", "corrupt", "median response", "99 %", "longest"]);
+    // Rates and bytes are left out of a terminal that has no space for them.
+    let is_wide = area.width > COLUMNS.iter().map(|(_, width, _)| width + 1).sum::<u16>();
+    let shown = |cells: [String; COLUMNS.len()]| {
+        let cells = cells.into_iter().zip(COLUMNS).filter(move |(_, (.., stays))| *stays || is_wide);
+        Row::new(cells.map(|(cell, _)| cell))
+    };
     let rows = board.ends.iter().map(|(name, end)| {
         let time = |quantile: f64| match end.answers.count() {
             0 => String::new(),
             _ => show(end.answers.at(quantile)),
         };
-        let row = Row::new([
+        let row = shown([
             (*name).to_owned(),
             end.messages.to_string(),
             format!("{:.1}", end.rate()),
@@ -62,8 +78,10 @@ fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         ]);
         if end.corrupt > 0 { row.style(WRONG) } else { row }
     });
-    let widths = [12, 9, 9, 10, 8, 15, 9, 9].map(Constraint::Length);
-    let table = Table::new(rows, widths).header(header.style(QUIET)).block(Block::bordered().title("Ends"));
+    let header = shown(COLUMNS.map(|(name, ..)| name.into())).style(QUIET);
+    let widths = COLUMNS.iter().filter(|(.., stays)| *stays || is_wide).map(|(_, width, _)| *width);
+    let block = Block::bordered().title("Ends, and their response times");
+    let table = Table::new(rows, widths.map(Constraint::Length)).header(header).block(block);
     frame.render_widget(table, area);
 }
 
@@ -87,12 +105,15 @@ fn draw_times(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     }
 }
 
-/// The limits under the bars: one for each factor of ten.
+/// The limits under the bars: one for each factor of ten, if there is space for it.
 fn axis_of(width: usize) -> String {
     let mut text = String::new();
-    for (place, name) in [(0, "0.1ms"), (3, "1"), (6, "10"), (9, "100"), (12, "1s"), (15, "10")] {
+    for (place, name) in [(0, "0.1ms"), (3, "1"), (6, "10"), (9, "100"), (12, "1s"), (15, "10s")] {
         let at = place * width;
-        text.extend(core::iter::repeat_n(' ', at.saturating_sub(text.chars().count())));
+        if at > 0 && text.len() >= at {
+            continue;
+        }
+        text.extend(core::iter::repeat_n(' ', at - text.len()));
         text.push_str(name);
     }
     text
@@ -101,7 +122,8 @@ fn axis_of(width: usize) -> String {
 /// What the shadows say: how much of each kind, and the last of it; or why nothing is decoded any more.
 fn draw_wrong(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     if let Some(failure) = &board.failure {
-        return frame.render_widget(Paragraph::new(failure.clone()).style(WRONG), area);
+        return frame
+            .render_widget(Paragraph::new(failure.clone()).style(WRONG).wrap(Wrap { trim: true }), area);
     }
     let counts: Vec<String> =
         board.complaints.iter().map(|(name, count)| format!("{name} {count}")).collect();
@@ -114,7 +136,7 @@ fn draw_wrong(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         Span::styled(text.clone(), WRONG),
     ]);
     let first = Line::from(format!("shadow ends: {}", counts.join(", ")));
-    frame.render_widget(Paragraph::new(vec![first, last]), area);
+    frame.render_widget(Paragraph::new(vec![first, last]).wrap(Wrap { trim: true }), area);
 }
 
 fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
@@ -127,17 +149,26 @@ fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         title = format!("{title}; {} bytes forwarded but not captured", board.missed);
     }
     let block = Block::bordered().title(title);
-    let room = usize::from(block.inner(area).height);
-    let from = board.lines.len().saturating_sub(room);
+    let inner = block.inner(area);
+    let from = board.lines.len().saturating_sub(inner.height.into());
+    let width = usize::from(inner.width).saturating_sub("00:00:00.000 workstation ".len());
     let lines = board.lines.iter().skip(from).map(|line| {
         let style = if line.is_wrong { WRONG } else { Style::new() };
         Line::from(vec![
             Span::styled(clock(line.at), QUIET),
             Span::raw(format!(" {:<11} ", line.end)),
-            Span::styled(line.text.clone(), style),
+            Span::styled(shortened(&line.text, width), style),
         ])
     });
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
+}
+
+/// The text, or its beginning and `…` if it is longer.
+fn shortened(text: &str, width: usize) -> String {
+    match text.char_indices().nth(width) {
+        None => text.into(),
+        Some(_) => text.chars().take(width.saturating_sub(1)).chain(['…']).collect(),
+    }
 }
 
 /// The time of day (UTC).

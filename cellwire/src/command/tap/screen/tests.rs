@@ -15,11 +15,15 @@ use cellwire_links::shadow::{Complaint, Kind};
 const MS: Duration = Duration::from_millis(1);
 
 fn rows(board: &Board) -> Vec<String> {
-    let mut terminal = Terminal::new(TestBackend::new(100, 24)).unwrap();
+    rows_of(board, 100)
+}
+
+fn rows_of(board: &Board, width: u16) -> Vec<String> {
+    let mut terminal = Terminal::new(TestBackend::new(width, 24)).unwrap();
     terminal.draw(|frame| draw(frame, board)).unwrap();
     let buffer = terminal.backend().buffer().clone();
     let text = |cells: &[ratatui::buffer::Cell]| cells.iter().map(|cell| cell.symbol()).collect::<String>();
-    buffer.content().chunks(100).map(|cells| text(cells).trim_end().to_owned()).collect()
+    buffer.content().chunks(width.into()).map(|cells| text(cells).trim_end().to_owned()).collect()
 }
 
 #[test]
@@ -82,6 +86,34 @@ fn the_screen_counts_what_shadows_say_and_shows_the_last_of_it() {
     assert!(row(&board, "cannot connect to 10.0.0.2:9100").is_some());
     board.fail("the decoder makes no progress");
     assert!(row(&board, "no progress: decoding stopped; bytes are still forwarded").is_some());
+}
+
+#[test]
+fn numbers_have_their_units_on_a_narrow_terminal() {
+    let began = UNIX_EPOCH + Duration::from_secs(3600);
+    let mut board = Board::new("viewer", began);
+    for n in 0..10 {
+        let at = began + MS * (200 * n);
+        let message = || Told::Message { offset: 0, length: 10, content: json!({}) };
+        board.take(&Entry { at, connection: 1, end: "host", what: message() });
+        board.take(&Entry { at: at + MS * 123, connection: 1, end: "workstation", what: message() });
+    }
+    let text = "no packet within stale_after (1000 ms) of its request".into();
+    let complaint = Complaint { at: MS, end: "host", kind: Kind::Assumption, clause: "VV-40", text };
+    board.take(&Entry { at: began, connection: 1, end: "host", what: Told::Wrong(complaint) });
+    board.pass_time(began + Duration::from_secs(2));
+    let columns = |width, name: &str| {
+        let rows = rows_of(&board, width);
+        let row = rows.iter().find(|row| row.contains(&format!("│{name} "))).unwrap();
+        row.trim_matches('│').split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(columns(80, "host"), "host 10 5.0 100 0 77.1 ms 77.1 ms 77.1 ms");
+    assert_eq!(columns(60, "host"), "host 10 0 77.1 ms 77.1 ms 77.1 ms");
+    assert_eq!(columns(60, "workstation"), "workstation 10 0 123 ms 123 ms 123 ms");
+    let text = rows_of(&board, 60).join("\n");
+    assert!(text.contains("│0.1ms 10 100   10s "), "{text}");
+    assert!(text.contains("within stale_after (1000 ms) of\nits request (VV-40)"), "{text}");
+    assert!(text.contains(" host        no packet within stale_after (10…│"), "{text}");
 }
 
 #[test]

@@ -370,7 +370,7 @@ fn controller(order: WordOrder) -> String {
         let trace = TraceArgs::off().start("fanuc");
         let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
         let listener = Listener::new(listener).unwrap();
-        serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
+        serve_tcp(listener, &shared, ServerConfig::tcp(), &service)
     });
     address
 }

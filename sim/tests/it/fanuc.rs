@@ -289,12 +289,12 @@ fn a_controller_that_is_away_ends_the_connection_and_says_why() {
     bench.run_for(50 * MS);
     let told: Vec<_> = bench.told().iter().map(|(_, told)| told.clone()).collect();
     let read = FanucEvent::Read { table: Table::Coils, address: 0, count: 1 };
-    let [Told::Device(FanucEvent::Server(ServerEvent::Served { function: 1, .. })), Told::Device(told)] =
+    let [Told::Device(first), Told::Device(FanucEvent::Server(ServerEvent::Served { function: 1, .. }))] =
         &told[..]
     else {
         panic!("{told:?}")
     };
-    assert_eq!(*told, read);
+    assert_eq!(*first, read);
     bench.run_for(S);
     let away = bench.told().iter().filter(|(_, told)| *told == Told::Close("the fault `disconnect`"));
     let away: Vec<Duration> = away.map(|(at, _)| *at).collect();

@@ -69,8 +69,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
                 keep_running(&controller, &reports, clock)?;
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
-            // A script that reads no more is none of our business.
-            serve_clients(Listener::new(listener)?, first, &service, |event| drop(log(&event)))
+            serve_clients(Listener::new(listener)?, first, &service, true)
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
@@ -152,7 +151,7 @@ fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<
     thread.context("cannot start a thread that runs the program").map(drop)
 }
 
-/// Serves any number of clients at once until the listener fails.
+/// Serves any number of clients at once until the listener fails, and prints nothing.
 ///
 /// # Errors
 /// When it does.
@@ -161,18 +160,20 @@ pub fn serve_tcp(
     controller: &Shared,
     config: ServerConfig,
     service: &Service<'_>,
-    notify: impl FnMut(Value),
 ) -> Result<()> {
-    serve_clients(listener, connection(controller, config)?, service, notify)
+    serve_clients(listener, connection(controller, config)?, service, false)
 }
 
-/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected.
+/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected. `prints`: what the clients do is printed.
 fn serve_clients(
     listener: Listener,
     first: Simulator<FanucController>,
     service: &Service<'_>,
-    mut notify: impl FnMut(Value),
+    prints: bool,
 ) -> Result<()> {
+    // A script that reads no more is none of our business.
+    let print = |event: Value| drop(log(&event));
+    let admits = |kind| prints && admits(kind);
     let first = RefCell::new(first);
     let open = || first.borrow().another().context("cannot make another connection of the controller");
     service.run(listener, open, |notice| {
@@ -186,25 +187,25 @@ fn serve_clients(
                 }
             }
             Notice::Connected(peer) if admits("connected") => {
-                notify(json!({"event": "connected", "peer": peer}));
+                print(json!({"event": "connected", "peer": peer}));
             }
             Notice::Refused(peer, why) if admits("refused_client") => {
-                notify(json!({"event": "refused_client", "peer": peer, "why": why}))
+                print(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
             Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
                 return ControlFlow::Break(format!("the client violates the protocol: {error}"));
             }
-            Notice::Event(peer, Told::Device(event)) => {
+            Notice::Event(peer, Told::Device(event)) if prints => {
                 if let Some(event) = show(event, Some(peer)) {
-                    notify(event);
+                    print(event);
                 }
             }
             Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
             Notice::Disconnected(peer, why) if admits("disconnected") => {
-                notify(json!({"event": "disconnected", "peer": peer, "why": why}));
+                print(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
-            Notice::Traced(path) => notify(json!({"event": "trace", "path": path})),
-            Notice::Connected(_) | Notice::Refused(..) | Notice::Disconnected(..) | Notice::Event(..) => {}
+            Notice::Traced(path) if prints => print(json!({"event": "trace", "path": path})),
+            _ => {}
         }
         ControlFlow::Continue(())
     })

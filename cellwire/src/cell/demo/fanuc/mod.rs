@@ -169,7 +169,7 @@ impl Log {
         // It ends with the process, as the listener does.
         thread::spawn(move || {
             let service = Service { clock, trace: &trace, idle_timeout: None, look: None };
-            serve_tcp(listener, &shared, config, &service, |_| {})
+            serve_tcp(listener, &shared, config, &service)
         });
         let proxy =
             options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;

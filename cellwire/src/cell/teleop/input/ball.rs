@@ -42,14 +42,15 @@ impl Ball {
         let asked = self.driver.transport_mut().written_at;
         let returns = self.driver.transport_mut().returns();
         for event in events {
+            // A known packet begins with another byte than a poll.
+            let is_packet = matches!(event, HostEvent::Packet(_) | HostEvent::Old(_));
+            if returns && is_packet && !self.polls.echo && !core::mem::replace(&mut self.has_told_echo, true)
+            {
+                self.context.notify(Notification::Echo("ball", EchoError::NotSet { length: 1 }));
+            }
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
-                    // A known packet begins with another byte than a poll.
-                    if returns && !self.polls.echo && !core::mem::replace(&mut self.has_told_echo, true) {
-                        let error = EchoError::NotSet { length: 1 };
-                        self.context.notify(Notification::Echo("ball", error));
-                    }
                     let fresh_until = self.host.live_until().unwrap_or(now);
                     out.push(InputEvent::Sample(sample(&packet, fresh_until)));
                     self.context.notify(Notification::Ball(packet, now - asked));

@@ -3,9 +3,10 @@
 use core::ops::RangeInclusive;
 
 use super::Text;
-use super::work::{Decimal, Fields, Unfit, Work};
+use super::work::{Fields, Unfit, Work};
 use crate::error::{EncodeError, FieldError, FieldFault, Name};
-use crate::frame::Writer;
+use crate::number::Decimal;
+use crate::writer::Writer;
 
 /// Writes the fields; a job without any has an empty one.
 pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Writer<'_>) {
@@ -16,7 +17,7 @@ pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Write
         let unnamed = FieldError { field: Name::of(""), fault: FieldFault::Missing };
         writer.refuse(EncodeError::Field(error.unwrap_or(unnamed)));
     } else if is_empty {
-        writer.field();
+        writer.empty();
     }
 }
 
@@ -61,7 +62,7 @@ impl Fields for Written<'_, '_> {
             return Err(self.unfit(name, FieldFault::Character { found }));
         }
         self.is_empty = false;
-        self.writer.text(value.chars());
+        self.writer.chars(value.chars());
         Ok(())
     }
 
@@ -74,7 +75,6 @@ impl Fields for Written<'_, '_> {
 impl Written<'_, '_> {
     #[cold]
     fn unfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
-        self.error = Some(FieldError { field: Name::of(name), fault });
-        Unfit(())
+        self.refuse(FieldError { field: Name::of(name), fault })
     }
 }

@@ -267,7 +267,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
                 Supply::End => return sent.rest = Rest::End,
             };
             let job = Job { order, number: numbering.next(index), work };
-            match packet.push_job(&self.dialect, &job, &self.ranges) {
+            match packet.push_job(&job, &self.ranges) {
                 Ok(PacketRoom::Added) => sent.jobs += 1,
                 Err(EncodeError::Field(error)) => {
                     sent.rest = Rest::Unfit;
@@ -422,21 +422,21 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             self.advance(now, Input::Exhausted, None);
             answer = self.core.machine.transmit(now, &self.core.config)?;
         }
-        let mut packet = Packet::new(out, self.limits, self.dialect.charset());
+        let mut packet = Packet::new(out, self.limits, self.dialect);
         let mut sent = Sent::default();
         if let Some(status) = answer.status {
-            packet.write(&self.dialect, Role::Status, &status_of(answer.order, status));
+            let _ = packet.push(Role::Status, &status_of(answer.order, status));
         }
         if let Some(request) = answer.request {
             let (role, params) = request.write();
-            sent.request = packet.write(&self.dialect, role, &params);
+            sent.request = packet.push(role, &params) == Ok(PacketRoom::Added);
         }
         let in_flight = self.core.machine.commands.in_flight;
         let waiting = self.commands.into_iter().skip(in_flight.into()).take(answer.commands.into());
         for (id, value) in waiting {
             let mut params = Params::default().with(Field::Order, answer.order);
             params.set(Field::Value, value);
-            if !packet.write(&self.dialect, Role::Command(id), &params) {
+            if packet.push(Role::Command(id), &params) != Ok(PacketRoom::Added) {
                 break;
             }
             sent.commands += 1;
@@ -445,7 +445,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             self.write_jobs(answer.order, jobs, &mut packet, &mut sent);
         }
         if packet.is_empty() {
-            packet.write(&self.dialect, Role::Filler, &Params::default());
+            let _ = packet.push(Role::Filler, &Params::default());
         }
         Some((packet.as_bytes().len(), Input::Sent(sent)))
     }

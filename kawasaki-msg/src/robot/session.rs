@@ -14,7 +14,7 @@ use crate::job::{self, Work};
 use crate::message::Message;
 use crate::motion::Jobs;
 use crate::numbering::ALL_NUMBERS;
-use crate::packet::{Limits, Packet};
+use crate::packet::{Limits, Packet, Room as PacketRoom};
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::RobotStatistics;
@@ -315,14 +315,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
     fn write(&mut self, now: Duration, (): (), out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.limits.packet.min(MESSAGE))?;
-        let mut packet = Packet::new(out, self.limits, self.dialect.charset());
+        let mut packet = Packet::new(out, self.limits, self.dialect);
         let sent = self.core.machine.packet(now, &self.core.config, |message| {
             let (role, params) = message.write();
-            packet.write(&self.dialect, role, &params)
+            packet.push(role, &params) == Ok(PacketRoom::Added)
         });
         if packet.is_empty() {
             // All that was to be sent is of roles that the table lacks.
-            packet.write(&self.dialect, Role::Filler, &Params::default());
+            let _ = packet.push(Role::Filler, &Params::default());
         }
         Some((packet.as_bytes().len(), Input::Sent(sent)))
     }

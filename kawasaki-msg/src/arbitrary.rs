@@ -11,7 +11,7 @@ use crate::dialect::{Dialect, Entry, Params};
 use crate::error::FieldError;
 use crate::job::{Fields, Job, Text, Unfit, Work};
 use crate::message::Message;
-use crate::role::Role;
+use crate::role::{Role, Row};
 use crate::value::{Charset, SEPARATOR, is_mark};
 
 impl Message<'_> {
@@ -46,9 +46,10 @@ impl Dialect<'_> {
         let entry = u.choose(&entries)?;
         let mut params = Params::default();
         for field in entry.header.iter().chain(entry.fields) {
-            let (min, max) = field.range();
-            if !field.may_be_empty() || u.arbitrary()? {
-                params.set(*field, u.int_in_range(min..=max)?);
+            if let Some(Row { range: (min, max), may_be_empty, .. }) = field.row()
+                && (!may_be_empty || u.arbitrary()?)
+            {
+                params.set(*field, u.int_in_range(*min..=*max)?);
             }
         }
         Ok((entry.role, params))

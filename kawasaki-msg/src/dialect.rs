@@ -8,7 +8,7 @@ use crate::job::{self, Job, Work};
 use crate::lacks::{self, Lack};
 use crate::message::Message;
 use crate::number::Fault;
-use crate::role::{Field, Role};
+use crate::role::{Field, Role, Row};
 use crate::value::{Charset, Value, Values};
 use crate::writer::Writer;
 
@@ -153,12 +153,13 @@ impl<'a> Dialect<'a> {
     }
 
     /// The message with this name.
-    #[inline]
+    #[inline(always)]
     fn find(&self, name: Value<'_>) -> Option<&'a Entry<'a>> {
         // A letter above 127 is one byte on the wire and two in the table.
         let is_ascii = self.charset == Charset::Ascii || name.as_bytes().is_ascii();
         self.entries.iter().find(|entry| match is_ascii {
-            true => name.as_bytes() == entry.name.as_bytes(),
+            // Most names are short: a loop is less than a call.
+            true => name.as_bytes().iter().eq(entry.name.as_bytes()),
             false => name == *entry.name,
         })
     }
@@ -179,70 +180,9 @@ impl<'a> Dialect<'a> {
     /// # Errors
     /// See [`MessageError`].
     pub fn read(&self, message: &Message<'_>) -> Result<(Role, Params), MessageError> {
-        let (entry, params, _) = self.read_entry(message)?;
-        Ok((entry.role, params))
-    }
-
-    /// Returns the same with the own fields of a job, if it is one.
-    #[inline(always)]
-    #[expect(clippy::type_complexity, reason = "a message is good or not by itself, and so is a job in it")]
-    pub(crate) fn read_all<W: Work>(
-        &self,
-        message: &Message<'_>,
-        ranges: &W::Ranges,
-    ) -> Result<(Role, Params, Option<Result<W, MessageError>>), MessageError> {
-        let (entry, params, own) = self.read_entry(message)?;
-        let work = own.map(|values| {
-            let (found, limit) = (values.len() + "#>".len(), job::LONGEST);
-            if found > limit {
-                return Err(MessageError::JobTooLong { found, limit });
-            }
-            let others = entry.fields.len() - 1;
-            job::read(values, ranges).map_err(|fields| match fields {
-                job::Unread::Field(error) => MessageError::Field(error),
-                job::Unread::Count(count) => {
-                    MessageError::FieldCount { expected: count + others, found: message.fields.count() }
-                }
-            })
-        });
-        Ok((entry.role, params, work))
-    }
-
-    /// Returns the entry of a message, its values, and a job's own fields.
-    #[inline(always)]
-    fn read_entry<'m>(
-        &self,
-        message: &Message<'m>,
-    ) -> Result<(&'a Entry<'a>, Params, Option<Values<'m>>), MessageError> {
-        let Some(entry) = self.find(message.name) else {
-            return Err(MessageError::UnknownName { name: Name::new(message.name.chars()) });
-        };
         let mut params = Params::default();
-        if !entry.header.is_empty() {
-            entry.read_header(message, &mut params)?;
-        }
-        let (mut values, mut own) = (message.fields, None);
-        let mut fields = entry.fields.iter();
-        while let Some(field) = fields.next() {
-            let read = match field {
-                Field::Work => {
-                    let split = if fields.len() == 0 {
-                        Some((values, Values::NONE))
-                    } else {
-                        values.split(fields.len())
-                    };
-                    split.map(|(before, after)| (own, values) = (Some(before), after)).ok_or(Misfit::Missing)
-                }
-                field => params.read(field, &mut values),
-            };
-            if let Err(misfit) = read {
-                entry.wrong(message, fields.len(), misfit)?;
-            }
-        }
-        if !values.is_empty() {
-            return Err(entry.miscounted(message));
-        }
-        Ok((entry, params, own))
+        let (entry, _) = self.read_values(message, &mut params)?;
+        Ok((entry.role, params))
     }
 
     /// Returns the job in a message; its order is 0 if the table's jobs do not name it.
@@ -254,17 +194,59 @@ impl<'a> Dialect<'a> {
         message: &Message<'_>,
         ranges: &W::Ranges,
     ) -> Result<Job<W>, MessageError> {
-        let (role, params, work) = self.read_all::<W>(message, ranges)?;
+        let (mut params, mut work) = (Params::default(), W::default());
+        let (entry, own) = self.read_values(message, &mut params)?;
         let (order, number) = (params.number(Field::Order), params.number(Field::Number));
-        let (Role::Job, Some(number), Some(work)) = (role, number, work) else {
-            return Err(MessageError::NotExpected { role });
+        let (Role::Job, Some(number), Some(own)) = (entry.role, number, own) else {
+            return Err(MessageError::NotExpected { role: entry.role });
         };
-        Ok(Job { order: order.unwrap_or(0), number, work: work? })
+        entry.read_work(message, own, ranges, &mut work)?;
+        Ok(Job { order: order.unwrap_or(0), number, work })
+    }
+
+    /// Reads the values of a message; returns its entry and a job's own fields.
+    #[inline(always)]
+    pub(crate) fn read_values<'m>(
+        &self,
+        message: &Message<'m>,
+        params: &mut Params,
+    ) -> Result<(&'a Entry<'a>, Option<Values<'m>>), MessageError> {
+        let Some(entry) = self.find(message.name) else {
+            return Err(MessageError::UnknownName { name: Name::new(message.name.chars()) });
+        };
+        *params = Params::default();
+        if !entry.header.is_empty() {
+            entry.read_header(message, params)?;
+        }
+        let (mut values, mut own) = (message.fields, None);
+        let mut fields = entry.fields.iter();
+        while let Some(field) = fields.next() {
+            let read = match field {
+                Field::Work if fields.len() == 0 => {
+                    (own, values) = (Some(values), Values::NONE);
+                    break;
+                }
+                Field::Work => {
+                    let split = values
+                        .split(fields.len())
+                        .map(|(before, after)| (own, values) = (Some(before), after));
+                    split.ok_or(Misfit::Missing)
+                }
+                field => params.read(field, &mut values),
+            };
+            if let Err(misfit) = read {
+                entry.wrong(message, fields.len(), misfit)?;
+            }
+        }
+        if !values.is_empty() {
+            return Err(entry.miscounted(message));
+        }
+        Ok((entry, own))
     }
 
     /// Returns a job's own fields as they are in its message; none if the message is not a job, or cannot be read.
     pub fn work_values<'m>(&self, message: &Message<'m>) -> impl Iterator<Item = Value<'m>> + use<'m> {
-        let own = self.read_entry(message).ok().and_then(|(_, _, own)| own);
+        let own = self.read_values(message, &mut Params::default()).ok().and_then(|(_, own)| own);
         own.unwrap_or(Values::NONE).iter()
     }
 
@@ -311,13 +293,14 @@ impl<'a> Dialect<'a> {
         writer.finish()
     }
 
-    /// The values of a message with those added that this table does not send: of the active order, and the first job.
-    pub(crate) fn complete(&self, role: Role, params: Params, active: u16) -> Params {
+    /// Adds the values that this table does not send: those of the active order, and the first job.
+    #[inline(always)]
+    pub(crate) fn complete(&self, role: Role, params: &mut Params, active: u16) {
         use Role::{Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause};
         match role {
-            OrderStart => params.or(Field::Number, 1),
-            Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt => params.or(Field::Order, active),
-            _ => params,
+            OrderStart => params.add(Field::Number, 1),
+            Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt => params.add(Field::Order, active),
+            _ => {}
         }
     }
 }
@@ -351,6 +334,28 @@ impl Entry<'_> {
         Ok(())
     }
 
+    /// Reads a job's own fields.
+    #[inline(always)]
+    pub(crate) fn read_work<W: Work>(
+        &self,
+        message: &Message<'_>,
+        own: Values<'_>,
+        ranges: &W::Ranges,
+        work: &mut W,
+    ) -> Result<(), MessageError> {
+        let (found, limit) = (own.len() + "#>".len(), job::LONGEST);
+        if found > limit {
+            return Err(MessageError::JobTooLong { found, limit });
+        }
+        job::read(own, ranges, work).map_err(|unread| match unread {
+            job::Unread::Field(error) => MessageError::Field(error),
+            job::Unread::Count(count) => {
+                let expected = self.fields.len() - 1 + count;
+                MessageError::FieldCount { expected, found: message.fields.count() }
+            }
+        })
+    }
+
     fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
         let mut values = message.header;
         for (value, field) in self.header.iter().enumerate() {
@@ -369,7 +374,10 @@ impl Entry<'_> {
         // That a job has too few fields comes first.
         if misfit == Misfit::Missing || is_job && found + 1 < expected {
             // A single empty value is no value on the wire.
-            let is_empty = matches!(self.fields, [field] if field.may_be_absent());
+            let may_be_absent = |field: &Field<'_>| {
+                *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty)
+            };
+            let is_empty = matches!(self.fields, [field] if may_be_absent(field));
             return if is_empty { Ok(()) } else { Err(self.miscounted(message)) };
         }
         let index = expected - after - 1;
@@ -400,22 +408,36 @@ enum Misfit {
 const FILLER: Entry<'static> =
     Entry { role: Role::Filler, name: "Huuhaa", header: &[], fields: &[], reply: None, past_queue: false };
 
-/// The values of a message by what they are, in whatever order the table puts them.
+/// The values of a message by what they are, in whatever sequence the table puts them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Params {
-    values: [Option<i32>; Field::VALUES],
+    /// 0 for each that is not there.
+    values: [i32; Field::VALUES],
+    /// A bit for each that is there.
+    there: u8,
 }
 
 impl Params {
     /// The value of a field; `None` when the message has none or has it empty.
+    #[inline]
     pub fn get(&self, field: Field<'_>) -> Option<i32> {
-        self.values.get(field.index()?).copied().flatten()
+        let index = field.row()?.index;
+        self.values.get(index).copied().filter(|_| self.there >> index & 1 == 1)
     }
 
     /// Sets the value of a field; a field that the sessions do not use has none.
+    #[inline]
     pub fn set(&mut self, field: Field<'_>, value: i32) {
-        if let Some(place) = field.index().and_then(|index| self.values.get_mut(index)) {
-            *place = Some(value);
+        if let Some(row) = field.row() {
+            self.store(row, value);
+        }
+    }
+
+    #[inline(always)]
+    fn store(&mut self, row: &Row, value: i32) {
+        if let Some(place) = self.values.get_mut(row.index) {
+            *place = value;
+            self.there |= 1 << row.index;
         }
     }
 
@@ -433,32 +455,38 @@ impl Params {
         self.get(field).and_then(|value| u16::try_from(value).ok())
     }
 
-    /// These values, and this one where there is none.
-    fn or(self, field: Field<'_>, value: u16) -> Self {
-        if self.get(field).is_none() { self.with(field, value) } else { self }
+    /// Sets the value of a field that has none.
+    fn add(&mut self, field: Field<'_>, value: u16) {
+        if self.get(field).is_none() {
+            self.set(field, value.into());
+        }
     }
 
     /// Stores the next value, which is that of a field.
     #[inline(always)]
     fn read(&mut self, field: &Field<'_>, values: &mut Values<'_>) -> Result<(), Misfit> {
-        match field {
-            Field::Unused | Field::Work => return values.text().map(drop).ok_or(Misfit::Missing),
-            Field::Constant(text) => {
-                let value = values.text().ok_or(Misfit::Missing)?;
-                return if value == *text { Ok(()) } else { Err(Misfit::Constant) };
-            }
-            field if field.may_be_empty() && values.skip_empty() => return Ok(()),
-            _ => {}
+        let Some(row) = field.row() else { return Self::skip(field, values) };
+        if row.may_be_empty && values.skip_empty() {
+            return Ok(());
         }
-        let (min, max) = field.range();
-        match values.number(0) {
-            Some(Ok(found)) if min <= found && found <= max => {
-                self.set(*field, found);
-                Ok(())
-            }
-            Some(Ok(found)) => Err(Misfit::OutOfRange { found, min, max }),
-            Some(Err(Fault::NotANumber | Fault::TooPrecise)) => Err(Misfit::NotANumber),
-            None => Err(Misfit::Missing),
+        let (min, max) = row.range;
+        let found = values.number(0).map_err(|fault| match fault {
+            Fault::Missing => Misfit::Missing,
+            Fault::NotANumber | Fault::TooPrecise => Misfit::NotANumber,
+        })?;
+        if found < min || max < found {
+            return Err(Misfit::OutOfRange { found, min, max });
+        }
+        self.store(row, found);
+        Ok(())
+    }
+
+    /// Reads a value that the sessions do not use.
+    fn skip(field: &Field<'_>, values: &mut Values<'_>) -> Result<(), Misfit> {
+        let value = values.text().ok_or(Misfit::Missing)?;
+        match field {
+            Field::Constant(text) if value != *text => Err(Misfit::Constant),
+            _ => Ok(()),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The envelope: `< name $ header $ … length # data # >`.
 
 use crate::error::DecodeError;
+use crate::number;
 use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 
 /// The offsets of a message's parts from its `<` on.
@@ -40,11 +41,25 @@ impl Progress {
 }
 
 impl Frame {
+    /// The message that begins with the first byte if it is whole, has nothing between name and length, and is not corrupt: as
+    /// most are. Each byte is looked at once.
+    #[inline(always)]
+    pub(crate) fn whole(bytes: &[u8], charset: Charset, limit: usize) -> Option<Self> {
+        let [START, after_start @ ..] = bytes else { return None };
+        let name = 1 + after_start.iter().position(|byte| charset.ends_letters(*byte))?;
+        let [SEPARATOR, rest @ ..] = bytes.get(name..)? else { return None };
+        let (length, digits) = number::plain(rest, 0)?;
+        let data = name + digits + "$#".len();
+        let frame = Self { name, header: name, data, end: data + usize::try_from(length).ok()? };
+        let [DATA, text @ .., DATA, END] = bytes.get(data - 1..frame.len())? else { return None };
+        (name > 1 && frame.len() <= limit && charset.is_text(text)).then_some(frame)
+    }
+
     /// Reads the message that begins with the first byte, a `<`; it has `limit` bytes at most. `None`: more bytes are needed.
     ///
     /// # Errors
     /// The first corruption, with its offset in `bytes`.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn decode(
         bytes: &[u8],
         charset: Charset,
@@ -54,75 +69,57 @@ impl Frame {
         let frame = match progress.frame {
             Some(frame) => frame,
             None => {
-                // Bytes that end nothing are looked at once until the `#` has come.
-                if progress.known > 1 && progress.text_end(bytes, charset).is_none() {
-                    return more(bytes, limit);
+                let Some(end) = progress.text_end(bytes, charset) else { return more(bytes, limit) };
+                let frame = Self::header(bytes, end, charset)?;
+                if frame.len() > limit {
+                    return Err(DecodeError::TooLong { offset: 1, limit });
                 }
-                let Some(frame) = Self::header(bytes, charset, limit)? else {
-                    progress.known = bytes.len();
-                    return more(bytes, limit);
-                };
+                *progress = Progress { known: frame.data, frame: Some(frame) };
                 frame
             }
         };
-        match bytes.get(frame.data..frame.len()) {
-            Some([data @ .., DATA, END]) if charset.is_text(data) => Ok(Some(frame)),
-            _ => frame.unfinished(bytes, charset, limit, progress),
+        match progress.text_end(bytes, charset) {
+            Some(end) => frame.check(bytes, end, charset, limit),
+            None => more(bytes, limit),
         }
     }
 
-    /// Reads `< name $ header $ length #`: the last value is the length, the values before it are kept (thesis, section 10.1).
-    /// `None`: the `#` has not come.
-    #[inline(always)]
-    fn header(bytes: &[u8], charset: Charset, limit: usize) -> Result<Option<Self>, DecodeError> {
-        let (mut name, mut header, mut at) = (0, 0, 1);
-        let found = loop {
-            let Some(byte) = bytes.get(at) else { return Ok(None) };
-            if *byte == SEPARATOR {
-                name = if name == 0 { at } else { name };
-                header = at;
-            } else if charset.ends_text(*byte) {
-                break *byte;
-            }
-            at += 1;
-        };
-        if found != DATA {
-            return Err(wrong(found, at, charset));
+    /// Reads `< name $ header $ length`, which ends at this offset: the last value is the length, the values before it are kept (thesis,
+    /// section 10.1).
+    fn header(bytes: &[u8], end: usize, charset: Charset) -> Result<Self, DecodeError> {
+        if bytes.get(end) != Some(&DATA) {
+            return Err(wrong(bytes, end, charset));
         }
-        if header == 0 {
-            return Err(DecodeError::NoLength { offset: at });
-        }
-        let mut length = Values(bytes.get(header + 1..=at).unwrap_or_default());
-        let length = length.number(0).and_then(Result::ok).and_then(|length| usize::try_from(length).ok());
-        let Some(length) = length else { return Err(DecodeError::NoLength { offset: header + 1 }) };
+        let text = bytes.get(..end).unwrap_or_default();
+        let no_length = |offset| DecodeError::NoLength { offset };
+        let header = text.iter().rposition(|byte| *byte == SEPARATOR).ok_or(no_length(end))?;
+        let length = number::parse(text.get(header + 1..).unwrap_or_default(), 0).ok();
+        let length = length.and_then(|length| usize::try_from(length).ok()).ok_or(no_length(header + 1))?;
+        let name = text.iter().position(|byte| *byte == SEPARATOR).unwrap_or(header);
         if name == 1 {
             return Err(DecodeError::NoName { offset: 1 });
         }
-        let frame = Self { name, header, data: at + 1, end: at + 1 + length };
-        if frame.len() > limit { Err(DecodeError::TooLong { offset: 1, limit }) } else { Ok(Some(frame)) }
+        Ok(Self { name, header, data: end + 1, end: end + 1 + length })
     }
 
-    /// The data part is not whole, or not what the header says.
-    #[cold]
-    #[inline(never)]
-    fn unfinished(
+    /// Checks a message whose data part ends at this offset.
+    fn check(
         self,
         bytes: &[u8],
+        end: usize,
         charset: Charset,
         limit: usize,
-        progress: &mut Progress,
     ) -> Result<Option<Self>, DecodeError> {
-        *progress = Progress { known: progress.known.max(self.data), frame: Some(self) };
-        let Some(end) = progress.text_end(bytes, charset) else { return more(bytes, limit) };
         let (expected, found) = (self.end - self.data, end - self.data);
-        match (bytes.get(end), bytes.get(end + 1)) {
-            (Some(&DATA), _) if found != expected => {
-                Err(DecodeError::Length { offset: self.data, expected, found })
-            }
-            (Some(&DATA), None) => more(bytes, limit),
-            (Some(&DATA), Some(&START)) => Err(DecodeError::Mark { offset: end + 1, found: START }),
-            (Some(&DATA), Some(found)) => Err(DecodeError::NoEndMark { offset: end + 1, found: *found }),
-            (found, _) => Err(wrong(found.copied().unwrap_or(DATA), end, charset)),
+        if bytes.get(end) != Some(&DATA) {
+            return Err(wrong(bytes, end, charset));
+        }
+        match bytes.get(end + 1).copied() {
+            _ if found != expected => Err(DecodeError::Length { offset: self.data, expected, found }),
+            Some(END) => Ok(Some(self)),
+            Some(START) => Err(DecodeError::Mark { offset: end + 1, found: START }),
+            Some(found) => Err(DecodeError::NoEndMark { offset: end + 1, found }),
+            None => more(bytes, limit),
         }
     }
 
@@ -152,8 +149,8 @@ fn more(bytes: &[u8], limit: usize) -> Result<Option<Frame>, DecodeError> {
 }
 
 /// The error of a byte that is in place of a `#`.
-#[cold]
-const fn wrong(found: u8, offset: usize, charset: Charset) -> DecodeError {
+fn wrong(bytes: &[u8], offset: usize, charset: Charset) -> DecodeError {
+    let found = bytes.get(offset).copied().unwrap_or(DATA);
     if charset.has(found) {
         DecodeError::Mark { offset, found }
     } else {

@@ -57,9 +57,11 @@ impl serde::Serialize for Decimal {
     }
 }
 
-/// Why a text is not a number.
+/// Why there is no number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
+    /// There is no text.
+    Missing,
     /// It is anything else, or does not fit.
     NotANumber,
     /// It would have to be rounded.

@@ -25,33 +25,31 @@ pub(crate) const fn is_mark(byte: u8) -> bool {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[repr(u8)] // the last character
 pub enum Charset {
     /// Bytes 0 to 127; a byte above is an error in both directions.
     #[default]
-    Ascii,
+    Ascii = 0x7F,
     /// ISO 8859-1: every byte is the character of that number.
-    Latin1,
+    Latin1 = 0xFF,
 }
 
 impl Charset {
     /// Whether a byte from the wire is a character of this set.
     pub const fn has(self, byte: u8) -> bool {
-        matches!(self, Charset::Latin1) || byte.is_ascii()
+        byte <= self as u8
     }
 
     /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or not a character of this set.
     #[inline(always)]
     pub(crate) const fn ends_text(self, byte: u8) -> bool {
-        (byte == START) | (byte == END) | (byte == DATA) | (byte > self.last())
+        (byte == START) | (byte == END) | (byte == DATA) | (byte > self as u8)
     }
 
-    /// The greatest byte that is a character of this set.
+    /// Whether this byte may end a text: it is not a letter, but it may be a digit or a blank.
     #[inline(always)]
-    const fn last(self) -> u8 {
-        match self {
-            Charset::Ascii => 0x7F,
-            Charset::Latin1 => 0xFF,
-        }
+    pub(crate) const fn ends_letters(self, byte: u8) -> bool {
+        byte <= END || byte > self as u8
     }
 
     /// The offset of the first byte that [ends a text](Self::ends_text).
@@ -198,22 +196,22 @@ impl<'a> Values<'a> {
 
     /// Removes the next value, and returns it as a number of up to this many decimals, in units of the last one.
     #[inline(always)]
-    pub(crate) fn number(&mut self, places: u8) -> Option<Result<i32, number::Fault>> {
+    pub(crate) fn number(&mut self, places: u8) -> Result<i32, number::Fault> {
         if let Some((units, end)) = number::plain(self.0, places)
-            && let Some([mark, rest @ ..]) = self.0.get(end..)
-            && is_end(*mark)
+            && let Some([SEPARATOR | DATA, rest @ ..]) = self.0.get(end..)
         {
             self.0 = rest;
-            return Some(Ok(units));
+            Ok(units)
+        } else {
+            self.other_number(places)
         }
-        self.other_number(places)
     }
 
     /// A number in another form, or a value that is not a number.
     #[cold]
     #[inline(never)]
-    fn other_number(&mut self, places: u8) -> Option<Result<i32, number::Fault>> {
-        self.text().map(|value| number::parse(value.0, places))
+    fn other_number(&mut self, places: u8) -> Result<i32, number::Fault> {
+        self.text().map_or(Err(number::Fault::Missing), |value| number::parse(value.0, places))
     }
 }
 

@@ -18,12 +18,12 @@ pub(crate) enum Unread {
 
 /// Reads a job from values that are all of its fields and nothing else.
 #[inline(always)]
-pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges) -> Result<W, Unread> {
+pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W) -> Result<(), Unread> {
     let mut reader = Reader { values, error: None };
-    let mut work = W::default();
+    *work = W::default();
     match (work.fields(ranges, &mut reader), reader.error) {
         (Err(Unfit(())), Some(error)) => Err(Unread::Field(error)),
-        (Ok(()), _) if reader.values.is_empty() => Ok(work),
+        (Ok(()), _) if reader.values.is_empty() => Ok(()),
         _ => Err(Unread::Count(layout::count::<W>(ranges))),
     }
 }
@@ -45,7 +45,7 @@ impl Fields for Reader<'_> {
     ) -> Result<(), Unfit> {
         let (min, max) = range.into_inner();
         match self.values.number(places) {
-            Some(Ok(units)) if min <= units && units <= max => {
+            Ok(units) if min <= units && units <= max => {
                 *value = units;
                 Ok(())
             }
@@ -81,21 +81,19 @@ impl Reader<'_> {
     fn wrong_number(
         &mut self,
         name: &str,
-        number: Option<Result<i32, Fault>>,
+        number: Result<i32, Fault>,
         places: u8,
         min: i32,
         max: i32,
     ) -> Unfit {
         let [min, max] = [min, max].map(|units| Decimal { units, places });
-        self.misfit(
-            name,
-            match number {
-                None => FieldFault::Missing,
-                Some(Ok(units)) => FieldFault::OutOfRange { found: Decimal { units, places }, min, max },
-                Some(Err(Fault::NotANumber)) => FieldFault::NotANumber { min, max },
-                Some(Err(Fault::TooPrecise)) => FieldFault::TooPrecise { places },
-            },
-        )
+        let fault = match number {
+            Ok(units) => FieldFault::OutOfRange { found: Decimal { units, places }, min, max },
+            Err(Fault::Missing) => FieldFault::Missing,
+            Err(Fault::NotANumber) => FieldFault::NotANumber { min, max },
+            Err(Fault::TooPrecise) => FieldFault::TooPrecise { places },
+        };
+        self.misfit(name, fault)
     }
 
     #[cold]

@@ -354,8 +354,8 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     fn next_input(&mut self) -> Option<(Input, Option<(Role, Params)>)> {
         match self.received.take() {
             None => {}
-            Some(Ok((role, params))) => {
-                let params = self.dialect.complete(role, params, self.core.machine.order.number());
+            Some(Ok((role, mut params))) => {
+                self.dialect.complete(role, &mut params, self.core.machine.order.number());
                 return Some((Input::Message(FromRobot::read(role, &params)), Some((role, params))));
             }
             Some(Err(error)) => {

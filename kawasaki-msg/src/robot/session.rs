@@ -52,6 +52,7 @@ pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 1
     limits: Limits,
     pub(super) ranges: W::Ranges,
     pub(super) jobs: Jobs<'a, W, R>,
+    pub(super) received: Received<W>,
     low_water: usize,
 }
 
@@ -104,6 +105,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
             ranges,
             low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
             jobs,
+            received: Received::new(),
         })
     }
 
@@ -195,7 +197,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<RobotEvent, 32>;
     type Statistics = RobotStatistics;
-    type Payload = Received<W>;
+    /// The message is [`received`](Self::received).
+    type Payload = ();
 
     /// A datagram that is longer than any message is seen to be.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
@@ -234,12 +237,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    fn next_input(&mut self) -> Option<(Input, Option<Received<W>>)> {
+    #[inline(always)]
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        let active = self.core.machine.order.number();
         match self.core.decoder.next_frame()? {
             Ok(message) => {
-                let received =
-                    Received::read(&self.dialect, &self.ranges, self.core.machine.order.number(), &message);
-                Some(self.received(received))
+                let message = self.received.read(&self.dialect, &self.ranges, active, &message);
+                let room = self.accepts(message);
+                Some((Input::Message { message, room }, Some(())))
             }
             Err(error) => {
                 self.core.statistics.corrupt += 1;
@@ -249,7 +254,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    fn act(&mut self, now: Duration, action: Action, received: Option<Received<W>>) {
+    fn act(&mut self, now: Duration, action: Action, received: Option<()>) {
         let order = self.core.machine.order.number();
         match action {
             Action::Nothing => {}
@@ -263,20 +268,19 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 self.core.statistics.queued += 1;
                 self.take_reports(now);
                 if action == Action::Queue
-                    && let (Ok(claim), Some(job)) =
-                        (self.jobs.writer.claim(), received.and_then(Received::job))
+                    && let Ok(claim) = self.jobs.writer.claim()
                 {
-                    claim.push(job);
+                    claim.push(self.received.job());
                 }
             }
             Action::Refused => {
-                let found = received.map_or(0, |received| received.number(Field::Order));
+                let found = self.received.number(Field::Order);
                 self.core.events.push_notice(RobotEvent::OrderRefused { order: found, active: order });
             }
             Action::Discarded => self.core.statistics.discarded += 1,
             Action::Rejected(why) => {
-                if let Some(received) = received {
-                    self.rejected(why, received);
+                if received.is_some() {
+                    self.rejected(why);
                 }
             }
             Action::NoReply => {

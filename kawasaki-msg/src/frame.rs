@@ -48,10 +48,10 @@ impl Frame {
         let [START, after_start @ ..] = bytes else { return None };
         let name = 1 + after_start.iter().position(|byte| charset.ends_letters(*byte))?;
         let [SEPARATOR, rest @ ..] = bytes.get(name..)? else { return None };
-        let (length, digits) = number::plain(rest, 0)?;
-        let data = name + digits + "$#".len();
-        let frame = Self { name, header: name, data, end: data + usize::try_from(length).ok()? };
-        let [DATA, text @ .., DATA, END] = bytes.get(data - 1..frame.len())? else { return None };
+        let (length, [DATA, after @ ..]) = number::plain(rest, 0)? else { return None };
+        let (data, length) = (bytes.len() - after.len(), usize::try_from(length).ok()?);
+        let frame = Self { name, header: name, data, end: data + length };
+        let [text @ .., DATA, END] = after.get(..length + "#>".len())? else { return None };
         (name > 1 && frame.len() <= limit && charset.is_text(text)).then_some(frame)
     }
 
@@ -135,11 +135,8 @@ impl Frame {
         let part = |from, to| bytes.get(from..to).unwrap_or_default();
         // No value and one empty value are the same bytes.
         let end = if self.data == self.end { self.data } else { self.end + 1 };
-        (
-            Value(part(1, self.name)),
-            Values(part(self.name + 1, self.header + 1)),
-            Values(part(self.data, end)),
-        )
+        let header = if self.name == self.header { &[] } else { part(self.name + 1, self.header + 1) };
+        (Value(part(1, self.name)), Values(header), Values(part(self.data, end)))
     }
 }
 

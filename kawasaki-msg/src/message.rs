@@ -65,11 +65,10 @@ impl<'a> Message<'a> {
     }
 
     fn write<'o>(&self, out: &'o mut [u8]) -> Writer<'o> {
-        // Its characters are those of its own set.
-        let mut writer = Writer::begin(out, Charset::Latin1, self.name.chars());
-        self.header.iter().for_each(|value| writer.chars(value.chars()));
+        let mut writer = Writer::named(out, self.name.as_bytes());
+        self.header.iter().for_each(|value| writer.wire(value.as_bytes()));
         writer.data();
-        self.fields.iter().for_each(|value| writer.chars(value.chars()));
+        self.fields.iter().for_each(|value| writer.wire(value.as_bytes()));
         writer
     }
 

@@ -68,38 +68,34 @@ pub(crate) enum Fault {
     TooPrecise,
 }
 
-/// The number that a text begins with, and its length, if it is digits alone: at most nine, with none or all of the decimals.
+/// The number that a text begins with, and what is after it, if it is digits alone: at most nine, with none or all of the decimals.
 #[inline(always)]
-pub(crate) fn plain(text: &[u8], places: u8) -> Option<(i32, usize)> {
-    let negative = *text.first()? == b'-';
-    let first = usize::from(negative);
-    let (mut units, mut end) = digits(text, first, 0);
-    let mut length = end - first;
+pub(crate) fn plain(text: &[u8], places: u8) -> Option<(i32, &[u8])> {
+    let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |rest| (true, rest));
+    let (mut units, mut rest) = digits(text, 0);
+    let mut length = text.len() - rest.len();
     if places > 0 {
-        if text.get(end) != Some(&b'.') {
-            return None;
-        }
-        let point = end;
-        (units, end) = digits(text, point + 1, units);
-        if end - point != usize::from(places) + 1 {
+        let [b'.', decimals @ ..] = rest else { return None };
+        (units, rest) = digits(decimals, units);
+        if decimals.len() - rest.len() != usize::from(places) {
             return None;
         }
         length += usize::from(places);
     }
     let number = if negative { 0i32.wrapping_sub_unsigned(units) } else { 0i32.wrapping_add_unsigned(units) };
-    (1..=9).contains(&length).then_some((number, end))
+    (1..=9).contains(&length).then_some((number, rest))
 }
 
-/// A number with the digits from here on appended, and where they end. It wraps: the caller counts the digits.
+/// A number with the digits that a text begins with appended, and what is after them. It wraps: the caller counts the digits.
 #[inline(always)]
-fn digits(text: &[u8], mut at: usize, mut number: u32) -> (u32, usize) {
-    while let Some(byte) = text.get(at)
+fn digits(mut text: &[u8], mut number: u32) -> (u32, &[u8]) {
+    while let [byte, rest @ ..] = text
         && let digit @ 0..=9 = byte.wrapping_sub(b'0')
     {
         number = number.wrapping_mul(10).wrapping_add(u32::from(digit));
-        at += 1;
+        text = rest;
     }
-    (number, at)
+    (number, text)
 }
 
 /// A number of up to this many decimals in any form, with the blanks around it left out.

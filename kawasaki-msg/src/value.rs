@@ -58,9 +58,12 @@ impl Charset {
         bytes.iter().position(|byte| self.ends_text(*byte))
     }
 
-    /// Whether no byte ends the text, without a branch for each.
+    /// Whether no byte ends the text: of a long one without a branch for each.
     #[inline(always)]
     pub(crate) fn is_text(self, bytes: &[u8]) -> bool {
+        if bytes.len() < 16 {
+            return self.text_end(bytes).is_none();
+        }
         !bytes.iter().fold(false, |ends, byte| ends | self.ends_text(*byte))
     }
 
@@ -197,9 +200,7 @@ impl<'a> Values<'a> {
     /// Removes the next value, and returns it as a number of up to this many decimals, in units of the last one.
     #[inline(always)]
     pub(crate) fn number(&mut self, places: u8) -> Result<i32, number::Fault> {
-        if let Some((units, end)) = number::plain(self.0, places)
-            && let Some([SEPARATOR | DATA, rest @ ..]) = self.0.get(end..)
-        {
+        if let Some((units, [SEPARATOR | DATA, rest @ ..])) = number::plain(self.0, places) {
             self.0 = rest;
             Ok(units)
         } else {

@@ -3,7 +3,7 @@
 use crate::error::EncodeError;
 use crate::message::Message;
 use crate::number;
-use crate::value::{Charset, DATA, END, SEPARATOR, START};
+use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
 
 /// Writes one message into a buffer: the name, the values between name and length, then the fields.
 ///
@@ -34,16 +34,21 @@ pub struct Writer<'o> {
 
 impl<'o> Writer<'o> {
     /// Begins a message of this name.
+    #[inline]
     pub fn new(out: &'o mut [u8], charset: Charset, name: &str) -> Self {
-        Self::begin(out, charset, name.chars())
-    }
-
-    pub(crate) fn begin(out: &'o mut [u8], charset: Charset, name: impl Iterator<Item = char>) -> Self {
         let mut writer = Self { out, length: 0, mark: START, length_at: 0, charset, error: None };
-        writer.chars(name);
-        if writer.length == 1 {
+        writer.text(name);
+        if name.is_empty() {
             writer.refuse(EncodeError::NoName);
         }
+        writer
+    }
+
+    /// Begins a message with the name of another.
+    pub(crate) fn named(out: &'o mut [u8], name: &[u8]) -> Self {
+        let charset = Charset::Latin1;
+        let mut writer = Self { out, length: 0, mark: START, length_at: 0, charset, error: None };
+        writer.wire(name);
         writer
     }
 
@@ -58,8 +63,13 @@ impl<'o> Writer<'o> {
     }
 
     /// Writes a text. A mark in it, or a character that is not in the character set, is an error of [`finish`](Self::finish).
+    #[inline]
     pub fn text(&mut self, text: &str) {
-        self.chars(text.chars());
+        if text.bytes().all(|byte| byte.is_ascii() && !is_mark(byte)) {
+            self.wire(text.as_bytes());
+        } else {
+            self.chars(text);
+        }
     }
 
     /// Writes a number of this many decimals, 0 to 9, in units of the last one: 1500 with 3 decimals is `1.500`.
@@ -78,6 +88,7 @@ impl<'o> Writer<'o> {
     ///
     /// # Errors
     /// See [`EncodeError`]; nothing of use is in the buffer then.
+    #[inline]
     pub fn finish(mut self) -> Result<usize, EncodeError> {
         self.end();
         let Self { length, ref out, .. } = self;
@@ -92,6 +103,7 @@ impl<'o> Writer<'o> {
     }
 
     /// Writes the end; returns the length, whether the buffer has space for it or not.
+    #[inline]
     pub(crate) fn end(&mut self) -> usize {
         if self.length_at == 0 {
             self.data();
@@ -112,9 +124,17 @@ impl<'o> Writer<'o> {
         self.mark = SEPARATOR;
     }
 
-    pub(crate) fn chars(&mut self, text: impl Iterator<Item = char>) {
+    /// Writes a text that is known to be in the character set, without a mark.
+    #[inline]
+    pub(crate) fn wire(&mut self, text: &[u8]) {
         self.empty();
-        for c in text {
+        text.iter().for_each(|byte| self.push(*byte));
+    }
+
+    #[inline(never)]
+    fn chars(&mut self, text: &str) {
+        self.empty();
+        for c in text.chars() {
             match self.charset.byte(c) {
                 Ok(byte) => self.push(byte),
                 Err(error) => {

@@ -9,6 +9,7 @@ use crate::number::Decimal;
 use crate::writer::Writer;
 
 /// Writes the fields; a job without any has an empty one.
+#[inline(always)]
 pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Writer<'_>) {
     let mut fields = Written { writer: &mut *writer, is_empty: true, error: None };
     let visited = work.fields(ranges, &mut fields);
@@ -28,6 +29,7 @@ struct Written<'w, 'o> {
 }
 
 impl Fields for Written<'_, '_> {
+    #[inline(always)] // places and range are known where a job names them
     fn decimal(
         &mut self,
         name: &str,
@@ -37,8 +39,7 @@ impl Fields for Written<'_, '_> {
     ) -> Result<(), Unfit> {
         let (min, max) = range.into_inner();
         if *value < min || max < *value {
-            let [found, min, max] = [*value, min, max].map(|units| Decimal { units, places });
-            return Err(self.unfit(name, FieldFault::OutOfRange { found, min, max }));
+            return Err(self.out_of_range(name, [*value, min, max].map(|units| Decimal { units, places })));
         }
         self.is_empty = false;
         self.writer.number(*value, places);
@@ -62,7 +63,7 @@ impl Fields for Written<'_, '_> {
             return Err(self.unfit(name, FieldFault::Character { found }));
         }
         self.is_empty = false;
-        self.writer.chars(value.chars());
+        self.writer.wire(value.as_bytes());
         Ok(())
     }
 
@@ -73,6 +74,11 @@ impl Fields for Written<'_, '_> {
 }
 
 impl Written<'_, '_> {
+    #[cold]
+    fn out_of_range(&mut self, name: &str, [found, min, max]: [Decimal; 3]) -> Unfit {
+        self.unfit(name, FieldFault::OutOfRange { found, min, max })
+    }
+
     #[cold]
     fn unfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
         self.refuse(FieldError { field: Name::of(name), fault })

@@ -1,5 +1,6 @@
 //! The state of a PC: everything that decides what it does next.
 
+use core::fmt;
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
@@ -278,7 +279,7 @@ pub enum Rest {
 }
 
 /// The reaction to an input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reaction {
     /// The number of commands that have an outcome, oldest first, and the outcome. They come before the action.
     pub commands: (u8, CommandOutcome),
@@ -372,6 +373,16 @@ pub enum Rejection {
     OutOfOrder,
     /// It is not expected at this end.
     NotExpected,
+}
+
+/// The action alone if no command has an outcome: the table of states has the machine without commands.
+impl fmt::Debug for Reaction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.commands {
+            (0, _) => self.action.fmt(f),
+            commands => (commands, self.action).fmt(f),
+        }
+    }
 }
 
 impl Order {

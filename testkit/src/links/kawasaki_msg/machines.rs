@@ -23,7 +23,7 @@ impl Drawn for Robot {
 
 impl Drawn for Pc {
     fn action_name(action: &Self::Action) -> String {
-        let text = match action {
+        let text = match action.action {
             pc::Action::Nothing | pc::Action::Sent => return String::new(),
             pc::Action::Outcome { outcome, .. } => format!("{outcome:?}"),
             action => format!("{action:?}"),

@@ -3,10 +3,11 @@ use core::time::Duration;
 use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 use robot_work_queue::{NoWake, Wake};
 
-use super::config::RobotConfig;
+use super::config::{Acks, RobotConfig};
 use super::event::RobotEvent;
 use super::reading::{OF_ORDER, Received};
-use super::state::{Action, Input, Machine, RecoveryStep, Report};
+use super::state::{Action, Due, Input, Machine, RecoveryStep, Report, Sent};
+use crate::content::FromRobot;
 use crate::decoder::Decoder;
 use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, SessionError};
@@ -317,15 +318,28 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
-    fn write(&mut self, now: Duration, (): (), out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.limits.packet.min(MESSAGE))?;
         let mut packet = Packet::new(out, self.limits, self.dialect);
-        let sent = self.core.machine.packet(now, &self.core.config, |message| {
+        let mut send = |message: FromRobot| {
             let (role, params) = message.write();
             packet.push(role, &params) == Ok(PacketRoom::Added)
-        });
+        };
+        let (machine, config) = (&self.core.machine, &self.core.config);
+        let (mut sent, mut all_acked) = (Sent::default(), true);
+        for (count, ack) in machine.acks(&due, config) {
+            if !send(ack) {
+                all_acked = config.acks != Acks::Individual;
+                break;
+            }
+            sent.acked += count;
+        }
+        sent.start = due.start.is_some_and(&mut send);
+        sent.end = all_acked && due.end.is_some_and(&mut send);
+        sent.status = all_acked && due.status.is_some_and(&mut send);
+        sent.pause = due.pause.is_some_and(&mut send);
+        sent.request = due.request.is_some_and(&mut send);
         if packet.is_empty() {
-            // All that was to be sent is of roles that the table lacks.
             let _ = packet.push(Role::Filler, &Params::default());
         }
         Some((packet.as_bytes().len(), Input::Sent(sent)))

@@ -7,7 +7,7 @@ use kawasaki_msg::robot::machine::{self as robot, Cycle, Link, Order, RecoverySt
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
 use robot_session::Machine as _;
 
-use super::machines::{Pc, Robot};
+use super::machines::{Pc, Robot, packet};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
@@ -350,11 +350,7 @@ impl Setup {
                 self.robot_pass(w, edges);
             }
             Act::Transmit => {
-                let mut messages = Vec::new();
-                let sent = w.robot.packet(NOW, &self.robot.machine(), |message| {
-                    messages.push(message);
-                    true
-                });
+                let (messages, sent) = packet(&w.robot, &self.robot.machine());
                 self.robot(w, robot::Input::Sent(sent), edges);
                 if w.line {
                     w.up.push(InFlight { messages, left: LATEST });

@@ -7,10 +7,11 @@ use std::vec::Vec;
 
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
-use crate::dialect::{Dialect, Entry, Params};
+use crate::dialect::{Dialect, Entry};
 use crate::error::FieldError;
 use crate::job::{Fields, Job, Text, Unfit, Work};
 use crate::message::Message;
+use crate::params::Params;
 use crate::role::{Role, Row};
 use crate::value::{Charset, SEPARATOR, is_mark};
 

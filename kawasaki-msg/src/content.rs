@@ -1,6 +1,7 @@
 //! What messages mean to the machines: facts, no bytes and no work of a job.
 
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
+use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 

@@ -20,6 +20,7 @@ pub mod motion;
 mod number;
 mod numbering;
 mod packet;
+mod params;
 pub mod pc;
 mod phase;
 pub mod robot;
@@ -35,7 +36,7 @@ mod writer;
 
 pub use content::{FromPc, FromRobot, Status};
 pub use decoder::Decoder;
-pub use dialect::{Dialect, Entry, Params};
+pub use dialect::{Dialect, Entry};
 pub use error::{
     ConfigError, DecodeError, EncodeError, FieldError, FieldFault, MessageError, Name, SessionError,
 };
@@ -47,6 +48,7 @@ pub use message::Message;
 pub use number::Decimal;
 pub use numbering::{ALL_NUMBERS, NumberSet, Numbering};
 pub use packet::{Limits, Packet, Room};
+pub use params::Params;
 pub use pc::{CommandOutcome, JobSource, LargePc, Pc, PcConfig, PcEvent, Supply, Takeover};
 pub use phase::Phase;
 pub use robot::{Acks, LargeRobot, RecoveryLimits, RecoveryStep, Robot, RobotConfig, RobotEvent};

@@ -1,10 +1,11 @@
 //! Many messages in one packet, within both limits of the controller.
 
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, EncodeError};
 use crate::job::{Job, Work};
 use crate::message::Message;
 use crate::number;
+use crate::params::Params;
 use crate::role::{Field, Role};
 
 /// The two limits of a packet. They are separate: a packet is an array of strings.

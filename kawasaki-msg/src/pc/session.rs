@@ -13,12 +13,13 @@ use super::state::{
 use super::state::{Order, Start};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
 use crate::job::{self, Job, Work};
 use crate::message::Message;
 use crate::numbering::{ALL_NUMBERS, Numbering};
 use crate::packet::{Limits, Packet, Room as PacketRoom};
+use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::PcStatistics;

@@ -6,10 +6,11 @@ use super::event::RobotEvent;
 use super::session::Robot;
 use super::state::Rejection;
 use crate::content::{FromPc, phase};
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::MessageError;
 use crate::job::{Job, Work};
 use crate::message::Message;
+use crate::params::Params;
 use crate::role::{Field, Role};
 
 /// The outcomes of an order: started, ending, interrupted, over, and an alarm.

@@ -50,7 +50,7 @@ fn longest(limits: Limits, first: usize, then: &[usize]) -> (usize, usize) {
 
 /// A job whose own fields have this many bytes, a `$` before each after the first counted.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Filling(pub usize);
+pub(super) struct Filling(usize);
 
 impl Work for Filling {
     type Ranges = ();
@@ -69,13 +69,13 @@ impl Work for Filling {
 }
 
 /// A table whose jobs are `<X$n#1$…#>`.
-pub fn fillings() -> Dialect<'static> {
+pub(super) fn fillings() -> Dialect<'static> {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     (table[0].name, table[0].fields) = ("X", &[Field::Number, Field::Work]);
     Dialect::new(table.leak()).unwrap()
 }
 
-pub fn push(packet: &mut Packet<'_>, own: usize) -> Result<Room, EncodeError> {
+pub(super) fn push(packet: &mut Packet<'_>, own: usize) -> Result<Room, EncodeError> {
     packet.push_job(&Job { order: 0, number: 1, work: Filling(own) }, &())
 }
 

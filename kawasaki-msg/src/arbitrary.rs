@@ -1,35 +1,37 @@
 //! Messages in ASCII that fit a packet, messages of a table, and jobs of any kind.
 
 use core::ops::RangeInclusive;
+use std::format;
 use std::string::String;
 use std::vec::Vec;
 
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
-use crate::dialect::{Dialect, Entry, Params};
+use crate::dialect::{Dialect, Entry};
 use crate::error::FieldError;
 use crate::job::{Fields, Job, Text, Unfit, Work};
 use crate::message::Message;
-use crate::role::Role;
-use crate::value::{Charset, SEPARATOR, Value, Values, is_mark};
+use crate::params::Params;
+use crate::role::{Role, Row};
+use crate::value::{Charset, SEPARATOR, is_mark};
 
-/// Half of the names are those of the default table. The values are borrowed from the bytes that they are made of: each part ends at
-/// the first byte that it cannot have.
-impl<'a> Arbitrary<'a> for Message<'a> {
-    fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
+impl Message<'_> {
+    /// The bytes of a message in ASCII that fits a packet. Half of the names are those of the default table; each part ends at the first
+    /// byte that it cannot have.
+    ///
+    /// # Errors
+    /// The errors of `u`.
+    pub fn arbitrary(u: &mut Unstructured<'_>) -> Result<Vec<u8>> {
         let mut free = Self::MAX_LEN - "<$$4096##>".len();
-        let known = Value::Text(u.choose(Dialect::DEFAULT.entries())?.name);
+        let known = u.choose(Dialect::DEFAULT.entries())?.name.as_bytes();
         let name = if u.arbitrary()? { part(u, free, |byte| byte == SEPARATOR)? } else { &[] };
-        let name = if name.is_empty() { known } else { Value::Wire(name) };
-        free -= name.chars().count();
-        let header = if u.arbitrary()? { Some(part(u, free, |_| false)?) } else { None };
-        free -= header.map_or(0, <[u8]>::len);
-        let fields = part(u, free, |_| false)?;
-        Ok(Self {
-            name,
-            header: header.map_or(Values::NONE, Values::Wire),
-            fields: if fields.is_empty() { Values::NONE } else { Values::Wire(fields) },
-        })
+        let name = if name.is_empty() { known } else { name };
+        free -= name.len();
+        let header = if u.arbitrary()? { [b"$", part(u, free, |_| false)?].concat() } else { Vec::new() };
+        free = free.saturating_sub(header.len());
+        let data = part(u, free, |_| false)?;
+        let length = format!("${}#", data.len());
+        Ok([b"<", name, &header, length.as_bytes(), data, b"#>"].concat())
     }
 }
 
@@ -45,9 +47,10 @@ impl Dialect<'_> {
         let entry = u.choose(&entries)?;
         let mut params = Params::default();
         for field in entry.header.iter().chain(entry.fields) {
-            let (min, max) = field.range();
-            if !field.may_be_empty() || u.arbitrary()? {
-                params.set(*field, u.int_in_range(min..=max)?);
+            if let Some(Row { range: (min, max), may_be_empty, .. }) = field.row()
+                && (!may_be_empty || u.arbitrary()?)
+            {
+                params.set(*field, u.int_in_range(*min..=*max)?);
             }
         }
         Ok((entry.role, params))

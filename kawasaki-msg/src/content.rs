@@ -1,6 +1,7 @@
 //! What messages mean to the machines: facts, no bytes and no work of a job.
 
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
+use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 
@@ -79,15 +80,16 @@ fn order(params: &Params) -> u16 {
 }
 
 impl FromPc {
-    /// What values mean; a job's are looked at here but for its own fields.
-    pub fn read(role: Role, params: &Params) -> Self {
+    /// The meaning of a message's values; `good`: a job's own fields are as well.
+    #[inline(always)]
+    pub fn read(role: Role, params: &Params, good: bool) -> Self {
         let order = order(params);
         match role {
             Role::Status => FromPc::Status { order },
             Role::OrderStart => FromPc::Start { order, first: params.number(Field::Number).unwrap_or(0) },
             Role::OrderEnd => FromPc::End { order },
             Role::OrderInterrupt => FromPc::Interrupt { order },
-            Role::Job => FromPc::Job { order, number: params.number(Field::Number).unwrap_or(0), good: true },
+            Role::Job => FromPc::Job { order, number: params.number(Field::Number).unwrap_or(0), good },
             Role::Filler | Role::Command(_) => FromPc::Filler,
             Role::JobAck | Role::JobRequest | Role::Pause | Role::OrderAck | Role::EndAck => {
                 FromPc::WrongSide

@@ -56,27 +56,36 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         !self.buffer.is_empty()
     }
 
-    /// What the bytes begin with.
+    /// The next message or error, whatever has come of it.
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
         if self.skipped == 0 && self.buffer.bytes().first() == Some(&START) {
-            let bytes = self.buffer.bytes();
-            let error = match Frame::decode(bytes, self.charset, MESSAGE, &mut self.progress) {
-                Ok(Some(frame)) => {
-                    self.progress = Progress::NONE;
-                    return Some(Ok(Message::of(frame, self.buffer.take(frame.len()))));
-                }
+            match Frame::decode(self.buffer.bytes(), self.charset, MESSAGE, &mut self.progress) {
+                Ok(Some(frame)) => return Some(Ok(self.take(frame))),
                 Ok(None) if !self.finished => return None,
-                Ok(None) => DecodeError::Incomplete { offset: 0, found: bytes.len() },
-                Err(error) => error,
-            };
-            self.corruption = Some(error.moved(offset(self.buffer.position())));
-            self.skip(1);
+                read => self.corrupt(read.err()),
+            }
         }
         self.find_start().map(Err)
     }
 
+    /// Removes a message.
+    #[inline(always)]
+    fn take(&mut self, frame: Frame) -> Message<'_> {
+        self.progress = Progress::NONE;
+        Message::of(frame, self.buffer.take(frame.len()))
+    }
+
+    /// The bytes do not begin with a message: the first one is skipped.
+    #[cold]
+    fn corrupt(&mut self, error: Option<DecodeError>) {
+        let error = error.unwrap_or(DecodeError::Incomplete { offset: 0, found: self.buffer.len() });
+        self.corruption = Some(error.moved(offset(self.buffer.position())));
+        self.skip(1);
+    }
+
     /// Goes to the next `<`, and gives the error that covers what was skipped; `None` where it has not come.
+    #[inline(never)]
     fn find_start(&mut self) -> Option<DecodeError> {
         let bytes = self.buffer.bytes();
         self.skip(bytes.iter().position(|byte| *byte == START).unwrap_or(bytes.len()));
@@ -108,7 +117,7 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
         self.buffer.push(bytes)
     }
 
-    #[inline]
+    #[inline(always)] // most messages are whole
     fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
         // A serial line brings its bytes one by one: one that ends nothing is looked at here.
         let known = self.progress.known;
@@ -129,7 +138,15 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
                 }
             }
         }
-        self.next_item()
+        let whole = if known == 0 && self.skipped == 0 {
+            Frame::whole(self.buffer.bytes(), self.charset, MESSAGE)
+        } else {
+            None
+        };
+        match whole {
+            Some(frame) => Some(Ok(self.take(frame))),
+            None => self.next_item(),
+        }
     }
 
     fn finish(&mut self) {

@@ -4,12 +4,13 @@
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
 
 use crate::error::{ConfigError, EncodeError, MessageError, Name};
-use crate::frame::{Frame, Writer, Written};
 use crate::job::{self, Job, Work};
 use crate::lacks::{self, Lack};
 use crate::message::Message;
+use crate::params::{Misfit, Params};
 use crate::role::{Field, Role};
-use crate::value::{Charset, Left, Value, Values};
+use crate::value::{Charset, Value, Values};
+use crate::writer::Writer;
 
 /// The table of messages of one plant, borrowed: it may have been read from a file.
 ///
@@ -152,8 +153,15 @@ impl<'a> Dialect<'a> {
     }
 
     /// The message with this name.
-    pub fn find(&self, name: Value<'_>) -> Option<&'a Entry<'a>> {
-        self.entries.iter().find(|entry| name == *entry.name)
+    #[inline(always)]
+    fn find(&self, name: Value<'_>) -> Option<&'a Entry<'a>> {
+        // A letter above 127 is one byte on the wire and two in the table.
+        let is_ascii = self.charset == Charset::Ascii || name.as_bytes().is_ascii();
+        self.entries.iter().find(|entry| match is_ascii {
+            // Most names are short: a loop is less than a call.
+            true => name.as_bytes().iter().eq(entry.name.as_bytes()),
+            false => name == *entry.name,
+        })
     }
 
     /// The optional messages and fields that this table lacks, each with the guarantee that is lost.
@@ -166,127 +174,93 @@ impl<'a> Dialect<'a> {
         })
     }
 
-    /// What a message means, with its values; the number of fields and each value are checked, a job's own fields not: see
+    /// Returns what a message means, and its values. The number of fields and each value are checked, but not a job's own fields: see
     /// [`read_job`](Self::read_job).
     ///
     /// # Errors
     /// See [`MessageError`].
     pub fn read(&self, message: &Message<'_>) -> Result<(Role, Params), MessageError> {
-        self.read_with(message, |_| ()).map(|(role, params, _)| (role, params))
-    }
-
-    /// The same with the own fields of a job, if it is one.
-    #[expect(
-        clippy::type_complexity,
-        reason = "what a message holds is good or not by itself, and so is a job in it"
-    )]
-    pub(crate) fn read_all<W: Work>(
-        &self,
-        message: &Message<'_>,
-        ranges: &W::Ranges,
-    ) -> Result<(Role, Params, Option<Result<W, MessageError>>), MessageError> {
-        self.read_with(message, |values| {
-            let (limit, marks) = (job::LONGEST, "#>".len());
-            let is_short = matches!(message.fields, Values::Wire(data) if 1 + data.len() + marks <= limit);
-            if !is_short {
-                let lengths = self.work_values(message).map(|value| 1 + value.chars().count());
-                let found = lengths.sum::<usize>() + marks;
-                if found > limit {
-                    return Err(MessageError::JobTooLong { found, limit });
-                }
-            }
-            job::read(values, ranges, self.charset).map_err(|error| match error {
-                MessageError::FieldCount { expected, .. } => {
-                    let others = self.entry(Role::Job).map_or(0, |entry| entry.fields.len() - 1);
-                    MessageError::FieldCount { expected: expected + others, found: message.fields.count() }
-                }
-                error => error,
-            })
-        })
-    }
-
-    /// What a message means, and what is made of a job's own fields.
-    fn read_with<'m, T>(
-        &self,
-        message: &Message<'m>,
-        own: impl Fn(Values<'m>) -> T,
-    ) -> Result<(Role, Params, Option<T>), MessageError> {
-        let unknown = || MessageError::UnknownName { name: Name::new(message.name.chars()) };
-        let entry = self.find(message.name).ok_or_else(unknown)?;
         let mut params = Params::default();
-        if !entry.header.is_empty() {
-            entry.read_header(message, &mut params)?;
-        }
-        let count = || message.fields.count();
-        let miscounted = || MessageError::FieldCount { expected: entry.fields.len(), found: count() };
-        let (mut values, mut fields) = (Left(message.fields), entry.fields.iter());
-        let (mut place, mut work) = (0, None);
-        while let Some(field) = fields.next() {
-            if matches!(field, Field::Work) {
-                let (own_values, after) = values.0.split(fields.len()).ok_or_else(miscounted)?;
-                work = Some(own(own_values));
-                values = Left(after);
-                if fields.len() > 0 {
-                    place = count() - fields.len();
-                }
-                continue;
-            }
-            let Some(read) = params.read(field, &mut values, place) else {
-                // A single empty value is no value on the wire.
-                if entry.fields.len() == 1 && field.may_be_absent() {
-                    break;
-                }
-                return Err(miscounted());
-            };
-            // That a job has too few fields comes first.
-            read.map_err(|error| entry.count_of_work(count()).err().unwrap_or(error))?;
-            place += 1;
-        }
-        if values.next().is_some() {
-            return Err(miscounted());
-        }
-        Ok((entry.role, params, work))
+        let (entry, _) = self.read_values(message, &mut params)?;
+        Ok((entry.role, params))
     }
 
-    /// The job in a message; its order is 0 where the table's jobs do not name it.
+    /// Returns the job in a message; its order is 0 if the table's jobs do not name it.
     ///
     /// # Errors
-    /// When the message is no job, or the first value of it that does not fit.
+    /// When the message is not a job, or the first value of it that does not fit.
     pub fn read_job<W: Work>(
         &self,
         message: &Message<'_>,
         ranges: &W::Ranges,
     ) -> Result<Job<W>, MessageError> {
-        let (role, params, work) = self.read_all::<W>(message, ranges)?;
+        let (mut params, mut work) = (Params::default(), W::default());
+        let (entry, own) = self.read_values(message, &mut params)?;
         let (order, number) = (params.number(Field::Order), params.number(Field::Number));
-        let (Role::Job, Some(number), Some(work)) = (role, number, work) else {
-            return Err(MessageError::NotExpected { role });
+        let (Role::Job, Some(number), Some(own)) = (entry.role, number, own) else {
+            return Err(MessageError::NotExpected { role: entry.role });
         };
-        Ok(Job { order: order.unwrap_or(0), number, work: work? })
+        entry.read_work(message, own, ranges, &mut work)?;
+        Ok(Job { order: order.unwrap_or(0), number, work })
     }
 
-    /// A job's own fields as they are in its message; nothing where the message is no job.
+    /// Reads the values of a message; returns its entry and a job's own fields.
+    #[inline(always)]
+    pub(crate) fn read_values<'m>(
+        &self,
+        message: &Message<'m>,
+        params: &mut Params,
+    ) -> Result<(&'a Entry<'a>, Option<Values<'m>>), MessageError> {
+        let Some(entry) = self.find(message.name) else {
+            return Err(MessageError::UnknownName { name: Name::new(message.name.chars()) });
+        };
+        *params = Params::default();
+        if !entry.header.is_empty() {
+            entry.read_header(message, params)?;
+        }
+        let (mut values, mut own) = (message.fields, None);
+        let mut fields = entry.fields.iter();
+        while let Some(field) = fields.next() {
+            let read = match field {
+                Field::Work if fields.len() == 0 => {
+                    (own, values) = (Some(values), Values::NONE);
+                    break;
+                }
+                Field::Work => {
+                    let split = values
+                        .split(fields.len())
+                        .map(|(before, after)| (own, values) = (Some(before), after));
+                    split.ok_or(Misfit::Missing)
+                }
+                field => params.read(field, &mut values),
+            };
+            if let Err(misfit) = read {
+                entry.wrong(message, fields.len(), misfit)?;
+            }
+        }
+        if !values.is_empty() {
+            return Err(entry.miscounted(message));
+        }
+        Ok((entry, own))
+    }
+
+    /// Returns a job's own fields as they are in its message; none if the message is not a job, or cannot be read.
     pub fn work_values<'m>(&self, message: &Message<'m>) -> impl Iterator<Item = Value<'m>> + use<'m> {
-        let job = self.entry(Role::Job).filter(|entry| message.name == *entry.name);
-        let fields = job.map_or(&[][..], |entry| entry.fields);
-        let place = fields.iter().position(|field| *field == Field::Work).unwrap_or(0);
-        let count = job.and_then(|entry| entry.count_of_work(message.fields.count()).ok()).unwrap_or(0);
-        message.fields.iter().skip(place).take(count)
+        let own = self.read_values(message, &mut Params::default()).ok().and_then(|(_, own)| own);
+        own.unwrap_or(Values::NONE).iter()
     }
 
-    /// Writes the message with this role and these values, and gives its length. A value that is not there is written empty; a role
+    /// Writes the message with this role and these values, and returns its length. A value that is not there is written empty; a role
     /// that the table does not have is written as filler.
     ///
     /// # Errors
     /// See [`EncodeError`]; nothing of use is in `out` then.
     pub fn write(&self, role: Role, params: &Params, out: &mut [u8]) -> Result<usize, EncodeError> {
         let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).unwrap_or(&FILLER);
-        let written = self.write_with(entry, params, out, |writer| writer.field());
-        let length = written.fit(Message::MAX_LEN)?;
-        written.error.map_or(Ok(length), Err)
+        self.write_entry(entry, params, out, |writer| writer.empty())
     }
 
-    /// Writes a job, and gives the length of its message.
+    /// Writes a job, and returns the length of its message.
     ///
     /// # Errors
     /// The first field that does not fit; nothing of use is in `out` then.
@@ -298,38 +272,35 @@ impl<'a> Dialect<'a> {
     ) -> Result<usize, EncodeError> {
         let entry = self.entry(Role::Job).ok_or(EncodeError::NoName)?;
         let params = Params::default().with(Field::Order, job.order).with(Field::Number, job.number);
-        let own = |writer: &mut Writer<'_>| job::write(job.work, ranges, writer);
-        let written = self.write_with(entry, &params, out, own);
-        written.error.map_or(Ok(()), Err)?;
-        written.fit(Message::MAX_LEN)
+        self.write_entry(entry, &params, out, |writer| job::write(job.work, ranges, writer))
     }
 
-    /// Writes a message of which `own` writes a job's own fields.
-    fn write_with(
+    /// Writes a message, with a job's own fields by `own`.
+    #[inline(always)]
+    fn write_entry(
         &self,
         entry: &Entry<'_>,
         params: &Params,
         out: &mut [u8],
         own: impl Fn(&mut Writer<'_>),
-    ) -> Written {
-        let header = |writer: &mut Writer<'_>| {
-            writer.text(entry.name.chars());
-            entry.header.iter().for_each(|field| params.write(*field, writer));
-        };
-        Frame::encode(out, self.charset, header, |writer| {
-            for field in entry.fields {
-                if matches!(field, Field::Work) { own(writer) } else { params.write(*field, writer) }
-            }
-        })
+    ) -> Result<usize, EncodeError> {
+        let mut writer = Writer::new(out, self.charset, entry.name);
+        entry.header.iter().for_each(|field| params.write(*field, &mut writer));
+        writer.data();
+        for field in entry.fields {
+            if matches!(field, Field::Work) { own(&mut writer) } else { params.write(*field, &mut writer) }
+        }
+        writer.finish()
     }
 
-    /// The values of a message with those added that this table does not send: of the active order, and the first job.
-    pub(crate) fn complete(&self, role: Role, params: Params, active: u16) -> Params {
+    /// Adds the values that this table does not send: those of the active order, and the first job.
+    #[inline(always)]
+    pub(crate) fn complete(&self, role: Role, params: &mut Params, active: u16) {
         use Role::{Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause};
         match role {
-            OrderStart => params.or(Field::Number, 1),
-            Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt => params.or(Field::Order, active),
-            _ => params,
+            OrderStart => params.add(Field::Number, 1),
+            Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt => params.add(Field::Order, active),
+            _ => {}
         }
     }
 }
@@ -363,106 +334,67 @@ impl Entry<'_> {
         Ok(())
     }
 
-    fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
-        let mut values = Left(message.header);
-        for (place, field) in self.header.iter().enumerate() {
-            let wrong = MessageError::Header { value: place };
-            params.read(field, &mut values, place).ok_or(wrong)?.map_err(|_| wrong)?;
+    /// Reads a job's own fields.
+    #[inline(always)]
+    pub(crate) fn read_work<W: Work>(
+        &self,
+        message: &Message<'_>,
+        own: Values<'_>,
+        ranges: &W::Ranges,
+        work: &mut W,
+    ) -> Result<(), MessageError> {
+        let (found, limit) = (own.len() + "#>".len(), job::LONGEST);
+        if found > limit {
+            return Err(MessageError::JobTooLong { found, limit });
         }
-        if message.header.count() > self.header.len() {
-            return Err(MessageError::Header { value: self.header.len() });
-        }
-        Ok(())
+        job::read(own, ranges, work).map_err(|unread| match unread {
+            job::Unread::Field(error) => MessageError::Field(error),
+            job::Unread::Count(count) => {
+                let expected = self.fields.len() - 1 + count;
+                MessageError::FieldCount { expected, found: message.fields.count() }
+            }
+        })
     }
 
-    /// How many fields of a message that has this many are a job's own.
-    fn count_of_work(&self, found: usize) -> Result<usize, MessageError> {
-        if !self.fields.iter().any(|field| matches!(field, Field::Work)) {
-            return Ok(0);
+    fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
+        let mut values = message.header;
+        for (value, field) in self.header.iter().enumerate() {
+            params.read(field, &mut values).map_err(|_| MessageError::Header { value })?;
         }
-        let others = self.fields.len() - 1;
-        found.checked_sub(others).ok_or(MessageError::FieldCount { expected: others + 1, found })
+        let value = self.header.len();
+        if values.is_empty() { Ok(()) } else { Err(MessageError::Header { value }) }
+    }
+
+    /// The error of a field with this many after it, if it is one.
+    #[cold]
+    #[inline(never)]
+    fn wrong(&self, message: &Message<'_>, after: usize, misfit: Misfit) -> Result<(), MessageError> {
+        let (expected, found) = (self.fields.len(), message.fields.count());
+        let is_job = self.fields.contains(&Field::Work);
+        // That a job has too few fields comes first.
+        if misfit == Misfit::Missing || is_job && found + 1 < expected {
+            // A single empty value is no value on the wire.
+            let may_be_absent = |field: &Field<'_>| {
+                *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty)
+            };
+            let is_empty = matches!(self.fields, [field] if may_be_absent(field));
+            return if is_empty { Ok(()) } else { Err(self.miscounted(message)) };
+        }
+        let index = expected - after - 1;
+        let is_after_own = self.fields.iter().take(index).any(|field| *field == Field::Work);
+        let field = if is_after_own { found - after - 1 } else { index };
+        Err(match misfit {
+            Misfit::Constant => MessageError::NotTheConstant { field },
+            Misfit::OutOfRange { found, min, max } => MessageError::OutOfRange { field, found, min, max },
+            Misfit::NotANumber | Misfit::Missing => MessageError::NotANumber { field },
+        })
+    }
+
+    #[cold]
+    fn miscounted(&self, message: &Message<'_>) -> MessageError {
+        MessageError::FieldCount { expected: self.fields.len(), found: message.fields.count() }
     }
 }
 
 const FILLER: Entry<'static> =
     Entry { role: Role::Filler, name: "Huuhaa", header: &[], fields: &[], reply: None, past_queue: false };
-
-/// The values of a message by what they are, in whatever order the table puts them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Params {
-    values: [Option<i32>; Field::VALUES],
-}
-
-impl Params {
-    /// The value of a field; `None` when the message has none or has it empty.
-    pub fn get(&self, field: Field<'_>) -> Option<i32> {
-        self.values.get(field.index()?).copied().flatten()
-    }
-
-    /// Sets the value of a field; a field that the sessions do not use has none.
-    pub fn set(&mut self, field: Field<'_>, value: i32) {
-        if let Some(place) = field.index().and_then(|index| self.values.get_mut(index)) {
-            *place = Some(value);
-        }
-    }
-
-    /// These values and one more.
-    #[must_use]
-    pub fn with(mut self, field: Field<'_>, value: impl Into<Option<u16>>) -> Self {
-        if let Some(value) = value.into() {
-            self.set(field, i32::from(value));
-        }
-        self
-    }
-
-    /// The value of a field that counts something; `None` also when it is no `u16`.
-    pub fn number(&self, field: Field<'_>) -> Option<u16> {
-        self.get(field).and_then(|value| u16::try_from(value).ok())
-    }
-
-    /// These values, and this one where there is none.
-    fn or(self, field: Field<'_>, value: u16) -> Self {
-        if self.get(field).is_none() { self.with(field, value) } else { self }
-    }
-
-    /// Keeps the next value, that of a field at a place of its message; `None` without one.
-    #[inline(always)]
-    fn read(
-        &mut self,
-        field: &Field<'_>,
-        values: &mut Left<'_>,
-        place: usize,
-    ) -> Option<Result<(), MessageError>> {
-        let is_empty = match field {
-            Field::Unused | Field::Work => return values.next().map(|_| Ok(())),
-            Field::Constant(text) => {
-                let wrong = || MessageError::NotTheConstant { field: place };
-                return values.next().map(|value| if value == *text { Ok(()) } else { Err(wrong()) });
-            }
-            _ => field.may_be_empty() && Left::clone(values).next()?.is_empty(),
-        };
-        if is_empty {
-            values.next();
-            return Some(Ok(()));
-        }
-        let (min, max) = field.range();
-        Some(match values.decimal(0)? {
-            Ok(found) if min <= found && found <= max => {
-                self.set(*field, found);
-                Ok(())
-            }
-            Ok(found) => Err(MessageError::OutOfRange { field: place, found, min, max }),
-            Err(_) => Err(MessageError::NotANumber { field: place }),
-        })
-    }
-
-    /// The value of a field, which is empty without one.
-    fn write(&self, field: Field<'_>, writer: &mut Writer<'_>) {
-        match (field, self.get(field)) {
-            (Field::Constant(text), _) => writer.text(text.chars()),
-            (_, Some(number)) => writer.number(number, 0),
-            (_, None) => writer.field(),
-        }
-    }
-}

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::job::Decimal;
+use crate::number::Decimal;
 use crate::role::{Field, Role};
 
 /// Corruption in the bytes from the peer. The decoder goes on at the next `<`.

@@ -20,6 +20,7 @@ pub mod motion;
 mod number;
 mod numbering;
 mod packet;
+mod params;
 pub mod pc;
 mod phase;
 pub mod robot;
@@ -31,20 +32,23 @@ pub mod timing;
 #[cfg(feature = "tokio")]
 pub mod tokio;
 mod value;
+mod writer;
 
 pub use content::{FromPc, FromRobot, Status};
 pub use decoder::Decoder;
-pub use dialect::{Dialect, Entry, Params};
+pub use dialect::{Dialect, Entry};
 pub use error::{
     ConfigError, DecodeError, EncodeError, FieldError, FieldFault, MessageError, Name, SessionError,
 };
 pub use job::{
-    Bounds, Decimal, FieldLayout, FieldType, Fields, Job, JobKind, Line, Point, Text, Unfit, Work, each_field,
+    Bounds, FieldLayout, FieldType, Fields, Job, JobKind, Line, Point, Text, Unfit, Work, each_field,
 };
 pub use lacks::Lack;
-pub use message::{InCharset, Message};
+pub use message::Message;
+pub use number::Decimal;
 pub use numbering::{ALL_NUMBERS, NumberSet, Numbering};
 pub use packet::{Limits, Packet, Room};
+pub use params::Params;
 pub use pc::{CommandOutcome, JobSource, LargePc, Pc, PcConfig, PcEvent, Supply, Takeover};
 pub use phase::Phase;
 pub use robot::{Acks, LargeRobot, RecoveryLimits, RecoveryStep, Robot, RobotConfig, RobotEvent};
@@ -53,3 +57,4 @@ pub use robot_work_queue;
 pub use role::{Field, Role};
 pub use statistics::{PcStatistics, RobotStatistics, Times};
 pub use value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
+pub use writer::Writer;

@@ -1,43 +1,37 @@
 //! `<name$header$…$length#field$field$…#>`
 
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, Progress, Writer, Written};
+use crate::frame::{Frame, Progress};
 use crate::value::{Charset, START, Value, Values};
+use crate::writer::Writer;
 
-/// One message: what it is called, and its values.
+/// One message as it stands on the wire; a [`Writer`] makes the bytes of another.
 ///
 /// ```
-/// use kawasaki_msg::{Charset, Message, Value};
+/// use kawasaki_msg::{Charset, Message};
 ///
-/// let start = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
-/// let mut wire = [0; 64];
-/// let length = start.encode(Charset::Ascii, &mut wire)?;
-/// assert_eq!(&wire[..length], b"<TilausAlkaa$4#50$1#>");
-///
-/// let (message, used) = Message::decode(&wire[..length], Charset::Ascii)?.expect("it is whole");
-/// assert_eq!((message, used), (start, length));
-/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// let wire = b"<TilausAlkaa$4#50$1#>";
+/// let (message, used) = Message::decode(wire, Charset::Ascii)?.expect("it is whole");
+/// assert!(message.name == "TilausAlkaa" && used == wire.len());
+/// let fields: Vec<String> = message.fields.iter().map(|field| field.to_string()).collect();
+/// assert_eq!(fields, ["50", "1"]);
+/// # Ok::<(), kawasaki_msg::DecodeError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Message<'a> {
-    /// What the message is called; never empty on the wire.
+    /// The name; not empty.
     pub name: Value<'a>,
-    /// What is between the name and the length. The source shows none and allows them; they are kept.
+    /// The values between the name and the length. The source shows none and allows them; they are kept.
     pub header: Values<'a>,
-    /// The values of the data part. No value and one empty value are the same bytes; both decode to no value.
+    /// The values of the data part. No value and one empty value are the same bytes, which are read as no value.
     pub fields: Values<'a>,
 }
 
 impl<'a> Message<'a> {
     /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
     pub const MAX_LEN: usize = 4096;
-
-    /// A message to send, with nothing between name and length.
-    pub const fn new(name: &'a str, fields: &'a [Value<'a>]) -> Self {
-        Self { name: Value::Text(name), header: Values::NONE, fields: Values::List(fields) }
-    }
 
     /// Reads the message that begins with the first byte, and says how many bytes it took. `None` means that more bytes
     /// are needed; [`Self::MAX_LEN`] bytes are always enough.
@@ -64,49 +58,28 @@ impl<'a> Message<'a> {
     }
 
     /// The message of a frame that these bytes begin with.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn of(frame: Frame, bytes: &'a [u8]) -> Self {
-        let (name, header, data) = frame.parts(bytes);
-        let fields = if data.is_empty() { Values::NONE } else { Values::Wire(data) };
-        Self { name: Value::Wire(name), header: header.map_or(Values::NONE, Values::Wire), fields }
+        let (name, header, fields) = frame.parts(bytes);
+        Self { name, header, fields }
     }
 
-    /// Writes the message and gives its length: no blanks, no sign but `-`.
+    fn write<'o>(&self, out: &'o mut [u8]) -> Writer<'o> {
+        let mut writer = Writer::named(out, self.name.as_bytes());
+        self.header.iter().for_each(|value| writer.wire(value.as_bytes()));
+        writer.data();
+        self.fields.iter().for_each(|value| writer.wire(value.as_bytes()));
+        writer
+    }
+
+    /// Appends the message to a growing buffer, as [`encode`](robot_session::Encode::encode) writes it.
     ///
     /// # Errors
-    /// See [`EncodeError`]; nothing of use is in `out` then.
-    pub fn encode(&self, charset: Charset, out: &mut [u8]) -> Result<usize, EncodeError> {
-        if self.name.is_empty() {
-            return Err(EncodeError::NoName);
-        }
-        let written = self.write(charset, out);
-        let length = written.fit(Self::MAX_LEN)?;
-        written.error.map_or(Ok(length), Err)
-    }
-
-    /// How many bytes [`encode`](Self::encode) writes.
-    pub fn encoded_len(&self) -> usize {
-        self.write(Charset::Latin1, &mut []).length
-    }
-
-    fn write(&self, charset: Charset, out: &mut [u8]) -> Written {
-        let header = |writer: &mut Writer<'_>| {
-            writer.value(&self.name);
-            self.header.iter().for_each(|value| writer.value(&value));
-        };
-        Frame::encode(out, charset, header, |writer| {
-            self.fields.iter().for_each(|value| writer.value(&value))
-        })
-    }
-
-    /// Appends the message to a growing buffer.
-    ///
-    /// # Errors
-    /// See [`EncodeError`]; the buffer is as it was then.
+    /// The buffer cannot grow as far; it is as it was then.
     #[cfg(feature = "bytes")]
-    pub fn append_to(&self, charset: Charset, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut wire = [0; Self::MAX_LEN];
-        let length = self.encode(charset, &mut wire)?;
+        let length = robot_session::Encode::encode(self, &mut wire)?;
         if length > out.remaining_mut() {
             return Err(EncodeError::BufferTooSmall { needed: length, available: out.remaining_mut() });
         }
@@ -115,18 +88,15 @@ impl<'a> Message<'a> {
     }
 }
 
-/// A message and the character set that it is to be written in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct InCharset<'a>(pub Message<'a>, pub Charset);
-
-impl robot_session::Encode for InCharset<'_> {
+/// Its length is written without blanks.
+impl robot_session::Encode for Message<'_> {
     type Error = EncodeError;
 
     fn encoded_len(&self) -> usize {
-        self.0.encoded_len()
+        self.write(&mut []).end()
     }
 
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        self.0.encode(self.1, out)
+        self.write(out).finish()
     }
 }

@@ -1,66 +1,126 @@
 //! Decimal numbers: text to number and back. A number with decimals is a count of the last one.
 
-/// Why a text is no number.
+use core::fmt;
+
+/// A number with a fixed count of decimals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Decimal {
+    /// In units of the last decimal.
+    pub units: i32,
+    /// How many decimals: 0 to 9.
+    pub places: u8,
+}
+
+impl Decimal {
+    /// The most decimals that a number can have.
+    pub const MAX_PLACES: u8 = 9;
+
+    /// The nearest number with this many decimals; halves are rounded away from zero. `None` of NaN and infinities, of what is beyond an
+    /// `i32` of units, and of more places than 9.
+    ///
+    /// ```
+    /// use kawasaki_msg::Decimal;
+    /// let degrees = Decimal::nearest(-12.3456, 3);
+    /// assert_eq!(degrees, Some(Decimal { units: -12_346, places: 3 }));
+    /// assert_eq!(Decimal::nearest(0.0 / 0.0, 3), None);
+    /// ```
+    pub fn nearest(value: f64, places: u8) -> Option<Self> {
+        if places > Self::MAX_PLACES {
+            return None;
+        }
+        let scaled = value * f64::from(10u32.pow(u32::from(places)));
+        let units = scaled + 0.5_f64.copysign(scaled);
+        let fits = units > f64::from(i32::MIN) - 1.0 && units < f64::from(i32::MAX) + 1.0;
+        #[expect(clippy::cast_possible_truncation, reason = "it fits, without what is after the point")]
+        fits.then_some(Self { units: units as i32, places })
+    }
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let places = usize::from(self.places.min(Self::MAX_PLACES));
+        let one = 10u32.pow(u32::from(self.places.min(Self::MAX_PLACES)));
+        let units = self.units.unsigned_abs();
+        let sign = if self.units < 0 { "-" } else { "" };
+        match places {
+            0 => write!(f, "{}", self.units),
+            _ => write!(f, "{sign}{}.{:0places$}", units / one, units % one),
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Decimal {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.places == 0 { serializer.serialize_i32(self.units) } else { serializer.collect_str(self) }
+    }
+}
+
+/// Why there is no number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
+    /// There is no text.
+    Missing,
     /// It is anything else, or does not fit.
     NotANumber,
     /// It would have to be rounded.
     TooPrecise,
 }
 
-/// A number of up to this many decimals, with the blanks around it left out.
+/// The number that a text begins with, and what is after it, if it is digits alone: at most nine, with none or all of the decimals.
+#[inline(always)]
+pub(crate) fn plain(text: &[u8], places: u8) -> Option<(i32, &[u8])> {
+    let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |rest| (true, rest));
+    let (mut units, mut rest) = digits(text, 0);
+    let mut length = text.len() - rest.len();
+    if places > 0 {
+        let [b'.', decimals @ ..] = rest else { return None };
+        (units, rest) = digits(decimals, units);
+        if decimals.len() - rest.len() != usize::from(places) {
+            return None;
+        }
+        length += usize::from(places);
+    }
+    let number = if negative { 0i32.wrapping_sub_unsigned(units) } else { 0i32.wrapping_add_unsigned(units) };
+    (1..=9).contains(&length).then_some((number, rest))
+}
+
+/// A number with the digits that a text begins with appended, and what is after them. It wraps: the caller counts the digits.
+#[inline(always)]
+fn digits(mut text: &[u8], mut number: u32) -> (u32, &[u8]) {
+    while let [byte, rest @ ..] = text
+        && let digit @ 0..=9 = byte.wrapping_sub(b'0')
+    {
+        number = number.wrapping_mul(10).wrapping_add(u32::from(digit));
+        text = rest;
+    }
+    (number, text)
+}
+
+/// A number of up to this many decimals in any form, with the blanks around it left out.
 ///
 /// No sign but `-`: AS's `VAL` knows more, but nothing in the source sends more.
 pub(crate) fn parse(text: &[u8], places: u8) -> Result<i32, Fault> {
-    match read(text, places) {
-        (number, []) => number,
-        _ => Err(Fault::NotANumber),
-    }
-}
-
-/// The number that a text begins with, with the blanks around it, and what is after it.
-#[inline(always)] // most are whole: the decimals are no code there
-pub(crate) fn read(text: &[u8], places: u8) -> (Result<i32, Fault>, &[u8]) {
-    let text = text.trim_ascii_start();
+    let text = text.trim_ascii();
     let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |rest| (true, rest));
-    let (mut units, mut rest) = append(0, text);
-    let (mut digits, mut lost) = (text.len() - rest.len(), 0);
-    if places > 0 {
-        let mut kept = 0;
-        if let [b'.', decimals @ ..] = rest {
-            let (place, others) = decimals.split_at(decimals.len().min(usize::from(places)));
-            let after;
-            (units, after) = append(units, place);
-            kept = place.len() - after.len();
-            rest = decimals.get(kept..).unwrap_or_default();
-            if after.is_empty() {
-                (lost, rest) = append(0, others);
-            }
-            digits += kept;
-        }
-        units = (kept..usize::from(places)).fold(units, |units, _| append(units, b"0").0);
+    let point = text.iter().position(|byte| places > 0 && *byte == b'.');
+    let (whole, decimals) = text.split_at(point.unwrap_or(text.len()));
+    let decimals = decimals.get(1..).unwrap_or_default();
+    let (decimals, lost) = decimals.split_at(decimals.len().min(places.into()));
+    let digits = || whole.iter().chain(decimals);
+    if digits().next().is_none() || !digits().chain(lost).all(u8::is_ascii_digit) {
+        return Err(Fault::NotANumber);
     }
-    let number = if negative { 0i32.checked_sub_unsigned(units) } else { i32::try_from(units).ok() };
-    let number = match number {
-        _ if digits == 0 => Err(Fault::NotANumber),
-        _ if lost != 0 => Err(Fault::TooPrecise),
-        number => number.ok_or(Fault::NotANumber),
-    };
-    (number, rest.trim_ascii_start())
-}
-
-/// A number and more digits of it, and what is after them; [`u32::MAX`] stands for all that is greater.
-#[inline(always)] // where there is one digit, or none
-fn append(mut number: u32, text: &[u8]) -> (u32, &[u8]) {
-    let mut length = 0;
-    while let Some(byte) = text.get(length)
-        && let digit @ 0..=9 = byte.wrapping_sub(b'0')
-    {
-        number = if number < u32::MAX / 10 { 10 * number + u32::from(digit) } else { u32::MAX };
-        length += 1;
+    if lost.iter().any(|digit| *digit != b'0') {
+        return Err(Fault::TooPrecise);
     }
-    (number, text.get(length..).unwrap_or_default())
+    // Below zero, where there is one number more.
+    let zeros = core::iter::repeat_n(&b'0', usize::from(places) - decimals.len());
+    let units = digits()
+        .chain(zeros)
+        .try_fold(0i32, |units, digit| units.checked_mul(10)?.checked_sub(i32::from(digit - b'0')));
+    units.and_then(|units| if negative { Some(units) } else { units.checked_neg() }).ok_or(Fault::NotANumber)
 }
 
 /// How many bytes a number is.
@@ -78,12 +138,12 @@ pub(crate) fn write(number: i32, places: u8, place: &mut [u8]) {
     let (mut rest, mut whole) = (number.unsigned_abs(), place);
     if places > 0 {
         let (before, decimals) = whole.split_at_mut(whole.len().saturating_sub(usize::from(places)));
-        rest = digits(rest, decimals);
+        rest = fill(rest, decimals);
         let Some((point, before)) = before.split_last_mut() else { return };
         *point = b'.';
         whole = before;
     }
-    digits(rest, whole);
+    fill(rest, whole);
     if number < 0
         && let Some(sign) = whole.first_mut()
     {
@@ -94,43 +154,13 @@ pub(crate) fn write(number: i32, places: u8, place: &mut [u8]) {
 
 /// Fills a place with the last digits of a number, and gives those before them.
 #[inline]
-fn digits(mut number: u32, place: &mut [u8]) -> u32 {
+fn fill(mut number: u32, place: &mut [u8]) -> u32 {
     for byte in place.iter_mut().rev() {
         // A digit is below 10.
         *byte = b'0' + u8::try_from(number % 10).unwrap_or(0);
         number /= 10;
     }
     number
-}
-
-/// The text of a whole number.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Text {
-    bytes: [u8; "-2147483648".len()],
-    length: usize,
-}
-
-impl Text {
-    pub(crate) fn new(number: i32) -> Self {
-        let mut text = Self { bytes: [0; _], length: len(number, 0) };
-        if let Some(place) = text.bytes.get_mut(..text.length) {
-            write(number, 0, place);
-        }
-        text
-    }
-
-    pub(crate) fn as_bytes(&self) -> &[u8] {
-        self.bytes.get(..self.length).unwrap_or_default()
-    }
-}
-
-impl IntoIterator for Text {
-    type Item = u8;
-    type IntoIter = core::iter::Take<core::array::IntoIter<u8, { "-2147483648".len() }>>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.bytes.into_iter().take(self.length)
-    }
 }
 
 #[cfg(test)]
@@ -192,16 +222,39 @@ mod tests {
     fn a_text_is_the_number() {
         let every = (0..100_000_000).step_by(99_991).chain(0..20_000);
         let ends = (1..10).map(|digits| 10i32.pow(digits)).flat_map(|end| [end - 1, end]);
-        for number in every.chain(ends).chain([i32::MAX, i32::MIN]).flat_map(|n| [n, n.wrapping_neg()]) {
-            assert_eq!(Text::new(number).as_bytes(), number.to_string().as_bytes());
-        }
-        for (number, places, text) in
-            [(0, 1, "0.0"), (5, 3, "0.005"), (-1500, 3, "-1.500"), (i32::MIN, 9, "-2.147483648")]
-        {
+        let text = |number, places| {
             let mut place = [0; 16];
             let length = len(number, places);
             write(number, places, &mut place[..length]);
-            assert_eq!(&place[..length], text.as_bytes());
+            place[..length].to_vec()
+        };
+        for number in every.chain(ends).chain([i32::MAX, i32::MIN]).flat_map(|n| [n, n.wrapping_neg()]) {
+            assert_eq!(text(number, 0), number.to_string().as_bytes());
         }
+        for (number, places, expected) in
+            [(0, 1, "0.0"), (5, 3, "0.005"), (-1500, 3, "-1.500"), (i32::MIN, 9, "-2.147483648")]
+        {
+            assert_eq!(text(number, places), expected.as_bytes());
+        }
+    }
+
+    fn units(value: f64, places: u8) -> Option<i32> {
+        Decimal::nearest(value, places).map(|decimal| decimal.units)
+    }
+
+    #[test]
+    fn a_float_becomes_the_nearest_decimal_or_none() {
+        assert_eq!(units(1.5, 0), Some(2));
+        assert_eq!(units(-1.5, 0), Some(-2));
+        assert_eq!(units(-0.0004, 3), Some(0));
+        assert_eq!(units(2_147_483.647, 3), Some(i32::MAX));
+        assert_eq!(units(2_147_483_647.4, 0), Some(i32::MAX));
+        assert_eq!(units(2_147_483_647.5, 0), None);
+        assert_eq!(units(-2_147_483_648.4, 0), Some(i32::MIN));
+        assert_eq!(units(-2_147_483_648.5, 0), None);
+        assert_eq!(units(1e300, 9), None);
+        assert_eq!(units(f64::NAN, 3), None);
+        assert_eq!(units(f64::NEG_INFINITY, 3), None);
+        assert_eq!(units(1.0, 10), None);
     }
 }

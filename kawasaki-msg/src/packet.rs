@@ -1,12 +1,12 @@
 //! Many messages in one packet, within both limits of the controller.
 
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, EncodeError};
 use crate::job::{Job, Work};
 use crate::message::Message;
 use crate::number;
+use crate::params::Params;
 use crate::role::{Field, Role};
-use crate::value::Charset;
 
 /// The two limits of a packet. They are separate: a packet is an array of strings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -95,56 +95,56 @@ pub enum Room {
 /// packets can reach 4334 of 4096 bytes (thesis, figure 3).
 ///
 /// ```
-/// use kawasaki_msg::{Charset, Limits, Message, Packet, Room};
+/// use kawasaki_msg::{Dialect, Limits, Packet, Params, Role, Room};
 ///
 /// let mut buffer = [0; 4096];
-/// let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
-/// while packet.push(&Message::new("Huuhaa", &[]))? == Room::Added {}
+/// let mut packet = Packet::new(&mut buffer, Limits::TCP, Dialect::DEFAULT);
+/// while packet.push(Role::Filler, &Params::default())? == Room::Added {}
 /// assert_eq!(packet.as_bytes().len(), 341 * "<Huuhaa$0##>".len());
 /// assert_eq!(packet.elements().map(<[u8]>::len).max(), Some(255));
 /// # Ok::<(), kawasaki_msg::EncodeError>(())
 /// ```
 #[derive(Debug)]
-pub struct Packet<'b> {
-    buffer: &'b mut [u8],
+pub struct Packet<'a> {
+    buffer: &'a mut [u8],
     length: usize,
     limits: Limits,
-    charset: Charset,
+    dialect: Dialect<'a>,
 }
 
-impl<'b> Packet<'b> {
-    /// An empty packet. A buffer shorter than `limits.packet` is a lower limit.
-    pub fn new(buffer: &'b mut [u8], limits: Limits, charset: Charset) -> Self {
+impl<'a> Packet<'a> {
+    /// An empty packet of messages of this table. A buffer shorter than `limits.packet` is a lower limit.
+    pub fn new(buffer: &'a mut [u8], limits: Limits, dialect: Dialect<'a>) -> Self {
         let limit = limits.packet.min(buffer.len());
-        Self { buffer: buffer.get_mut(..limit).unwrap_or_default(), length: 0, limits, charset }
+        Self { buffer: buffer.get_mut(..limit).unwrap_or_default(), length: 0, limits, dialect }
     }
 
-    /// Appends a message if there is room for all of it.
+    /// Appends a message if there is space for all of it; a role that the table lacks adds nothing.
     ///
     /// # Errors
-    /// When no packet could ever hold the message, or it cannot be written at all; the packet is as it was.
-    pub fn push(&mut self, message: &Message<'_>) -> Result<Room, EncodeError> {
-        let Some(free) = self.buffer.get_mut(self.length..) else { return Ok(Room::Full) };
-        let written = message.encode(self.charset, free);
+    /// When no packet could ever hold the message; the packet is as it was.
+    pub fn push(&mut self, role: Role, params: &Params) -> Result<Room, EncodeError> {
+        if self.dialect.entry(role).is_none() {
+            return Ok(Room::Added);
+        }
+        let free = self.buffer.get_mut(self.length..).unwrap_or_default();
+        let written = self.dialect.write(role, params, free);
         self.append(written)
     }
 
-    /// Appends a job if there is room for all of it.
+    /// Appends a job if there is space for all of it.
     ///
     /// # Errors
     /// As [`push`](Self::push), and when a field of the job does not fit.
-    pub fn push_job<W: Work>(
-        &mut self,
-        dialect: &Dialect<'_>,
-        job: &Job<W>,
-        ranges: &W::Ranges,
-    ) -> Result<Room, EncodeError> {
-        let Some(free) = self.buffer.get_mut(self.length..) else { return Ok(Room::Full) };
-        let written = dialect.write_job(job, ranges, free);
+    #[inline]
+    pub fn push_job<W: Work>(&mut self, job: &Job<W>, ranges: &W::Ranges) -> Result<Room, EncodeError> {
+        let free = self.buffer.get_mut(self.length..).unwrap_or_default();
+        let written = self.dialect.write_job(job, ranges, free);
         self.append(written)
     }
 
-    /// What was written into the free part belongs to the packet.
+    /// Adds the bytes that were written into the free part.
+    #[inline]
     fn append(&mut self, written: Result<usize, EncodeError>) -> Result<Room, EncodeError> {
         let limit = self.buffer.len();
         match written {
@@ -158,17 +158,6 @@ impl<'b> Packet<'b> {
             }
             Err(error) => Err(error),
         }
-    }
-
-    /// Appends a message of a table, with these values: whether it is in the packet. One that no packet could hold is refused when
-    /// a session is made; nothing is written for a role that the table lacks.
-    pub(crate) fn write(&mut self, dialect: &Dialect<'_>, role: Role, params: &Params) -> bool {
-        if dialect.entry(role).is_none() {
-            return true;
-        }
-        let Some(free) = self.buffer.get_mut(self.length..) else { return false };
-        let written = dialect.write(role, params, free);
-        matches!(self.append(written), Ok(Room::Added))
     }
 
     /// The bytes of the packet so far.

@@ -60,39 +60,34 @@ pub enum Field<'a> {
     Unused,
 }
 
+/// What a field that the sessions use is: where a message stores it, and which values it has.
+#[derive(Debug)]
+pub(crate) struct Row {
+    /// The index among the values of a message.
+    pub(crate) index: usize,
+    /// The least value and the greatest.
+    pub(crate) range: (i32, i32),
+    /// It may be empty, for none.
+    pub(crate) may_be_empty: bool,
+}
+
 impl Field<'_> {
     pub(crate) const VALUES: usize = 7;
 
-    /// Its place among those that the sessions use.
-    pub(crate) const fn index(self) -> Option<usize> {
-        match self {
-            Field::Order => Some(0),
-            Field::Ended => Some(1),
-            Field::Phase => Some(2),
-            Field::Number => Some(3),
-            Field::Queued => Some(4),
-            Field::Executed => Some(5),
-            Field::Value => Some(6),
-            Field::Work | Field::Constant(_) | Field::Unused => None,
-        }
-    }
-
-    /// The least and the greatest value.
-    pub(crate) const fn range(self) -> (i32, i32) {
-        match self {
-            Field::Order | Field::Ended => (0, u16::MAX as i32),
-            Field::Phase => (0, u8::MAX as i32),
-            Field::Number | Field::Queued | Field::Executed => (1, 9999),
-            Field::Value | Field::Work | Field::Constant(_) | Field::Unused => (i32::MIN, i32::MAX),
-        }
-    }
-
-    /// Whether a message may hold nothing where this is its only field.
-    pub(crate) const fn may_be_absent(self) -> bool {
-        self.may_be_empty() || matches!(self, Field::Unused)
-    }
-
-    pub(crate) const fn may_be_empty(self) -> bool {
-        matches!(self, Field::Ended | Field::Queued | Field::Executed)
+    /// The row of a field; `None` of one that the sessions do not use.
+    #[inline]
+    pub(crate) const fn row(&self) -> Option<&'static Row> {
+        const ORDERS: (i32, i32) = (0, u16::MAX as i32);
+        const JOBS: (i32, i32) = (1, 9999);
+        Some(match self {
+            Field::Order => &Row { index: 0, range: ORDERS, may_be_empty: false },
+            Field::Ended => &Row { index: 1, range: ORDERS, may_be_empty: true },
+            Field::Phase => &Row { index: 2, range: (0, u8::MAX as i32), may_be_empty: false },
+            Field::Number => &Row { index: 3, range: JOBS, may_be_empty: false },
+            Field::Queued => &Row { index: 4, range: JOBS, may_be_empty: true },
+            Field::Executed => &Row { index: 5, range: JOBS, may_be_empty: true },
+            Field::Value => &Row { index: 6, range: (i32::MIN, i32::MAX), may_be_empty: false },
+            Field::Work | Field::Constant(_) | Field::Unused => return None,
+        })
     }
 }

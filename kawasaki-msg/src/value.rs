@@ -1,4 +1,4 @@
-//! The values between two `$`: text on the wire, numbers and text in the program.
+//! The values of a message as they stand on the wire: marks, character sets, and a cursor over the values.
 
 use core::fmt;
 
@@ -25,30 +25,46 @@ pub(crate) const fn is_mark(byte: u8) -> bool {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[repr(u8)] // the last character
 pub enum Charset {
     /// Bytes 0 to 127; a byte above is an error in both directions.
     #[default]
-    Ascii,
+    Ascii = 0x7F,
     /// ISO 8859-1: every byte is the character of that number.
-    Latin1,
+    Latin1 = 0xFF,
 }
 
 impl Charset {
     /// Whether a byte from the wire is a character of this set.
     pub const fn has(self, byte: u8) -> bool {
-        matches!(self, Charset::Latin1) || byte.is_ascii()
+        byte <= self as u8
     }
 
-    /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or no character.
-    #[inline]
+    /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or not a character of this set.
+    #[inline(always)]
     pub(crate) const fn ends_text(self, byte: u8) -> bool {
-        matches!(byte, START | END | DATA) || !self.has(byte)
+        (byte == START) | (byte == END) | (byte == DATA) | (byte > self as u8)
     }
 
-    /// Where text ends: at the first byte that [ends it](Self::ends_text).
+    /// Whether this byte may end a text: it is not a letter, but it may be a digit or a blank.
+    #[inline(always)]
+    pub(crate) const fn ends_letters(self, byte: u8) -> bool {
+        byte <= END || byte > self as u8
+    }
+
+    /// The offset of the first byte that [ends a text](Self::ends_text).
     #[inline]
     pub(crate) fn text_end(self, bytes: &[u8]) -> Option<usize> {
         bytes.iter().position(|byte| self.ends_text(*byte))
+    }
+
+    /// Whether no byte ends the text: of a long one without a branch for each.
+    #[inline(always)]
+    pub(crate) fn is_text(self, bytes: &[u8]) -> bool {
+        if bytes.len() < 16 {
+            return self.text_end(bytes).is_none();
+        }
+        !bytes.iter().fold(false, |ends, byte| ends | self.ends_text(*byte))
     }
 
     /// The byte that a character is on the wire.
@@ -61,86 +77,31 @@ impl Charset {
     }
 }
 
-/// One name or one field. Two values are equal when their characters are.
-#[derive(Clone, Copy)]
-pub enum Value<'a> {
-    /// A whole number, written without blanks.
-    Number(i32),
-    /// Text to send.
-    Text(&'a str),
-    /// Text as it stood on the wire, a byte a character.
-    Wire(&'a [u8]),
-}
+/// One name, or one field: a byte is the character of that number (ISO 8859-1).
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Value<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Value<'a> {
-    /// The whole number in this value, blanks around it left out: AS programs print them. `None` when it is anything else
-    /// or does not fit.
-    pub fn number(&self) -> Option<i32> {
-        match *self {
-            Value::Number(n) => Some(n),
-            Value::Text(text) => number::parse(text.as_bytes(), 0).ok(),
-            Value::Wire(bytes) => number::parse(bytes, 0).ok(),
-        }
-    }
-
-    /// The number of up to this many decimals in this value, in units of the last one.
-    pub(crate) fn decimal(&self, places: u8) -> Result<i32, number::Fault> {
-        match *self {
-            Value::Number(n) => number::parse(number::Text::new(n).as_bytes(), places),
-            Value::Text(text) => number::parse(text.as_bytes(), places),
-            Value::Wire(bytes) => number::parse(bytes, places),
-        }
-    }
-
-    /// Whether there is no character.
-    pub fn is_empty(&self) -> bool {
-        matches!(self, Value::Text("") | Value::Wire([]))
+    /// The bytes on the wire.
+    pub const fn as_bytes(&self) -> &'a [u8] {
+        self.0
     }
 
     /// The characters.
     pub fn chars(&self) -> impl Iterator<Item = char> + use<'a> {
-        let (number, text, wire) = match *self {
-            Value::Number(n) => (Some(number::Text::new(n)), "", &[][..]),
-            Value::Text(text) => (None, text, &[][..]),
-            Value::Wire(bytes) => (None, "", bytes),
-        };
-        let digits = number.into_iter().flatten().map(char::from);
-        digits.chain(text.chars()).chain(wire.iter().map(|b| char::from(*b)))
+        self.0.iter().map(|byte| char::from(*byte))
     }
 }
-
-impl PartialEq for Value<'_> {
-    fn eq(&self, other: &Self) -> bool {
-        self.chars().eq(other.chars())
-    }
-}
-
-impl Eq for Value<'_> {}
 
 impl PartialEq<str> for Value<'_> {
     fn eq(&self, other: &str) -> bool {
-        match self {
-            Value::Wire(bytes) => bytes.iter().map(|byte| char::from(*byte)).eq(other.chars()),
-            value => value.chars().eq(other.chars()),
-        }
+        self.chars().eq(other.chars())
     }
 }
 
 impl PartialEq<&str> for Value<'_> {
     fn eq(&self, other: &&str) -> bool {
         *self == **other
-    }
-}
-
-impl From<i32> for Value<'_> {
-    fn from(number: i32) -> Self {
-        Value::Number(number)
-    }
-}
-
-impl<'a> From<&'a str> for Value<'a> {
-    fn from(text: &'a str) -> Self {
-        Value::Text(text)
     }
 }
 
@@ -163,108 +124,103 @@ impl defmt::Format for Value<'_> {
     }
 }
 
-/// The values of a header or of a data part, in order: as they stood on the wire, or as the program lists them.
-#[derive(Clone, Copy)]
-pub enum Values<'a> {
-    /// Joined by `$`, as they stood on the wire: no byte is one empty value.
-    Wire(&'a [u8]),
-    /// As the program lists them.
-    List(&'a [Value<'a>]),
+#[cfg(feature = "serde")]
+impl serde::Serialize for Value<'_> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match core::str::from_utf8(self.0) {
+            // A whole text costs a tenth of one that goes character by character.
+            Ok(text) if text.is_ascii() => serializer.serialize_str(text),
+            _ => serializer.collect_str(self),
+        }
+    }
 }
+
+/// The values of a header or of a data part, in sequence: a cursor over the bytes, which have a mark after each value.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Values<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Values<'a> {
-    /// No value at all.
-    pub const NONE: Self = Values::List(&[]);
+    /// No value.
+    pub(crate) const NONE: Self = Self(&[]);
 
-    /// The values in order.
+    /// The values in sequence.
     pub fn iter(&self) -> impl Iterator<Item = Value<'a>> + use<'a> {
-        Left(*self)
+        let mut rest = *self;
+        core::iter::from_fn(move || rest.text())
     }
 
-    /// Those before the last `count` ones, and these; `None` where there are fewer.
-    pub(crate) fn split(self, count: usize) -> Option<(Self, Self)> {
-        let wire = match self {
-            Values::Wire(wire) if count > 0 => wire,
-            Values::Wire(_) => return Some((self, Self::NONE)),
-            Values::List(list) => {
-                let (before, last) = list.split_at(list.len().checked_sub(count)?);
-                return Some((Values::List(before), Values::List(last)));
-            }
-        };
-        let mut before = Some(wire);
-        for _ in 0..count {
-            let rest = before?;
-            let mark = rest.iter().rposition(|byte| *byte == SEPARATOR);
-            before = mark.and_then(|mark| rest.get(..mark));
-        }
-        let last = wire.get(before.map_or(0, |before| before.len() + 1)..)?;
-        Some((before.map_or(Self::NONE, Values::Wire), Values::Wire(last)))
-    }
-
-    /// How many values there are.
+    /// The number of values.
     pub fn count(&self) -> usize {
-        match *self {
-            Values::Wire(bytes) => 1 + bytes.iter().filter(|byte| **byte == SEPARATOR).count(),
-            Values::List(list) => list.len(),
-        }
+        self.0.iter().filter(|byte| is_end(**byte)).count()
     }
 
-    /// The value at a place, counted from 0.
-    pub fn get(&self, index: usize) -> Option<Value<'a>> {
-        self.iter().nth(index)
+    /// The number of bytes, a mark for each value counted.
+    pub(crate) const fn len(&self) -> usize {
+        self.0.len()
     }
-}
 
-/// The values that are left.
-#[derive(Clone, Copy)]
-pub(crate) struct Left<'a>(pub(crate) Values<'a>);
-
-impl Left<'_> {
-    /// The next value as a number of up to this many decimals: it ends where its digits do.
+    /// Whether there is no value.
     #[inline(always)]
-    pub(crate) fn decimal(&mut self, places: u8) -> Option<Result<i32, number::Fault>> {
-        if let Values::Wire(wire) = self.0 {
-            let (number, rest) = number::read(wire, places);
-            let left = match rest {
-                [] => Some(Values::NONE),
-                [SEPARATOR, rest @ ..] => Some(Values::Wire(rest)),
-                _ => None,
-            };
-            if let Some(left) = left {
-                self.0 = left;
-                return Some(number);
-            }
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The values before the last `count` ones, and these; `None` if there are fewer.
+    #[cold]
+    pub(crate) fn split(self, count: usize) -> Option<(Self, Self)> {
+        let first = self.count().checked_sub(count)?;
+        let mut last = self;
+        for _ in 0..first {
+            last.text()?;
         }
-        self.next().map(|value| value.decimal(places))
+        let (first, last) = self.0.split_at_checked(self.len() - last.len())?;
+        Some((Self(first), Self(last)))
     }
-}
 
-impl<'a> Iterator for Left<'a> {
-    type Item = Value<'a>;
-
+    /// Removes and returns the next value.
     #[inline]
-    fn next(&mut self) -> Option<Value<'a>> {
-        let wire = match self.0 {
-            Values::Wire(wire) => wire,
-            Values::List([first, rest @ ..]) => {
-                self.0 = Values::List(rest);
-                return Some(*first);
-            }
-            Values::List([]) => return None,
-        };
-        let end = wire.iter().position(|byte| *byte == SEPARATOR);
-        self.0 = end.and_then(|end| wire.get(end + 1..)).map_or(Values::NONE, Values::Wire);
-        wire.get(..end.unwrap_or(wire.len())).map(Value::Wire)
+    pub(crate) fn text(&mut self) -> Option<Value<'a>> {
+        let end = self.0.iter().position(|byte| is_end(*byte))?;
+        let text = self.0.get(..end)?;
+        self.0 = self.0.get(end + 1..)?;
+        Some(Value(text))
+    }
+
+    /// Removes the next value if it is empty; returns whether it was.
+    #[inline(always)]
+    pub(crate) fn skip_empty(&mut self) -> bool {
+        let [first, rest @ ..] = self.0 else { return false };
+        let is_empty = is_end(*first);
+        if is_empty {
+            self.0 = rest;
+        }
+        is_empty
+    }
+
+    /// Removes the next value, and returns it as a number of up to this many decimals, in units of the last one.
+    #[inline(always)]
+    pub(crate) fn number(&mut self, places: u8) -> Result<i32, number::Fault> {
+        if let Some((units, [SEPARATOR | DATA, rest @ ..])) = number::plain(self.0, places) {
+            self.0 = rest;
+            Ok(units)
+        } else {
+            self.other_number(places)
+        }
+    }
+
+    /// A number in another form, or a value that is not a number.
+    #[cold]
+    #[inline(never)]
+    fn other_number(&mut self, places: u8) -> Result<i32, number::Fault> {
+        self.text().map_or(Err(number::Fault::Missing), |value| number::parse(value.0, places))
     }
 }
 
-impl PartialEq for Values<'_> {
-    fn eq(&self, other: &Self) -> bool {
-        self.iter().eq(other.iter())
-    }
+/// Whether this mark ends a value.
+#[inline(always)]
+const fn is_end(byte: u8) -> bool {
+    matches!(byte, SEPARATOR | DATA)
 }
-
-impl Eq for Values<'_> {}
 
 impl fmt::Debug for Values<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -287,28 +243,8 @@ impl defmt::Format for Values<'_> {
 }
 
 #[cfg(feature = "serde")]
-impl serde::Serialize for Value<'_> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match *self {
-            Value::Text(text) => serializer.serialize_str(text),
-            Value::Wire(bytes) => match core::str::from_utf8(bytes) {
-                // A whole text costs a tenth of one that goes character by character.
-                Ok(text) if text.is_ascii() => serializer.serialize_str(text),
-                _ => serializer.collect_str(self),
-            },
-            Value::Number(_) => serializer.collect_str(self),
-        }
-    }
-}
-
-#[cfg(feature = "serde")]
 impl serde::Serialize for Values<'_> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match *self {
-            Values::Wire(bytes) => {
-                serializer.collect_seq(bytes.split(|byte| *byte == SEPARATOR).map(Value::Wire))
-            }
-            Values::List(list) => serializer.collect_seq(list),
-        }
+        serializer.collect_seq(self.iter())
     }
 }

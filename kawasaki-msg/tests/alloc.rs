@@ -11,8 +11,8 @@ use std::alloc::System;
 use kawasaki_msg::motion::boxed;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Bounds, Charset, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig,
-    Room, Supply,
+    Bounds, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, Room,
+    Supply,
 };
 
 struct Counting;
@@ -64,10 +64,10 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
         robot.handle_connected(Duration::ZERO);
         robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
         robot.poll_transmit(Duration::ZERO, &mut buffer).unwrap();
-        let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
+        let mut packet = Packet::new(&mut buffer, Limits::TCP, Dialect::DEFAULT);
         for number in 1.. {
             let job = Job { order: 50, number, work: line(u32::from(number)) };
-            match packet.push_job(&Dialect::DEFAULT, &job, &Bounds::WIDEST) {
+            match packet.push_job(&job, &Bounds::WIDEST) {
                 Ok(Room::Added) => queued += 1,
                 _ => break,
             }

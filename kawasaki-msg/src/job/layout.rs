@@ -3,9 +3,9 @@
 use core::ops::RangeInclusive;
 
 use super::Text;
-use super::work::{Decimal, Fields, Unfit, Work};
+use super::work::{Fields, Unfit, Work};
 use crate::error::{ConfigError, FieldError, Name};
-use crate::number;
+use crate::number::{self, Decimal};
 
 /// How many bytes the own fields of a message may have that is read, with the mark before each and two after them.
 pub(crate) const LONGEST: usize = 1024;

@@ -10,9 +10,9 @@ mod writer;
 pub use drawing::{Bounds, JobKind, Line, Point};
 pub use layout::{FieldLayout, FieldType, each_field};
 pub(crate) use layout::{LONGEST, check};
-pub(crate) use reader::read;
+pub(crate) use reader::{Unread, read};
 pub use text::Text;
-pub use work::{Decimal, Fields, Unfit, Work};
+pub use work::{Fields, Unfit, Work};
 pub(crate) use writer::write;
 
 /// What a queue holds: one job of an order.

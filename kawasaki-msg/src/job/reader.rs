@@ -2,34 +2,35 @@
 
 use core::ops::RangeInclusive;
 
-use super::work::{Decimal, Fields, Unfit, Work};
+use super::work::{Fields, Unfit, Work};
 use super::{Text, layout};
-use crate::error::{FieldError, FieldFault, MessageError, Name};
-use crate::number::Fault;
-use crate::value::{Charset, Left, START, Values, is_mark};
+use crate::error::{FieldError, FieldFault, Name};
+use crate::number::{Decimal, Fault};
+use crate::value::Values;
 
-/// The job in these values, which are all of its fields and nothing else.
-///
-/// # Errors
-/// The first field that does not fit, or that there are more values than fields.
-pub(crate) fn read<W: Work>(
-    values: Values<'_>,
-    ranges: &W::Ranges,
-    charset: Charset,
-) -> Result<W, MessageError> {
-    let mut reader = Reader { values: Left(values), charset, error: None };
-    let mut work = W::default();
+/// Why values are not a job.
+pub(crate) enum Unread {
+    /// The first field that does not fit.
+    Field(FieldError),
+    /// There are more values than this many fields.
+    Count(usize),
+}
+
+/// Reads a job from values that are all of its fields and nothing else.
+#[inline(always)]
+pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W) -> Result<(), Unread> {
+    let mut reader = Reader { values, error: None };
+    *work = W::default();
     match (work.fields(ranges, &mut reader), reader.error) {
-        (Err(Unfit(())), Some(error)) => Err(MessageError::Field(error)),
-        (Ok(()), _) if reader.values.next().is_none() => Ok(work),
-        _ => Err(MessageError::FieldCount { expected: layout::count::<W>(ranges), found: 0 }),
+        (Err(Unfit(())), Some(error)) => Err(Unread::Field(error)),
+        (Ok(()), _) if reader.values.is_empty() => Ok(()),
+        _ => Err(Unread::Count(layout::count::<W>(ranges))),
     }
 }
 
-/// Reads one field after the other, and keeps why one does not fit.
+/// Reads one field after the other, and stores why one does not fit.
 struct Reader<'v> {
-    values: Left<'v>,
-    charset: Charset,
+    values: Values<'v>,
     error: Option<FieldError>,
 }
 
@@ -43,22 +44,13 @@ impl Fields for Reader<'_> {
         range: RangeInclusive<i32>,
     ) -> Result<(), Unfit> {
         let (min, max) = range.into_inner();
-        let decimal = |units| Decimal { units, places };
-        let Some(number) = self.values.decimal(places) else {
-            return Err(self.unfit(name, FieldFault::Missing));
-        };
-        let fault = match number {
+        match self.values.number(places) {
             Ok(units) if min <= units && units <= max => {
                 *value = units;
-                return Ok(());
+                Ok(())
             }
-            Ok(units) => {
-                FieldFault::OutOfRange { found: decimal(units), min: decimal(min), max: decimal(max) }
-            }
-            Err(Fault::NotANumber) => FieldFault::NotANumber { min: decimal(min), max: decimal(max) },
-            Err(Fault::TooPrecise) => FieldFault::TooPrecise { places },
-        };
-        Err(self.unfit(name, fault))
+            number => Err(self.wrong_number(name, number, places, min, max)),
+        }
     }
 
     fn text<const N: usize>(
@@ -68,23 +60,12 @@ impl Fields for Reader<'_> {
         length: RangeInclusive<usize>,
     ) -> Result<(), Unfit> {
         let (min, max) = (*length.start(), N.min(*length.end()));
-        let Some(field) = self.values.next() else { return Err(self.unfit(name, FieldFault::Missing)) };
-        let (mut text, mut found, mut fits) = (Text::EMPTY, 0, true);
-        for c in field.chars() {
-            let byte = u8::try_from(c).unwrap_or(START);
-            if is_mark(byte) {
-                return Err(self.unfit(name, FieldFault::Reserved { found: byte }));
-            }
-            if !self.charset.has(byte) {
-                return Err(self.unfit(name, FieldFault::Character { found: c }));
-            }
-            fits &= text.push(byte).is_some();
-            found += 1;
+        let Some(field) = self.values.text() else { return Err(self.misfit(name, FieldFault::Missing)) };
+        let found = field.as_bytes().len();
+        match Text::of(field.as_bytes()).filter(|_| min <= found && found <= max) {
+            Some(text) => *value = text,
+            None => return Err(self.misfit(name, FieldFault::Length { found, min, max })),
         }
-        if !fits || !(min..=max).contains(&found) {
-            return Err(self.unfit(name, FieldFault::Length { found, min, max }));
-        }
-        *value = text;
         Ok(())
     }
 
@@ -96,8 +77,27 @@ impl Fields for Reader<'_> {
 
 impl Reader<'_> {
     #[cold]
-    fn unfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
-        self.error = Some(FieldError { field: Name::of(name), fault });
-        Unfit(())
+    #[inline(never)]
+    fn wrong_number(
+        &mut self,
+        name: &str,
+        number: Result<i32, Fault>,
+        places: u8,
+        min: i32,
+        max: i32,
+    ) -> Unfit {
+        let [min, max] = [min, max].map(|units| Decimal { units, places });
+        let fault = match number {
+            Ok(units) => FieldFault::OutOfRange { found: Decimal { units, places }, min, max },
+            Err(Fault::Missing) => FieldFault::Missing,
+            Err(Fault::NotANumber) => FieldFault::NotANumber { min, max },
+            Err(Fault::TooPrecise) => FieldFault::TooPrecise { places },
+        };
+        self.misfit(name, fault)
+    }
+
+    #[cold]
+    fn misfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
+        self.refuse(FieldError { field: Name::of(name), fault })
     }
 }

@@ -19,7 +19,9 @@ impl<const N: usize> Text<N> {
     pub fn new(text: &str) -> Option<Self> {
         let mut new = Self::EMPTY;
         for c in text.chars() {
-            new.push(u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?)?;
+            *new.bytes.get_mut(usize::from(new.length))? =
+                u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?;
+            new.length = new.length.checked_add(1)?;
         }
         Some(new)
     }
@@ -39,12 +41,12 @@ impl<const N: usize> Text<N> {
         self.length == 0
     }
 
-    /// Appends a character, if there is room.
-    pub(super) fn push(&mut self, byte: u8) -> Option<()> {
-        let length = self.length.checked_add(1)?;
-        *self.bytes.get_mut(usize::from(self.length))? = byte;
-        self.length = length;
-        Some(())
+    /// The text of these bytes; `None` if they are more than `N` or 255.
+    #[inline]
+    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+        let mut text = Self { bytes: [0; N], length: u8::try_from(bytes.len()).ok()? };
+        text.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(text)
     }
 }
 

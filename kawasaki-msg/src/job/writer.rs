@@ -3,11 +3,13 @@
 use core::ops::RangeInclusive;
 
 use super::Text;
-use super::work::{Decimal, Fields, Unfit, Work};
+use super::work::{Fields, Unfit, Work};
 use crate::error::{EncodeError, FieldError, FieldFault, Name};
-use crate::frame::Writer;
+use crate::number::Decimal;
+use crate::writer::Writer;
 
 /// Writes the fields; a job without any has an empty one.
+#[inline(always)]
 pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Writer<'_>) {
     let mut fields = Written { writer: &mut *writer, is_empty: true, error: None };
     let visited = work.fields(ranges, &mut fields);
@@ -16,7 +18,7 @@ pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Write
         let unnamed = FieldError { field: Name::of(""), fault: FieldFault::Missing };
         writer.refuse(EncodeError::Field(error.unwrap_or(unnamed)));
     } else if is_empty {
-        writer.field();
+        writer.empty();
     }
 }
 
@@ -27,6 +29,7 @@ struct Written<'w, 'o> {
 }
 
 impl Fields for Written<'_, '_> {
+    #[inline(always)] // places and range are known where a job names them
     fn decimal(
         &mut self,
         name: &str,
@@ -36,8 +39,7 @@ impl Fields for Written<'_, '_> {
     ) -> Result<(), Unfit> {
         let (min, max) = range.into_inner();
         if *value < min || max < *value {
-            let [found, min, max] = [*value, min, max].map(|units| Decimal { units, places });
-            return Err(self.unfit(name, FieldFault::OutOfRange { found, min, max }));
+            return Err(self.out_of_range(name, [*value, min, max].map(|units| Decimal { units, places })));
         }
         self.is_empty = false;
         self.writer.number(*value, places);
@@ -61,7 +63,7 @@ impl Fields for Written<'_, '_> {
             return Err(self.unfit(name, FieldFault::Character { found }));
         }
         self.is_empty = false;
-        self.writer.text(value.chars());
+        self.writer.wire(value.as_bytes());
         Ok(())
     }
 
@@ -73,8 +75,12 @@ impl Fields for Written<'_, '_> {
 
 impl Written<'_, '_> {
     #[cold]
+    fn out_of_range(&mut self, name: &str, [found, min, max]: [Decimal; 3]) -> Unfit {
+        self.unfit(name, FieldFault::OutOfRange { found, min, max })
+    }
+
+    #[cold]
     fn unfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
-        self.error = Some(FieldError { field: Name::of(name), fault });
-        Unfit(())
+        self.refuse(FieldError { field: Name::of(name), fault })
     }
 }

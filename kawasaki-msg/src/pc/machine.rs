@@ -8,9 +8,9 @@ pub use super::config::Config;
 use super::config::{Rule, Takeover};
 pub use super::state::{
     Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
-    Rejection, Reply, Report, Rest, Sent, Stage, Start,
+    Reaction, Rejection, Reply, Report, Rest, Sent, Stage, Start,
 };
-use crate::content::FromPc;
+use crate::content::{FromPc, FromRobot};
 use crate::phase::Phase;
 use crate::timing::LATEST_DATAGRAM;
 
@@ -18,13 +18,18 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     const END: &'static str = "pc";
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
-    type Action = Action;
+    type Action = Reaction;
     type Transmit = Answer;
     type Config = Config;
 
     /// # Errors
     /// There is no connection, or no order that this could be for, or too many commands wait.
-    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
+    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Reaction, Unexpected> {
+        let outcome = match input {
+            Input::Message(_) => Some(CommandOutcome::Transmitted),
+            Input::Connected | Input::Disconnected => Some(CommandOutcome::Unknown),
+            _ => None,
+        };
         let action = match input {
             Input::Connected => Some(self.on_connected(now, config)),
             Input::Disconnected => Some(self.on_disconnected()),
@@ -32,8 +37,7 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
                 self.on_timeout(now, config);
                 Some(Action::Nothing)
             }
-            Input::Received => self.on_received(now, config),
-            Input::Message(message) => self.is_connected().then(|| self.on_report(now, message, config)),
+            Input::Message(message) => self.on_message(now, message, config),
             Input::Corrupt => self.on_corrupt(config),
             Input::ReadEnd { whole } => self.on_read_end(now, whole, config),
             Input::Start { order } => self.on_start(order, config),
@@ -44,11 +48,12 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::End => self.on_end(),
             Input::Interrupt => self.on_interrupt(config),
             Input::Command => self.on_command(),
-            Input::Exhausted => self.on_exhausted(),
             Input::Sent(sent) => self.on_sent(now, sent, config),
             Input::Reported => self.on_reported(),
         };
-        action.ok_or_else(|| self.unexpected(&input))
+        let action = action.ok_or_else(|| self.unexpected(&input))?;
+        let commands = outcome.map(|outcome| (core::mem::take(&mut self.commands.in_flight), outcome));
+        Ok(Reaction { commands: commands.unwrap_or((0, CommandOutcome::Unknown)), action })
     }
 
     /// What has come since it was due is in it.
@@ -171,10 +176,10 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     fn on_connected(&mut self, now: Duration, config: &Config) -> Action {
-        let action = self.on_disconnected();
+        self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
         self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
-        action
+        Action::Nothing
     }
 
     fn on_disconnected(&mut self) -> Action {
@@ -182,14 +187,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         if let Order::Starting { start: start @ Start::Sent { .. }, .. } = &mut self.order {
             *start = Start::Lost;
         }
-        self.commands_end(CommandOutcome::Unknown)
-    }
-
-    fn commands_end(&mut self, outcome: CommandOutcome) -> Action {
-        match core::mem::take(&mut self.commands.in_flight) {
-            0 => Action::Nothing,
-            count => Action::Commands { count, outcome },
-        }
+        Action::Nothing
     }
 
     fn on_timeout(&mut self, now: Duration, config: &Config) {
@@ -211,14 +209,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_received(&mut self, now: Duration, config: &Config) -> Option<Action> {
+    fn on_message(&mut self, now: Duration, message: FromRobot, config: &Config) -> Option<Action> {
         let Link::Connected { silent_at, reply, .. } = &mut self.link else { return None };
         *silent_at = now.saturating_add(config.silence);
         *reply = match *reply {
             Reply::Nothing => Reply::Receiving { contents: Contents::default() },
             Reply::Receiving { contents } | Reply::Due { contents, .. } => Reply::Receiving { contents },
         };
-        Some(self.commands_end(CommandOutcome::Transmitted))
+        Some(self.on_report(now, message, config))
     }
 
     /// An acknowledgement may be lost in them.
@@ -336,13 +334,6 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_exhausted(&mut self) -> Option<Action> {
-        let Order::Running { stage: stage @ Stage::Active, .. } = &mut self.order else { return None };
-        *stage = Stage::Ending;
-        self.count.total = Some(self.count.sent);
-        Some(Action::Nothing)
-    }
-
     /// What the order asks of the robot, in every answer until the robot has acknowledged it: received twice, it does no harm.
     ///
     /// But for a start: one that is still in flight when the robot has taken the first and been reset begins the order again. Over
@@ -400,14 +391,18 @@ impl<const WORDS: usize> Machine<WORDS> {
         let commands = sent.commands.min(self.commands.waiting);
         self.commands.waiting -= commands;
         self.commands.in_flight += commands;
-        if let (Order::Running { stage: stage @ Stage::Active, .. }, Some(from)) =
-            (&mut self.order, contents.jobs_from)
-        {
-            let index = from.max(self.count.executed) + sent.jobs;
-            self.count.sent = self.count.sent.max(index);
+        if let Order::Running { stage: stage @ Stage::Active, .. } = &mut self.order {
+            let Count { executed, sent: before, .. } = self.count;
+            let index = contents.jobs_from.map_or(before, |from| from.max(executed) + sent.jobs);
+            self.count.sent = before.max(index);
             match sent.rest {
                 Rest::Later => {}
-                Rest::End => self.count.total = Some(index),
+                Rest::End => {
+                    self.count.total = Some(index);
+                    if config.end_when_done && executed == index {
+                        *stage = Stage::Ending;
+                    }
+                }
                 // The jobs before it are executed; no later one is ever asked for.
                 Rest::Unfit => *stage = Stage::Ending,
             }

@@ -1,23 +1,25 @@
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Machine as _, Room, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
 use super::config::PcConfig;
 use super::event::PcEvent;
 use super::source::{JobSource, Supply};
 use super::state::{
-    Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Rejection, Report, Rest, Sent,
+    Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Reaction, Rejection, Report, Rest,
+    Sent,
 };
 #[cfg(feature = "tokio")]
 use super::state::{Order, Start};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
 use crate::job::{self, Job, Work};
 use crate::message::Message;
 use crate::numbering::{ALL_NUMBERS, Numbering};
 use crate::packet::{Limits, Packet, Room as PacketRoom};
+use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::PcStatistics;
@@ -49,8 +51,6 @@ pub struct Pc<'a, S: JobSource, const MESSAGE: usize = 256, const WORDS: usize =
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
-    /// A message that was received, and is used next.
-    received: Option<Result<(Role, Params), MessageError>>,
 }
 
 /// A [`Pc`] for messages of every length and all job numbers: [`LargePc::sized`](Pc::sized).
@@ -93,7 +93,6 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             ranges,
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
-            received: None,
         })
     }
 
@@ -267,7 +266,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
                 Supply::End => return sent.rest = Rest::End,
             };
             let job = Job { order, number: numbering.next(index), work };
-            match packet.push_job(&self.dialect, &job, &self.ranges) {
+            match packet.push_job(&job, &self.ranges) {
                 Ok(PacketRoom::Added) => sent.jobs += 1,
                 Err(EncodeError::Field(error)) => {
                     sent.rest = Rest::Unfit;
@@ -320,7 +319,8 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<PcEvent, 32>;
     type Statistics = PcStatistics;
-    type Payload = (Role, Params);
+    /// The message, or why it cannot be used.
+    type Payload = Result<(Role, Params), MessageError>;
 
     /// A datagram that is longer than any message is seen to be.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
@@ -350,31 +350,33 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
         self.advance(now, Input::ReadEnd { whole }, None);
     }
 
-    /// A message is two inputs: that it has come, and what it is.
-    fn next_input(&mut self) -> Option<(Input, Option<(Role, Params)>)> {
-        match self.received.take() {
-            None => {}
-            Some(Ok((role, params))) => {
-                let params = self.dialect.complete(role, params, self.core.machine.order.number());
-                return Some((Input::Message(FromRobot::read(role, &params)), Some((role, params))));
-            }
-            Some(Err(error)) => {
-                self.core.events.push_notice(PcEvent::Rejected(error));
-                return Some((Input::Message(FromRobot::Unusable), None));
-            }
-        }
+    fn next_input(&mut self) -> Option<(Input, Option<Self::Payload>)> {
         match self.core.decoder.next_frame()? {
-            Ok(message) => self.received = Some(self.dialect.read(&message)),
+            Ok(message) => {
+                let mut message = self.dialect.read(&message);
+                let report = match &mut message {
+                    Ok((role, params)) => {
+                        self.dialect.complete(*role, params, self.core.machine.order.number());
+                        FromRobot::read(*role, params)
+                    }
+                    Err(_) => FromRobot::Unusable,
+                };
+                Some((Input::Message(report), Some(message)))
+            }
             Err(error) => {
                 self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(PcEvent::Corrupt(error));
-                return Some((Input::Corrupt, None));
+                Some((Input::Corrupt, None))
             }
         }
-        Some((Input::Received, None))
     }
 
-    fn act(&mut self, _now: Duration, action: Action, message: Option<(Role, Params)>) {
+    fn act(&mut self, _now: Duration, reaction: Reaction, message: Option<Self::Payload>) {
+        let Reaction { commands: (count, outcome), action } = reaction;
+        self.commands_end(count, outcome);
+        let message = message.and_then(|message| {
+            message.map_err(|error| self.core.events.push_notice(PcEvent::Rejected(error))).ok()
+        });
         let order = self.core.machine.order.number();
         if let Some((Role::Status, params)) = &message {
             let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
@@ -400,7 +402,6 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             Action::ExecutedAhead { index } => {
                 self.core.events.push_notice(PcEvent::ExecutedAhead { index });
             }
-            Action::Commands { count, outcome } => self.commands_end(count, outcome),
             Action::Sent => self.core.statistics.packets += 1,
             Action::Outcome { order, outcome } => {
                 self.source = None;
@@ -414,29 +415,28 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
-    fn write(&mut self, now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.limits.packet)?;
+        let mut sent = Sent::default();
         if let (Some(index), Some(source)) = (answer.last, &mut self.source)
             && matches!(source.job(index), Supply::End)
         {
-            self.advance(now, Input::Exhausted, None);
-            answer = self.core.machine.transmit(now, &self.core.config)?;
+            (answer, sent.rest) = (answer.at_end(), Rest::End);
         }
-        let mut packet = Packet::new(out, self.limits, self.dialect.charset());
-        let mut sent = Sent::default();
+        let mut packet = Packet::new(out, self.limits, self.dialect);
         if let Some(status) = answer.status {
-            packet.write(&self.dialect, Role::Status, &status_of(answer.order, status));
+            let _ = packet.push(Role::Status, &status_of(answer.order, status));
         }
         if let Some(request) = answer.request {
             let (role, params) = request.write();
-            sent.request = packet.write(&self.dialect, role, &params);
+            sent.request = packet.push(role, &params) == Ok(PacketRoom::Added);
         }
         let in_flight = self.core.machine.commands.in_flight;
         let waiting = self.commands.into_iter().skip(in_flight.into()).take(answer.commands.into());
         for (id, value) in waiting {
             let mut params = Params::default().with(Field::Order, answer.order);
             params.set(Field::Value, value);
-            if !packet.write(&self.dialect, Role::Command(id), &params) {
+            if packet.push(Role::Command(id), &params) != Ok(PacketRoom::Added) {
                 break;
             }
             sent.commands += 1;
@@ -445,7 +445,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             self.write_jobs(answer.order, jobs, &mut packet, &mut sent);
         }
         if packet.is_empty() {
-            packet.write(&self.dialect, Role::Filler, &Params::default());
+            let _ = packet.push(Role::Filler, &Params::default());
         }
         Some((packet.as_bytes().len(), Input::Sent(sent)))
     }

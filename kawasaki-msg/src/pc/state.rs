@@ -1,5 +1,6 @@
 //! The state of a PC: everything that decides what it does next.
 
+use core::fmt;
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
@@ -184,9 +185,7 @@ pub enum Input {
     Disconnected,
     /// Time has passed.
     Timeout,
-    /// A message has come: what it is follows.
-    Received,
-    /// What it is.
+    /// A message has come.
     Message(FromRobot),
     /// Bytes that are no message.
     Corrupt,
@@ -222,8 +221,6 @@ pub enum Input {
         /// Which, counted from 0.
         index: u32,
     },
-    /// The order has no job that was not sent.
-    Exhausted,
     /// The answer that was due is sent.
     Sent(Sent),
     /// What is to be reported of the state is.
@@ -233,7 +230,7 @@ pub enum Input {
 /// What an answer has to hold: as much of it as finds room, in this order. What nothing is of is filler.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
-    /// Where the order is done if the source has no job of this place.
+    /// The index of a job: if the source does not have it, the order is done, and the answer is [`at_end`](Self::at_end).
     pub last: Option<u32>,
     /// The order; 0 for none.
     pub order: u16,
@@ -245,6 +242,15 @@ pub struct Answer {
     pub commands: u8,
     /// The jobs of these places, as many as there are.
     pub jobs: Option<(u32, u32)>,
+}
+
+impl Answer {
+    /// The answer that ends the order; its [`Sent::rest`] is [`Rest::End`].
+    #[must_use]
+    pub fn at_end(self) -> Self {
+        let status = self.status.map(|(_, sent, executed)| (Phase::Ending, sent, executed));
+        Self { last: None, status, request: Some(FromPc::End { order: self.order }), jobs: None, ..self }
+    }
 }
 
 /// What was in an answer.
@@ -272,6 +278,15 @@ pub enum Rest {
     Unfit,
 }
 
+/// The reaction to an input.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Reaction {
+    /// The number of commands that have an outcome, oldest first, and the outcome. They come before the action.
+    pub commands: (u8, CommandOutcome),
+    /// What the session does.
+    pub action: Action,
+}
+
 /// What the session is to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
@@ -292,13 +307,6 @@ pub enum Action {
     ExecutedAhead {
         /// Which, counted from 0.
         index: u32,
-    },
-    /// The commands in flight, this many, are known to be transmitted, or it is unknown.
-    Commands {
-        /// How many, oldest first.
-        count: u8,
-        /// What became of them.
-        outcome: CommandOutcome,
     },
     /// The order has ended.
     Outcome {
@@ -367,6 +375,16 @@ pub enum Rejection {
     NotExpected,
 }
 
+/// The action alone if no command has an outcome: the table of states has the machine without commands.
+impl fmt::Debug for Reaction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.commands {
+            (0, _) => self.action.fmt(f),
+            commands => (commands, self.action).fmt(f),
+        }
+    }
+}
+
 impl Order {
     /// Its number; 0 for none.
     pub const fn number(&self) -> u16 {
@@ -393,7 +411,6 @@ impl<const WORDS: usize> Default for Count<WORDS> {
 
 robot_session::inputs!(
     Input:
-    Received,
     Message { 0: FromRobot::JobAck { .. } } as "Message(JobAck)",
     Message { 0: FromRobot::OrderAck { .. } } as "Message(OrderAck)",
     Message { 0: FromRobot::EndAck { .. } } as "Message(EndAck)",
@@ -411,7 +428,6 @@ robot_session::inputs!(
     Interrupt,
     Command,
     Ahead,
-    Exhausted,
     Sent,
     Reported,
 );

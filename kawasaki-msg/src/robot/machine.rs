@@ -7,7 +7,7 @@ use robot_session::{Expiry, Unexpected, is_due};
 pub use super::config::Config;
 use super::config::{Acks, Rule};
 pub use super::state::{
-    AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
+    AckState, Action, Cycle, Due, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
     Rejection, Replies, Report, Sent, Stage, Starts,
 };
 use crate::content::FromPc;
@@ -19,8 +19,8 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
-    /// A packet: [`Machine::packet`] has its messages.
-    type Transmit = ();
+    /// [`Machine::acks`] has the acknowledgements.
+    type Transmit = Due;
     type Config = Config;
 
     /// # Errors
@@ -47,9 +47,10 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
         action.ok_or_else(|| self.unexpected(&input))
     }
 
-    fn transmit(&self, now: Duration, _config: &Config) -> Option<()> {
-        matches!(self.link, Link::Connected { cycle: Cycle::Ready { at, .. }, .. } if is_due(at, now))
-            .then_some(())
+    fn transmit(&self, now: Duration, config: &Config) -> Option<Due> {
+        let is_ready =
+            matches!(self.link, Link::Connected { cycle: Cycle::Ready { at, .. }, .. } if is_due(at, now));
+        is_ready.then(|| self.due(now, config))
     }
 
     fn deadline(&self) -> Option<Duration> {

@@ -4,72 +4,79 @@ use robot_work_queue::Wake;
 
 use super::event::RobotEvent;
 use super::session::Robot;
-use super::state::{Input, Rejection};
+use super::state::Rejection;
 use crate::content::{FromPc, phase};
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::MessageError;
 use crate::job::{Job, Work};
 use crate::message::Message;
+use crate::params::Params;
 use crate::role::{Field, Role};
 
 /// The outcomes of an order: started, ending, interrupted, over, and an alarm.
 pub(super) const OF_ORDER: usize = 5;
 
-/// A message as it was read.
+/// The message that was read last.
 #[derive(Debug)]
-pub struct Received<W> {
+pub(super) struct Received<W> {
     role: Role,
     params: Params,
-    /// A job's own fields, or why the message cannot be used.
-    work: Result<Option<W>, MessageError>,
+    /// A job's own fields.
+    work: W,
+    /// Why the last message that cannot be used, or the job in it, cannot be.
+    error: Option<MessageError>,
 }
 
 impl<W: Work> Received<W> {
-    pub(super) fn read(
-        dialect: &Dialect<'_>,
-        ranges: &W::Ranges,
-        active: u16,
-        message: &Message<'_>,
-    ) -> Self {
-        match dialect.read_all(message, ranges) {
-            Ok((role, params, work)) => {
-                let params = dialect.complete(role, params, active);
-                Self { role, params, work: work.filter(|_| role == Role::Job).transpose() }
-            }
-            Err(error) => Self { role: Role::Filler, params: Params::default(), work: Err(error) },
-        }
+    pub(super) fn new() -> Self {
+        Self { role: Role::Filler, params: Params::default(), work: W::default(), error: None }
     }
 
     pub(super) fn number(&self, field: Field) -> u16 {
         self.params.number(field).unwrap_or(0)
     }
 
-    pub(super) fn job(self) -> Option<Job<W>> {
-        let (order, number) = (self.number(Field::Order), self.number(Field::Number));
-        Some(Job { order, number, work: self.work.ok()?? })
+    pub(super) fn job(&self) -> Job<W> {
+        Job { order: self.number(Field::Order), number: self.number(Field::Number), work: self.work }
     }
 
-    fn message(&self) -> FromPc {
-        match (self.role, &self.work) {
-            (Role::Job, work) => FromPc::Job {
-                order: self.number(Field::Order),
-                number: self.number(Field::Number),
-                good: work.is_ok(),
-            },
-            (_, Err(_)) => FromPc::Unusable,
-            (role, Ok(_)) => FromPc::read(role, &self.params),
+    /// Reads a message, in the order that is active.
+    #[inline(always)]
+    pub(super) fn read(
+        &mut self,
+        dialect: &Dialect<'_>,
+        ranges: &W::Ranges,
+        active: u16,
+        message: &Message<'_>,
+    ) -> FromPc {
+        let (entry, own) = match dialect.read_values(message, &mut self.params) {
+            Ok(read) => read,
+            Err(error) => {
+                (self.role, self.params, self.error) = (Role::Filler, Params::default(), Some(error));
+                return FromPc::Unusable;
+            }
+        };
+        self.role = entry.role;
+        dialect.complete(entry.role, &mut self.params, active);
+        let mut good = true;
+        if let Some(own) = own
+            && let Err(error) = entry.read_work(message, own, ranges, &mut self.work)
+        {
+            (good, self.error) = (false, Some(error));
         }
+        FromPc::read(entry.role, &self.params, good)
     }
 }
 
 impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, MESSAGE, WORDS, R> {
-    /// The message as an input; what does not concern the machine is reported.
-    pub(super) fn received(&mut self, received: Received<W>) -> (Input, Option<Received<W>>) {
-        let message = received.message();
+    /// Whether there is space for what a message brings; reports what does not concern the machine.
+    #[inline(always)]
+    pub(super) fn accepts(&mut self, message: FromPc) -> bool {
         let events = &mut self.core.events;
-        let room = match (message, received.role) {
+        let received = &self.received;
+        match (message, received.role) {
             (FromPc::Job { .. }, _) => self.jobs.writer.free() > 0,
-            // An order is begun only with room for all that it can report, and a motion task.
+            // An order is begun only with space for all that it can report, and a motion task.
             (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.jobs.writer.is_abandoned(),
             (FromPc::Status { order }, _) => {
                 let (sent, executed) =
@@ -79,7 +86,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
                 true
             }
             (_, Role::Command(id)) if events.has_room(2 * OF_ORDER + 1) => {
-                self.core.push_outcome(RobotEvent::Command { id, value: received.params.get(Field::Value) });
+                let value = received.params.get(Field::Value);
+                self.core.push_outcome(RobotEvent::Command { id, value });
                 true
             }
             (_, role @ Role::Command(_)) => {
@@ -88,12 +96,12 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
                 true
             }
             _ => true,
-        };
-        (Input::Message { message, room }, Some(received))
+        }
     }
 
     #[cold]
-    pub(super) fn rejected(&mut self, why: Rejection, received: Received<W>) {
+    pub(super) fn rejected(&mut self, why: Rejection) {
+        let received = &self.received;
         let (found, found_order) = (received.number(Field::Number), received.number(Field::Order));
         let (machine, role) = (&self.core.machine, received.role);
         let expected = self.next();
@@ -101,8 +109,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
         let active = machine.order.number();
         let fields = self.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
         let place = fields.iter().position(|field| *field == Field::Number).unwrap_or(0);
-        let error = match (why, received.work) {
-            (Rejection::Bad, Err(error)) => error,
+        let error = match (why, received.error) {
+            (Rejection::Bad, Some(error)) => error,
             (Rejection::WrongOrder, _) => MessageError::WrongOrder { active, found: found_order },
             (Rejection::Repeated, _) => MessageError::Repeated { expected, found },
             (Rejection::OutOfOrder, _) => MessageError::OutOfOrder { expected, found },

@@ -3,18 +3,20 @@ use core::time::Duration;
 use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 use robot_work_queue::{NoWake, Wake};
 
-use super::config::RobotConfig;
+use super::config::{Acks, RobotConfig};
 use super::event::RobotEvent;
 use super::reading::{OF_ORDER, Received};
-use super::state::{Action, Input, Machine, RecoveryStep, Report};
+use super::state::{Action, Due, Input, Machine, RecoveryStep, Report, Sent};
+use crate::content::FromRobot;
 use crate::decoder::Decoder;
-use crate::dialect::{Dialect, Params};
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, SessionError};
 use crate::job::{self, Work};
 use crate::message::Message;
 use crate::motion::Jobs;
 use crate::numbering::ALL_NUMBERS;
-use crate::packet::{Limits, Packet};
+use crate::packet::{Limits, Packet, Room as PacketRoom};
+use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::RobotStatistics;
@@ -52,6 +54,7 @@ pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 1
     limits: Limits,
     pub(super) ranges: W::Ranges,
     pub(super) jobs: Jobs<'a, W, R>,
+    pub(super) received: Received<W>,
     low_water: usize,
 }
 
@@ -104,6 +107,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
             ranges,
             low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
             jobs,
+            received: Received::new(),
         })
     }
 
@@ -195,7 +199,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<RobotEvent, 32>;
     type Statistics = RobotStatistics;
-    type Payload = Received<W>;
+    /// The message is [`received`](Self::received).
+    type Payload = ();
 
     /// A datagram that is longer than any message is seen to be.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
@@ -234,12 +239,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    fn next_input(&mut self) -> Option<(Input, Option<Received<W>>)> {
+    #[inline(always)]
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        let active = self.core.machine.order.number();
         match self.core.decoder.next_frame()? {
             Ok(message) => {
-                let received =
-                    Received::read(&self.dialect, &self.ranges, self.core.machine.order.number(), &message);
-                Some(self.received(received))
+                let message = self.received.read(&self.dialect, &self.ranges, active, &message);
+                let room = self.accepts(message);
+                Some((Input::Message { message, room }, Some(())))
             }
             Err(error) => {
                 self.core.statistics.corrupt += 1;
@@ -249,7 +256,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    fn act(&mut self, now: Duration, action: Action, received: Option<Received<W>>) {
+    fn act(&mut self, now: Duration, action: Action, received: Option<()>) {
         let order = self.core.machine.order.number();
         match action {
             Action::Nothing => {}
@@ -263,20 +270,19 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 self.core.statistics.queued += 1;
                 self.take_reports(now);
                 if action == Action::Queue
-                    && let (Ok(claim), Some(job)) =
-                        (self.jobs.writer.claim(), received.and_then(Received::job))
+                    && let Ok(claim) = self.jobs.writer.claim()
                 {
-                    claim.push(job);
+                    claim.push(self.received.job());
                 }
             }
             Action::Refused => {
-                let found = received.map_or(0, |received| received.number(Field::Order));
+                let found = self.received.number(Field::Order);
                 self.core.events.push_notice(RobotEvent::OrderRefused { order: found, active: order });
             }
             Action::Discarded => self.core.statistics.discarded += 1,
             Action::Rejected(why) => {
-                if let Some(received) = received {
-                    self.rejected(why, received);
+                if received.is_some() {
+                    self.rejected(why);
                 }
             }
             Action::NoReply => {
@@ -313,16 +319,29 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
-    fn write(&mut self, now: Duration, (): (), out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.limits.packet.min(MESSAGE))?;
-        let mut packet = Packet::new(out, self.limits, self.dialect.charset());
-        let sent = self.core.machine.packet(now, &self.core.config, |message| {
+        let mut packet = Packet::new(out, self.limits, self.dialect);
+        let mut send = |message: FromRobot| {
             let (role, params) = message.write();
-            packet.write(&self.dialect, role, &params)
-        });
+            packet.push(role, &params) == Ok(PacketRoom::Added)
+        };
+        let (machine, config) = (&self.core.machine, &self.core.config);
+        let (mut sent, mut all_acked) = (Sent::default(), true);
+        for (count, ack) in machine.acks(&due, config) {
+            if !send(ack) {
+                all_acked = config.acks != Acks::Individual;
+                break;
+            }
+            sent.acked += count;
+        }
+        sent.start = due.start.is_some_and(&mut send);
+        sent.end = all_acked && due.end.is_some_and(&mut send);
+        sent.status = all_acked && due.status.is_some_and(&mut send);
+        sent.pause = due.pause.is_some_and(&mut send);
+        sent.request = due.request.is_some_and(&mut send);
         if packet.is_empty() {
-            // All that was to be sent is of roles that the table lacks.
-            packet.write(&self.dialect, Role::Filler, &Params::default());
+            let _ = packet.push(Role::Filler, &Params::default());
         }
         Some((packet.as_bytes().len(), Input::Sent(sent)))
     }

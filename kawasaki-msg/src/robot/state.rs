@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use crate::content::FromPc;
+use crate::content::{FromPc, FromRobot};
 use crate::numbering::{ALL_NUMBERS, NumberSet};
 
 /// A robot's machine. Bytes, job lines, the queue itself, events and statistics are the session's.
@@ -267,6 +267,24 @@ pub enum Input {
     Sent(Sent),
     /// What is to be reported of the state is.
     Reported,
+}
+
+/// The packet that is due: acknowledgements, and these messages in this sequence; a filler if there is none. A message without space
+/// waits for the next cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Due {
+    /// Executed jobs are acknowledged even if they are not a k-th one.
+    pub all_acks: bool,
+    /// The answer to a start.
+    pub start: Option<FromRobot>,
+    /// The end of an order. It waits until all jobs are acknowledged, where each one is.
+    pub end: Option<FromRobot>,
+    /// The status. It waits as the end does.
+    pub status: Option<FromRobot>,
+    /// No jobs are to come for now.
+    pub pause: Option<FromRobot>,
+    /// The request for jobs.
+    pub request: Option<FromRobot>,
 }
 
 /// What was in a packet.

@@ -1,52 +1,64 @@
-//! What a robot sends.
+//! The packets of a robot.
 
-use core::cell::Cell;
-use core::num::NonZeroU16;
 use core::time::Duration;
 
 use super::config::{Acks, Config, Rule};
-use super::state::{AckState, Action, Cycle, Ended, Flow, Link, Machine, Order, Recovery, Sent, Stage};
+use super::state::{AckState, Action, Cycle, Due, Flow, Link, Machine, Order, Recovery, Sent, Stage};
 use crate::content::{FromRobot, Status};
 
 impl<const WORDS: usize> Machine<WORDS> {
-    /// The messages of the packet that is due: `send` takes each, or has no room for it. What has none waits for the next cycle; a
-    /// packet holds at least one message.
-    pub fn packet(&self, now: Duration, config: &Config, mut send: impl FnMut(FromRobot) -> bool) -> Sent {
-        let mut sent = Sent::default();
-        let Link::Connected { synced, status_at, .. } = self.link else { return sent };
-        let is_empty = Cell::new(true);
-        let mut send = |message| {
-            let is_sent = send(message);
-            is_empty.set(is_empty.get() && !is_sent);
-            is_sent
-        };
+    /// The messages of the packet that is due.
+    pub(super) fn due(&self, now: Duration, config: &Config) -> Due {
         let numbering = config.numbering();
-        let status = self.replies.status || now >= status_at;
+        let Link::Connected { synced, status_at, .. } = self.link else { return Due::default() };
         let asks = synced
             && matches!(self.order, Order::Active { stage: Stage::Intake { flow: Flow::Asking, .. }, .. });
-        let is_idle = !asks && !status && !self.replies.pause && self.replies.start.is_none();
-        let all_acked = self.acknowledge(is_idle, config, &mut sent, &mut send);
+        let has_status = self.replies.status || now >= status_at;
+        let is_idle = !asks && !has_status && !self.replies.pause && self.replies.start.is_none();
         let active = self.order.number();
-        if let Some(answer) = self.replies.start {
-            sent.start = send(FromRobot::OrderAck { active: answer });
+        // Another order may have begun since.
+        let end = self.ended.filter(|_| self.replies.end).map(|ended| FromRobot::EndAck {
+            ended: ended.order,
+            active,
+            executed: ended.executed,
+        });
+        Due {
+            all_acks: is_idle || self.executed == self.queued,
+            start: self.replies.start.map(|active| FromRobot::OrderAck { active }),
+            end,
+            status: has_status.then(|| FromRobot::Status(self.status(config))),
+            pause: self
+                .replies
+                .pause
+                .then(|| FromRobot::Pause { order: active, queued: numbering.number(self.queued) }),
+            request: asks.then(|| FromRobot::Request { order: active, number: numbering.next(self.queued) }),
         }
-        if let Some(Ended { order, executed }) = self.ended
-            && self.replies.end
-            && all_acked
-        {
-            // Another order may have begun since.
-            sent.end = send(FromRobot::EndAck { ended: order, active, executed });
-        }
-        sent.status = status && all_acked && send(FromRobot::Status(self.status(config)));
-        let queued = numbering.number(self.queued);
-        sent.pause = self.replies.pause && send(FromRobot::Pause { order: active, queued });
-        if asks {
-            sent.request = send(FromRobot::Request { order: active, number: numbering.next(self.queued) });
-        }
-        if is_empty.get() {
-            send(FromRobot::Filler);
-        }
-        sent
+    }
+
+    /// The acknowledgements in a packet, each with the number of jobs that it is the first to cover: every k-th job, or all "at least
+    /// when there is nothing else to send" (thesis, section 11.2) or to execute.
+    pub fn acks(&self, due: &Due, config: &Config) -> impl Iterator<Item = (u32, FromRobot)> {
+        let order = if let Order::Active { number, .. } = self.order {
+            Some(number)
+        } else {
+            self.ended.map(|ended| ended.order)
+        };
+        let ack = move |number| order.map(|order| FromRobot::JobAck { order, number });
+        let every = if let Acks::Cumulative { every } = config.acks { u32::from(every.get()) } else { 1 };
+        let until = if due.all_acks { self.executed } else { self.executed - self.executed % every };
+        let (mut done, unacked) = match &self.acks {
+            AckState::Cumulative { acked } => (*acked, None),
+            AckState::Individual { unacked, .. } => (until, Some(unacked)),
+        };
+        let numbering = config.numbering();
+        let cumulative = core::iter::from_fn(move || {
+            let next = (done - done % every + every).min(until);
+            let count = next.checked_sub(done).filter(|count| *count > 0)?;
+            done = next;
+            Some((count, ack(numbering.number(next)?)?))
+        });
+        let individual = unacked.into_iter().flat_map(|unacked| unacked.iter());
+        individual.filter_map(move |number| Some((1, ack(number)?))).chain(cumulative)
     }
 
     pub(super) fn on_sent(&mut self, now: Duration, sent: Sent, config: &Config) -> Option<Action> {
@@ -89,53 +101,6 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
         }
         Some(Action::Sent)
-    }
-
-    /// Acknowledges what is executed: every k-th job, or what is left "at least when there is nothing else to send" (thesis,
-    /// section 11.2) or to execute. Whether no individual acknowledgement is left.
-    fn acknowledge(
-        &self,
-        is_idle: bool,
-        config: &Config,
-        sent: &mut Sent,
-        send: &mut impl FnMut(FromRobot) -> bool,
-    ) -> bool {
-        let order = match (self.order, self.ended) {
-            (Order::Active { number, .. }, _) => number,
-            (Order::Idle, Some(ended)) => ended.order,
-            (Order::Idle, None) => return true,
-        };
-        match &self.acks {
-            AckState::Individual { unacked, .. } => {
-                for number in unacked.iter() {
-                    if !send(FromRobot::JobAck { order, number }) {
-                        return false;
-                    }
-                    sent.acked += 1;
-                }
-            }
-            AckState::Cumulative { acked } => {
-                let every =
-                    if let Acks::Cumulative { every } = config.acks { every } else { NonZeroU16::MIN };
-                let every = u32::from(every.get());
-                let rest = is_idle || self.executed == self.queued;
-                let mut done = *acked;
-                while done < self.executed {
-                    let next = done - done % every + every;
-                    if next > self.executed && !rest {
-                        break;
-                    }
-                    let next = next.min(self.executed);
-                    let Some(number) = config.numbering().number(next) else { break };
-                    if !send(FromRobot::JobAck { order, number }) {
-                        break;
-                    }
-                    done = next;
-                }
-                sent.acked = done - *acked;
-            }
-        }
-        true
     }
 
     fn status(&self, config: &Config) -> Status {

@@ -6,8 +6,10 @@ use kawasaki_msg::robot_session::tokio::Codec;
 use kawasaki_msg::{
     Acks, Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job,
     JobKind, JobSource, Limits, Line, Message, MessageError, Name, Pc, PcConfig, Point, RecoveryLimits,
-    Robot, RobotConfig, Role, Supply, Takeover, Value, Values,
+    Robot, RobotConfig, Role, Supply, Takeover,
 };
+
+use super::{decoded, wire};
 
 /// What is wrong with the default table, changed.
 fn table(change: impl FnOnce(&mut Vec<Entry<'static>>)) -> Option<ConfigError> {
@@ -50,9 +52,6 @@ fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
     let latin1 = Dialect::DEFAULT.with_charset(Charset::Latin1);
     assert_eq!((latin1.charset(), Dialect::DEFAULT.charset()), (Charset::Latin1, Charset::Ascii));
     assert_eq!(Dialect::DEFAULT.entry(Role::Command(7)), None, "a command that the table lacks");
-    assert_eq!(Dialect::DEFAULT.find(Value::Text("Tila")).unwrap().role, Role::Status);
-    assert_eq!(Dialect::DEFAULT.find(Value::Wire(b"Tila")).unwrap().role, Role::Status);
-    assert!(Dialect::DEFAULT.find(Value::Number(3)).is_none());
 }
 
 #[test]
@@ -98,46 +97,38 @@ fn a_configuration_that_cannot_work_is_refused() {
 }
 
 #[test]
-fn values_are_equal_when_their_characters_are() {
-    assert_eq!(Value::from(50), Value::from("50"));
-    assert_eq!((Value::Number(7), Value::Wire(b"x")), (Value::Number(7), Value::Text("x")));
-    assert!(Value::Number(1) != Value::Number(2) && Value::Wire(b"1") != Value::Wire(b"2"));
-    assert!(Value::Text("a") == *"a" && Value::Wire(b"a") == "a" && Value::Wire(b"a") != "b");
-    assert_eq!(
-        (Value::Number(-3).number(), Value::Text(" -3 ").number(), Value::Wire(b"3x").number()),
-        (Some(-3), Some(-3), None)
+fn a_value_is_a_character_a_byte() {
+    let wire = b"<A$a$$ 7$4#\xC3\xA9$b#>";
+    let message = decoded(wire, Charset::Latin1);
+    let other = decoded(b"<B$a$$ 7$2#$b#>", Charset::Latin1);
+    assert!(
+        message.name == *"A" && message.name == "A" && message.name != "AA" && message.name != other.name
     );
-    assert_eq!(Value::Number(-30).chars().collect::<String>(), "-30");
+    assert_eq!((message.header, message.header.count()), (other.header, 3));
+    assert_ne!(message.fields, other.fields);
+    assert_eq!(format!("{:?}", message.header), r#"["a", "", " 7"]"#);
+    let field = message.fields.iter().next().unwrap();
     // A character is a byte, whatever two of them would be in UTF-8.
-    assert_eq!(serde_json::to_string(&Value::Wire(b"\xC3\xA9")).unwrap(), "\"\u{C3}\u{A9}\"");
-    assert_eq!((Value::Text("").is_empty(), Value::Number(0).is_empty()), (true, false));
-    let listed = [Value::Text("a"), Value::Text(""), Value::Number(7)];
-    assert_eq!(Values::Wire(b"a$$7"), Values::List(&listed));
-    for other in [b"a$$8".as_slice(), b"a$$", b"a$$7$", b"a"] {
-        assert_ne!(Values::Wire(other), Values::List(&listed));
-    }
-    assert_eq!(format!("{:?}", Values::Wire(b"a$$7")), r#"["a", "", "7"]"#);
-    assert_eq!((Values::Wire(b"a$$7").get(2), Values::Wire(b"a$$7").get(3)), (Some(Value::Number(7)), None));
+    assert_eq!(serde_json::to_string(&field).unwrap(), "\"\u{C3}\u{A9}\"");
+    assert_eq!((field.to_string().as_str(), field.as_bytes()), ("\u{C3}\u{A9}", &b"\xC3\xA9"[..]));
 }
 
 #[test]
 fn a_character_that_no_byte_stands_for_is_refused_with_it() {
-    let text = |text| Message::new("A", &[Value::Text(text)]).encode(Charset::Latin1, &mut [0; 64]);
-    assert_eq!(text("\u{ff}"), Ok(8));
-    assert_eq!(text("\u{100}"), Err(EncodeError::Character { found: '\u{100}' }));
-    let wire = Message::new("A", &[Value::Wire(b"\x80")]);
-    assert_eq!(wire.encode(Charset::Ascii, &mut [0; 64]), Err(EncodeError::Character { found: '\u{80}' }));
+    let text = |text, charset| wire(charset, "A", &[], &[text]).map(|wire| wire.len());
+    assert_eq!(text("\u{ff}", Charset::Latin1), Ok(8));
+    assert_eq!(text("\u{100}", Charset::Latin1), Err(EncodeError::Character { found: '\u{100}' }));
+    assert_eq!(text("\u{80}", Charset::Ascii), Err(EncodeError::Character { found: '\u{80}' }));
+    assert_eq!(wire(Charset::Ascii, "", &["a"], &[]), Err(EncodeError::NoName));
+    let message = decoded(b"<A$ 1#b#>", Charset::Ascii);
     let mut short = [0; 7];
     assert_eq!(
-        Message::new("A", &[Value::Text("b")]).append_to(Charset::Ascii, &mut &mut short[..]),
+        message.append_to(&mut &mut short[..]),
         Err(EncodeError::BufferTooSmall { needed: 8, available: 7 })
     );
     assert_eq!(short, [0; 7], "nothing is appended");
     let mut enough = [0; 8];
-    assert_eq!(
-        Message::new("A", &[Value::Text("b")]).append_to(Charset::Ascii, &mut &mut enough[..]),
-        Ok(())
-    );
+    assert_eq!(message.append_to(&mut &mut enough[..]), Ok(()));
     assert_eq!(&enough, b"<A$1#b#>");
 }
 
@@ -164,12 +155,9 @@ fn a_message_that_the_next_one_cuts_off_says_where() {
 #[test]
 fn a_message_has_at_most_4096_bytes() {
     let text = "x".repeat(4087);
-    let encode = |data: usize, out: &mut [u8]| {
-        Message::new("X", &[Value::Text(&text[..data])]).encode(Charset::Ascii, out)
-    };
-    let mut out = [0; 5000];
-    assert_eq!(encode(4086, &mut out), Ok(4096));
-    assert_eq!(encode(4087, &mut out), Err(EncodeError::TooLong { length: 4097, limit: 4096 }));
+    let written = |data: usize| wire(Charset::Ascii, "X", &[], &[&text[..data]]).map(|wire| wire.len());
+    assert_eq!(written(4086), Ok(4096));
+    assert_eq!(written(4087), Err(EncodeError::TooLong { length: 4097, limit: 4096 }));
     // A length that cannot be kept is told before the data comes, at the name.
     assert_eq!(Message::decode(b"<X$4086#", Charset::Ascii), Ok(None));
     let too_long = DecodeError::TooLong { offset: 1, limit: 4096 };
@@ -270,7 +258,7 @@ fn a_configuration_needs_what_the_table_lacks() {
 
 #[test]
 fn a_name_that_is_not_in_the_table_is_shown() {
-    let message = Message::new("Outo", &[]);
+    let message = decoded(b"<Outo$0##>", Charset::Ascii);
     let Err(error @ MessageError::UnknownName { name }) = Dialect::DEFAULT.read(&message) else {
         panic!("known")
     };

@@ -2,8 +2,9 @@
 
 use kawasaki_msg::robot_session::Session;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, Decimal, Dialect, FieldError, FieldFault, Fields, Job, LargePc, Limits,
-    Line, Message, MessageError, Name, Pc, PcConfig, Point, Robot, RobotConfig, Supply, Text, Unfit, Work,
+    Bounds, Charset, ConfigError, Decimal, Dialect, EncodeError, FieldError, FieldFault, Fields, Job,
+    LargePc, Limits, Line, Message, MessageError, Name, Pc, PcConfig, Point, Robot, RobotConfig, Supply,
+    Text, Unfit, Work, Writer,
 };
 
 /// Two texts, of lengths that its ranges say.
@@ -82,7 +83,10 @@ fn a_decimal_has_nine_places_at_most_and_zero_has_no_sign() {
 /// One without a byte in the charset is counted as one.
 #[test]
 fn every_character_of_a_message_is_a_byte() {
-    assert_eq!(Message::new("a\u{100}b", &[]).encoded_len(), "<aab$0##>".len());
+    let mut out = [b'!'; 9];
+    let writer = Writer::new(&mut out, Charset::Latin1, "a\u{100}b");
+    assert_eq!(writer.finish(), Err(EncodeError::Character { found: '\u{100}' }));
+    assert_eq!(&out, b"<a!b$0##>");
 }
 
 #[test]

@@ -32,3 +32,26 @@ mod tasks;
 mod uart;
 #[cfg(all(feature = "alloc", feature = "std"))]
 mod wake;
+
+/// The bytes of a message with these texts.
+fn wire(
+    charset: kawasaki_msg::Charset,
+    name: &str,
+    header: &[&str],
+    fields: &[&str],
+) -> Result<Vec<u8>, kawasaki_msg::EncodeError> {
+    let mut wire = vec![0; 5000];
+    let mut writer = kawasaki_msg::Writer::new(&mut wire, charset, name);
+    header.iter().for_each(|text| writer.text(text));
+    writer.data();
+    fields.iter().for_each(|text| writer.text(text));
+    let length = writer.finish()?;
+    wire.truncate(length);
+    Ok(wire)
+}
+
+fn decoded(wire: &[u8], charset: kawasaki_msg::Charset) -> kawasaki_msg::Message<'_> {
+    let (message, used) = kawasaki_msg::Message::decode(wire, charset).unwrap().unwrap();
+    assert_eq!(used, wire.len());
+    message
+}

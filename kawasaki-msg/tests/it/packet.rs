@@ -1,6 +1,8 @@
 //! The packet builder beside the source's own program.
 
-use kawasaki_msg::{Charset, EncodeError, Limits, Message, Packet, Room, Value};
+use kawasaki_msg::{
+    Charset, Dialect, EncodeError, Field, Fields, Job, Limits, Packet, Room, Text, Unfit, Work, Writer,
+};
 
 /// The program of figure 3, a line a line: the lengths of `x.send_data`, and `.retval`.
 struct Figure3 {
@@ -38,27 +40,50 @@ impl Figure3 {
 fn longest(limits: Limits, first: usize, then: &[usize]) -> (usize, usize) {
     let mut theirs = Figure3::new(limits.packet);
     let mut buffer = [0; 5000];
-    let mut ours = Packet::new(&mut buffer, limits, Charset::Ascii);
+    let mut ours = Packet::new(&mut buffer, limits, fillings());
     for length in [first; 20].iter().chain(then) {
         theirs.push(*length);
-        let _ = ours.push(&of_length(*length)).unwrap();
+        let _ = push_length(&mut ours, *length).unwrap();
     }
     (theirs.total(), ours.as_bytes().len())
 }
 
-fn of_length(length: usize) -> Message<'static> {
-    // `<X$n#…#>` with as many digits as it takes.
-    for digits in 1..5 {
-        let data = length - 6 - digits;
-        if data.to_string().len() == digits {
-            let fields: &'static [Value<'static>] =
-                Box::leak(Box::new([Value::Text("x".repeat(data).leak())]));
-            let message = Message::new("X", fields);
-            assert_eq!(message.encoded_len(), length);
-            return message;
+/// A job whose own fields have this many bytes, a `$` before each after the first counted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Filling(usize);
+
+impl Work for Filling {
+    type Ranges = ();
+
+    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+        let mut rest = self.0;
+        loop {
+            let length = rest.min(255);
+            fields.text("x", &mut Text::<255>::new(&"x".repeat(length)).unwrap(), 0..=255)?;
+            match rest.checked_sub(256) {
+                Some(after) => rest = after,
+                None => return Ok(()),
+            }
         }
     }
-    panic!("no message has {length} bytes")
+}
+
+/// A table whose jobs are `<X$n#1$…#>`.
+pub(super) fn fillings() -> Dialect<'static> {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    (table[0].name, table[0].fields) = ("X", &[Field::Number, Field::Work]);
+    Dialect::new(table.leak()).unwrap()
+}
+
+pub(super) fn push(packet: &mut Packet<'_>, own: usize) -> Result<Room, EncodeError> {
+    packet.push_job(&Job { order: 0, number: 1, work: Filling(own) }, &())
+}
+
+/// Adds a message of this length.
+fn push_length(packet: &mut Packet<'_>, length: usize) -> Result<Room, EncodeError> {
+    // `<X$n#1$…#>` with as many digits as it takes.
+    let digits = (1..5).find(|digits| (length - 6 - digits).to_string().len() == *digits).unwrap();
+    push(packet, length - 6 - digits - "1$".len())
 }
 
 #[test]
@@ -87,33 +112,32 @@ fn the_empty_string_of_the_figure_cannot_happen() {
     theirs.push(255);
     assert_eq!(theirs.strings, [255, 0]);
     let mut buffer = [0; 4096];
-    let mut ours = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
+    let mut ours = Packet::new(&mut buffer, Limits::TCP, fillings());
     assert!(ours.is_empty() && ours.elements().next().is_none());
-    assert_eq!(ours.push(&of_length(255)), Ok(Room::Added));
+    assert_eq!(push_length(&mut ours, 255), Ok(Room::Added));
     assert_eq!(ours.elements().map(<[u8]>::len).collect::<Vec<_>>(), [255]);
 }
 
 #[test]
 fn a_full_packet_is_a_value_and_an_impossible_message_an_error() {
     let mut buffer = [0; 4096];
-    let mut packet = Packet::new(&mut buffer, Limits::UDP, Charset::Ascii);
-    assert_eq!(packet.push(&of_length(1400)), Ok(Room::Added));
-    assert_eq!(packet.push(&of_length(73)), Ok(Room::Full));
-    assert_eq!(packet.push(&of_length(72)), Ok(Room::Added), "a shorter one still fits");
-    assert_eq!(packet.push(&of_length(1473)), Err(EncodeError::TooLong { length: 1473, limit: 1472 }));
-    assert_eq!(packet.push(&of_length(4097)), Err(EncodeError::TooLong { length: 4097, limit: 1472 }));
-    assert_eq!(packet.push(&Message::new("", &[])), Err(EncodeError::NoName));
+    let mut packet = Packet::new(&mut buffer, Limits::UDP, fillings());
+    assert_eq!(push_length(&mut packet, 1400), Ok(Room::Added));
+    assert_eq!(push_length(&mut packet, 73), Ok(Room::Full));
+    assert_eq!(push_length(&mut packet, 72), Ok(Room::Added), "a shorter one still fits");
+    assert_eq!(push_length(&mut packet, 1473), Err(EncodeError::TooLong { length: 1473, limit: 1472 }));
+    assert_eq!(push_length(&mut packet, 4097), Err(EncodeError::TooLong { length: 4097, limit: 1472 }));
     assert_eq!(packet.as_bytes().len(), 1472);
 }
 
 #[test]
 fn a_short_buffer_is_a_lower_limit() {
     let mut buffer = [0; 30];
-    let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
-    assert_eq!(packet.push(&of_length(31)), Err(EncodeError::TooLong { length: 31, limit: 30 }));
-    assert_eq!(packet.push(&of_length(20)), Ok(Room::Added));
-    assert_eq!(packet.push(&of_length(11)), Ok(Room::Full));
-    assert_eq!(packet.push(&of_length(30)), Ok(Room::Full), "an empty packet would hold it");
+    let mut packet = Packet::new(&mut buffer, Limits::TCP, fillings());
+    assert_eq!(push_length(&mut packet, 31), Err(EncodeError::TooLong { length: 31, limit: 30 }));
+    assert_eq!(push_length(&mut packet, 20), Ok(Room::Added));
+    assert_eq!(push_length(&mut packet, 11), Ok(Room::Full));
+    assert_eq!(push_length(&mut packet, 30), Ok(Room::Full), "an empty packet would hold it");
 }
 
 #[test]
@@ -129,9 +153,13 @@ fn errors_read_as_sentences() {
         message(EncodeError::BufferTooSmall { needed: 21, available: 20 }),
         "the message needs 21 bytes, the buffer has 20"
     );
-    assert_eq!(
-        Message::new("X", &[Value::Text("ä")]).encode(Charset::Ascii, &mut [0; 20]),
-        Err(EncodeError::Character { found: 'ä' })
-    );
-    assert_eq!(Message::new("X", &[Value::Text("ä")]).encode(Charset::Latin1, &mut [0; 20]), Ok(8));
+    let written = |charset| {
+        let mut out = [0; 20];
+        let mut writer = Writer::new(&mut out, charset, "X");
+        writer.data();
+        writer.text("ä");
+        writer.finish()
+    };
+    assert_eq!(written(Charset::Ascii), Err(EncodeError::Character { found: 'ä' }));
+    assert_eq!(written(Charset::Latin1), Ok(8));
 }

@@ -198,7 +198,7 @@ fn the_state_is_that_after_a_lost_connection() {
     lost.on(now, Input::Connected, &config).unwrap();
     lost.on(now, Input::Start { order: 50 }, &config).unwrap();
     for report in reports {
-        for input in [Input::Received, Input::Message(report), Input::ReadEnd { whole: true }] {
+        for input in [Input::Message(report), Input::ReadEnd { whole: true }] {
             lost.on(now, input, &config).unwrap();
         }
         // As many jobs as are asked for, up to four.

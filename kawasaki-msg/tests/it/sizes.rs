@@ -90,16 +90,14 @@ fn queued<const MESSAGE: usize, const WORDS: usize>(
 #[test]
 fn a_robot_of_any_size_queues_the_same() {
     let mut buffer = [0; 4096];
-    let mut packet = Packet::new(&mut buffer[..1200], Limits::TCP, Charset::Ascii);
+    let mut packet = Packet::new(&mut buffer[..1200], Limits::TCP, Dialect::DEFAULT);
     let (ranges, mut number) = (<Line as kawasaki_msg::Work>::Ranges::default(), 1);
     let line = |n: u16| Line {
         kind: JobKind::Draw,
         start: Point::new(i32::from(n) * -977, 5),
         end: Point::new(i32::from(n) * 7919, 0),
     };
-    while packet.push_job(&Dialect::DEFAULT, &Job { order: 50, number, work: line(number) }, &ranges)
-        == Ok(Room::Added)
-    {
+    while packet.push_job(&Job { order: 50, number, work: line(number) }, &ranges) == Ok(Room::Added) {
         number += 1;
     }
     let jobs = packet.as_bytes().to_vec();

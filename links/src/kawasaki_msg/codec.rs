@@ -1,13 +1,13 @@
 use anyhow::{Context, Result};
 #[cfg(feature = "arbitrary")]
 use kawasaki_msg::{Bounds, Dialect, Job, Line};
-use kawasaki_msg::{Charset, Decoder, Message, PcConfig, Takeover, Value as Field, Values};
+use kawasaki_msg::{Charset, Decoder, Message, PcConfig, Takeover, Writer};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::options::CodecSettings;
 use super::roles::Roles;
-use crate::codec::{self, Codec, EncodeError, Kind, bytes, codec, message};
+use crate::codec::{self, Codec, EncodeError, Kind, codec, message};
 use crate::link::Accepted;
 use crate::settings;
 
@@ -62,21 +62,12 @@ impl codec::Messages for Messages {
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let object: Object = serde_json::from_value(message).context("is not a kawasaki-msg message")?;
-        let (header, fields) = (values(&object.header), values(&object.fields));
-        let message = Message {
-            name: Field::Text(&object.name),
-            header: Values::List(&header),
-            fields: Values::List(&fields),
-        };
-        bytes(message.encoded_len(), |out| message.encode(self.charset, out))
+        written(self.charset, &object.name, &object.header, &object.fields).map_err(EncodeError::refused)
     }
 
     #[cfg(feature = "arbitrary")]
     fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
-        if u.arbitrary()? {
-            return codec::object(&u.arbitrary::<Message<'_>>()?);
-        }
-        let wire = arbitrary_of(Dialect::DEFAULT, u)?;
+        let wire = if u.arbitrary()? { Message::arbitrary(u)? } else { arbitrary_of(Dialect::DEFAULT, u)? };
         codec::object(&Message::decode(&wire, self.charset).ok().flatten().map(|(message, _)| message))
     }
 }
@@ -98,6 +89,19 @@ pub(super) fn arbitrary_of(
     Ok(wire)
 }
 
-fn values(texts: &[String]) -> Vec<Field<'_>> {
-    texts.iter().map(|text| Field::Text(text)).collect()
+/// The bytes of a message with these texts.
+pub(super) fn written(
+    charset: Charset,
+    name: &str,
+    header: &[impl AsRef<str>],
+    fields: &[impl AsRef<str>],
+) -> Result<Vec<u8>, kawasaki_msg::EncodeError> {
+    let mut wire = vec![0; Message::MAX_LEN];
+    let mut writer = Writer::new(&mut wire, charset, name);
+    header.iter().for_each(|text| writer.text(text.as_ref()));
+    writer.data();
+    fields.iter().for_each(|text| writer.text(text.as_ref()));
+    let length = writer.finish()?;
+    wire.truncate(length);
+    Ok(wire)
 }

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use kawasaki_msg::{
-    Bounds, Charset, DATA, Decimal, Dialect, END, FieldError, FieldFault, Fields, MessageError, Name,
-    SEPARATOR, START, Text, Unfit, Value as Wire, Values, Work,
+    Bounds, Charset, DATA, Decimal, Dialect, END, FieldError, FieldFault, Fields, Message, MessageError,
+    Name, SEPARATOR, START, Text, Unfit, Work,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::codec::written;
 use crate::settings::Refused;
 
 /// The most fields of a job.
@@ -168,31 +169,29 @@ impl Layout {
     /// The first field that does not fit.
     pub fn job(&self, texts: &[&str], charset: Charset) -> Result<AnyWork, FieldError> {
         for (field, text) in self.0.iter().zip(texts) {
-            // A mark would end the field, and is no part of a number either.
+            // A mark would end the field, and is not part of a number either.
             let fault = text.chars().find_map(|c| match u8::try_from(c) {
                 Err(_) => Some(FieldFault::Character { found: c }),
                 Ok(found) if [START, END, SEPARATOR, DATA].contains(&found) => {
                     Some(FieldFault::Reserved { found })
                 }
-                Ok(_) => None,
+                Ok(byte) => {
+                    let is_text = matches!(field.holds, Holds::Text { .. });
+                    (is_text && !charset.has(byte)).then_some(FieldFault::Character { found: c })
+                }
             });
             if let Some(fault) = fault {
                 return Err(FieldError { field: Name::of(&field.name), fault });
             }
         }
-        let values: Vec<Wire<'_>> = [Wire::Number(1), Wire::Number(1)]
-            .into_iter()
-            .chain(texts.iter().map(|text| Wire::Text(text)))
-            .collect();
-        let message = kawasaki_msg::Message {
-            name: Wire::Text(NAME),
-            header: Values::NONE,
-            fields: Values::List(&values),
-        };
-        let read = Dialect::DEFAULT.with_charset(charset).read_job::<AnyWork>(&message, self);
+        let unread = FieldError { field: Name::of("job"), fault: FieldFault::Missing };
+        let fields = [&["1", "1"], texts].concat();
+        let wire = written(Charset::Latin1, NAME, &[""; 0], &fields).map_err(|_| unread)?;
+        let (message, _) = Message::decode(&wire, Charset::Latin1).ok().flatten().ok_or(unread)?;
+        let read = Dialect::DEFAULT.read_job::<AnyWork>(&message, self);
         read.map(|job| job.work).map_err(|error| match error {
             MessageError::Field(error) => error,
-            _ => FieldError { field: Name::of("job"), fault: FieldFault::Missing },
+            _ => unread,
         })
     }
 

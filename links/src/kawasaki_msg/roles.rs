@@ -1,12 +1,13 @@
 //! Messages as what they mean in the plant's table, whatever they are called there.
 
 use anyhow::{Context, anyhow};
-use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Value as Text, Values};
+use kawasaki_msg::{Decoder, Dialect, Field, Message, Params};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::codec::written;
 use super::plant::{field_name, role_name};
-use crate::codec::{self, EncodeError, Kind, bytes, error, message};
+use crate::codec::{self, EncodeError, Kind, error, message};
 
 /// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
 pub(super) struct Roles(pub(super) Dialect<'static>);
@@ -57,21 +58,16 @@ impl codec::Messages for Roles {
             Err(anyhow!("a value is not a field of the message `{}`: {values}", entry.name))?;
         }
         let text = |field: &Field<'static>| match field {
-            Field::Constant(text) => Text::Text(text),
-            field => params.get(*field).map_or(Text::Text(""), Text::Number),
+            Field::Constant(text) => (*text).into(),
+            field => params.get(*field).map_or_else(String::new, |number| number.to_string()),
         };
-        let header: Vec<Text<'_>> = entry.header.iter().map(text).collect();
-        let fields: Vec<Text<'_>> = entry
-            .fields
-            .iter()
-            .flat_map(|field| match field {
-                Field::Work => work.iter().map(|value| Text::Text(value)).collect(),
-                field => vec![text(field)],
-            })
-            .collect();
-        let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
-        let message = Message { name: Text::Text(entry.name), header, fields: Values::List(&fields) };
-        let wire = bytes(message.encoded_len(), |out| message.encode(self.0.charset(), out))?;
+        let header: Vec<String> = entry.header.iter().map(text).collect();
+        let fields = entry.fields.iter().flat_map(|field| match field {
+            Field::Work => work.clone(),
+            field => vec![text(field)],
+        });
+        let fields: Vec<String> = fields.collect();
+        let wire = written(self.0.charset(), entry.name, &header, &fields).map_err(EncodeError::refused)?;
         // What the plant would not understand is not written.
         let read = Message::decode(&wire, self.0.charset()).map_err(EncodeError::refused)?;
         self.0.read(&read.context("it is not whole")?.0).map_err(EncodeError::refused)?;

@@ -170,14 +170,14 @@ fn alter() {
 #[test]
 fn kawasaki() {
     use kawasaki_msg::motion::JobQueue;
-    use kawasaki_msg::{JobKind, Line, Message, Pc, PcConfig, Point, Robot, RobotConfig, Value, Values};
+    use kawasaki_msg::{Charset, JobKind, Line, Message, Pc, PcConfig, Point, Robot, RobotConfig};
     const LINES: [Line; 1] = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
     let mut queue = JobQueue::<Line, 64>::new(9999).unwrap();
     let (jobs, mut motion) = queue.split();
     let mut pc = Pc::new(PcConfig::TCP).unwrap();
     let mut robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
-    let fields = [Value::Number(-7), Value::Text("mm"), Value::Wire(b"\xB5m")];
-    check(&Message { name: Value::Text("order"), header: Values::Wire(b""), fields: Values::List(&fields) });
+    let (message, _) = Message::decode(b"<order$$8#-7$mm$\xB5m#>", Charset::Latin1).unwrap().unwrap();
+    check(&message);
     let mut order = 0;
     talk(&mut pc, &mut robot, |pc, _, _| {
         order += u16::from(pc.start(order + 1, &LINES[..]).is_ok());

@@ -151,11 +151,11 @@ pub(super) fn by_codec(rounds: u64) {
             while let Some(message) = decoder.next_frame() {
                 black_box(dialect.read(&message.expect("a message"))).expect("one of the table's");
             }
-            let mut answer = Packet::new(black_box(&mut out), Limits::TCP, Charset::Ascii);
+            let mut answer = Packet::new(black_box(&mut out), Limits::TCP, dialect);
             loop {
                 let number = (index % 9999) as u16 + 1;
                 let job = Job { order: 50, number, work: line(number) };
-                match answer.push_job(&dialect, &black_box(job), &ranges) {
+                match answer.push_job(&black_box(job), &ranges) {
                     Ok(Room::Added) => index += 1,
                     _ => break,
                 }

@@ -2,10 +2,11 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::{Dialect, Message, Params, Role, Value as Text, Values};
+use kawasaki_msg::{Dialect, Message, Params, Role};
 use serde_json::Value;
 
 use super::ROBOT;
+use crate::kawasaki_msg::codec::written;
 use crate::kawasaki_msg::plant::{field_name, role_name};
 use crate::shadow::Report;
 
@@ -79,12 +80,11 @@ pub(super) fn read(dialect: &Dialect<'_>, message: &Value) -> Option<(Role, Para
         }
         return Some((entry.role, params));
     }
-    let texts = |name: &str| -> Vec<Text<'_>> {
-        let values = message[name].as_array().into_iter().flatten();
-        values.filter_map(|value| value.as_str().map(Text::Text)).collect()
+    let texts = |name: &str| -> Vec<&str> {
+        message[name].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
     };
-    let (header, fields) = (texts("header"), texts("fields"));
-    let name = Text::Text(message["name"].as_str()?);
-    let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
-    dialect.read(&Message { name, header, fields: Values::List(&fields) }).ok()
+    let charset = dialect.charset();
+    let wire = written(charset, message["name"].as_str()?, &texts("header"), &texts("fields")).ok()?;
+    let (message, _) = Message::decode(&wire, charset).ok()??;
+    dialect.read(&message).ok()
 }

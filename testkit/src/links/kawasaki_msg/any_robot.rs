@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use kawasaki_msg::pc::machine::{
-    Action, Config, Count, Input, Link, Order, Outcome, Reply, Report, Rest, Sent, Stage, Start,
+    Action, Config, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, Rest, Sent, Stage, Start,
 };
 use kawasaki_msg::{FromRobot, Phase, Status};
 use robot_session::Machine as _;
@@ -96,7 +96,7 @@ pub enum Act {
 impl AnyRobot {
     fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
         let (before, order) = ((w.pc.count.executed, w.pc.count.queued), w.pc.order);
-        let Ok(action) = drive(&mut w.pc, input, &self.pc, edges) else {
+        let Ok(Reaction { action, .. }) = drive(&mut w.pc, input, &self.pc, edges) else {
             w.flags.unexpected = true;
             return Action::Nothing;
         };
@@ -232,7 +232,6 @@ impl System for AnyRobot {
                 on(&mut w, Input::Disconnected);
             }
             Act::Receive(report) => {
-                on(&mut w, Input::Received);
                 (w.spoken, w.silent) = (true, 0);
                 on(&mut w, Input::Message(report));
             }
@@ -248,13 +247,13 @@ impl System for AnyRobot {
             Act::Answer => {
                 let executed = w.pc.count.executed;
                 let mut answer = w.pc.transmit(NOW, &self.pc).expect("an answer is due");
-                if answer.last.is_some_and(|index| index >= self.jobs) {
-                    on(&mut w, Input::Exhausted);
-                    answer = w.pc.transmit(NOW, &self.pc).expect("an answer is due");
+                let is_done = answer.last.is_some_and(|index| index >= self.jobs);
+                if is_done {
+                    answer = answer.at_end();
                 }
                 let (from, until) = answer.jobs.unwrap_or_default();
                 let jobs = until.saturating_sub(from).min(self.batch).min(self.jobs.saturating_sub(from));
-                let is_end = (self.jobs..until).contains(&(from + jobs));
+                let is_end = is_done || (self.jobs..until).contains(&(from + jobs));
                 w.flags.again |= jobs > 0 && from < executed;
                 on(
                     &mut w,

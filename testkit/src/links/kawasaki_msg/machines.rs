@@ -1,7 +1,11 @@
 //! Both machines as the model drives them.
 
+use core::time::Duration;
+
+use kawasaki_msg::FromRobot;
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine as robot;
+use robot_session::Machine as _;
 
 use crate::model::Drawn;
 
@@ -9,6 +13,26 @@ use crate::model::Drawn;
 pub type Robot = robot::Machine<1>;
 /// As [`Robot`].
 pub type Pc = pc::Machine<1>;
+
+/// The packet that is due, with space for all of it.
+pub(super) fn packet(robot: &Robot, config: &robot::Config) -> (Vec<FromRobot>, robot::Sent) {
+    let due = robot.transmit(Duration::ZERO, config).expect("a packet is due");
+    let (acked, acks): (Vec<u32>, Vec<FromRobot>) = robot.acks(&due, config).unzip();
+    let replies = [due.start, due.end, due.status, due.pause, due.request].into_iter().flatten();
+    let mut messages: Vec<_> = acks.into_iter().chain(replies).collect();
+    if messages.is_empty() {
+        messages.push(FromRobot::Filler);
+    }
+    let sent = robot::Sent {
+        acked: acked.iter().sum(),
+        start: due.start.is_some(),
+        end: due.end.is_some(),
+        status: due.status.is_some(),
+        pause: due.pause.is_some(),
+        request: due.request.is_some(),
+    };
+    (messages, sent)
+}
 
 impl Drawn for Robot {
     fn action_name(action: &Self::Action) -> String {
@@ -23,7 +47,7 @@ impl Drawn for Robot {
 
 impl Drawn for Pc {
     fn action_name(action: &Self::Action) -> String {
-        let text = match action {
+        let text = match action.action {
             pc::Action::Nothing | pc::Action::Sent => return String::new(),
             pc::Action::Outcome { outcome, .. } => format!("{outcome:?}"),
             action => format!("{action:?}"),

@@ -13,7 +13,7 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-use super::machines;
+use super::machines::{self, packet};
 use super::world::{Act, Reported, Setup, TICK, Tag, World};
 use crate::model::{Refined, System};
 
@@ -208,11 +208,7 @@ impl<'a> Ends<'a> {
     }
 
     fn transmit(&mut self, before: &World, path: &[Act]) {
-        let mut expected = Vec::new();
-        before.robot.packet(Duration::ZERO, &self.setup.robot.machine(), |message| {
-            expected.push(message);
-            true
-        });
+        let (expected, _) = packet(&before.robot, &self.setup.robot.machine());
         let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet is due");
         let (messages, sent) = read(&out[..length], FromRobot::read);
@@ -226,7 +222,7 @@ impl<'a> Ends<'a> {
         let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         self.taken.borrow_mut().clear();
         let length = self.pc.poll_transmit(self.now, &mut out).expect("an answer is due");
-        let (messages, sent) = read(&out[..length], FromPc::read);
+        let (messages, sent) = read(&out[..length], |role, params| FromPc::read(role, params, true));
         if before.line {
             let expected = self.world.down.last().map(|packet| packet.messages.iter());
             let expected: Vec<_> = expected.into_iter().flatten().filter_map(|sent| sent.message).collect();

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::machine::{Config, Input, Machine, Order, Sent};
+use kawasaki_msg::pc::machine::{Config, Input, Machine, Order, Rest, Sent};
 use kawasaki_msg::robot::machine as robot;
 use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status};
 use robot_session::Machine as _;
@@ -36,15 +36,8 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
         };
         // What comes is answered.
         let hear = |machine: &Machine<WORDS>, message, sent| {
-            let mut machine = after(
-                machine,
-                &[
-                    Input::Received,
-                    Input::Message(message),
-                    Input::ReadEnd { whole: true },
-                    Input::Sent(sent),
-                ],
-            );
+            let mut machine =
+                after(machine, &[Input::Message(message), Input::ReadEnd { whole: true }, Input::Sent(sent)]);
             while machine.report().is_some() {
                 machine = after(&machine, &[Input::Reported]);
             }
@@ -84,7 +77,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             if !state.is_connected() {
                 continue;
             }
-            let heard = [Input::Received, Input::ReadEnd { whole: true }];
+            let heard = [Input::Message(FromRobot::Filler), Input::ReadEnd { whole: true }];
             states.push(after(&state, &heard));
             let mut overdue = state.clone();
             overdue.each_time(|at| *at = NOW - Duration::from_millis(1));
@@ -112,7 +105,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             FromRobot::WrongSide,
             FromRobot::Unusable,
         ];
-        let mut inputs = vec![Input::Connected, Input::Disconnected, Input::Timeout, Input::Received];
+        let mut inputs = vec![Input::Connected, Input::Disconnected, Input::Timeout];
         inputs.extend(messages.map(Input::Message));
         inputs.extend([
             Input::Corrupt,
@@ -124,8 +117,8 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             Input::End,
             Input::Interrupt,
             Input::Command,
-            Input::Exhausted,
             Input::Sent(Sent { request: true, ..Sent::default() }),
+            Input::Sent(Sent { request: true, rest: Rest::End, ..Sent::default() }),
             Input::Reported,
         ]);
         inputs
@@ -151,9 +144,9 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             }
             Input::Message(FromRobot::Status(Status { queued: None, .. })) => "",
             // Nothing is sent before it is due, and nothing reported that did not happen.
-            Input::Sent(_) if machine.transmit(now, &Self::config()).is_none() => "",
-            Input::Exhausted => match machine.transmit(now, &Self::config()) {
-                Some(answer) if answer.last.is_some() => "Exhausted",
+            Input::Sent(sent) => match machine.transmit(now, &Self::config()) {
+                Some(_) if sent.rest != Rest::End => "Sent",
+                Some(answer) if answer.last.is_some() => "Sent(end)",
                 _ => "",
             },
             Input::Ahead { .. } if machine.name() != "Active" => "",

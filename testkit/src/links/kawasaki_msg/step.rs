@@ -7,7 +7,7 @@ use kawasaki_msg::robot::machine::{self as robot, Cycle, Link, Order, RecoverySt
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
 use robot_session::Machine as _;
 
-use super::machines::{Pc, Robot};
+use super::machines::{Pc, Robot, packet};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
@@ -141,7 +141,7 @@ impl Setup {
 
     fn pc(&self, w: &mut World, input: pc::Input, edges: &mut Edges<'_>) -> pc::Action {
         let number = w.pc.order.number();
-        let Ok(action) = drive(&mut w.pc, input, &self.pc.machine(), edges) else {
+        let Ok(pc::Reaction { action, .. }) = drive(&mut w.pc, input, &self.pc.machine(), edges) else {
             w.flags.unexpected = true;
             return pc::Action::Nothing;
         };
@@ -174,11 +174,10 @@ impl Setup {
     /// The answer of the PC as it is sent.
     fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<Sent> {
         let config = self.pc.machine();
-        let due = |w: &World| w.pc.transmit(NOW, &config).expect("an answer is due");
-        let mut answer = due(w);
-        if answer.last.is_some_and(|index| index >= self.jobs) {
-            self.pc(w, pc::Input::Exhausted, edges);
-            answer = due(w);
+        let mut answer = w.pc.transmit(NOW, &config).expect("an answer is due");
+        let is_done = answer.last.is_some_and(|index| index >= self.jobs);
+        if is_done {
+            answer = answer.at_end();
         }
         let pc::Answer { order, status, request, commands, jobs, .. } = answer;
         let start = w.starts.len().saturating_sub(1) as u8;
@@ -187,7 +186,8 @@ impl Setup {
             status.map(|_| FromPc::Status { order }).into_iter().chain(request).collect();
         messages.resize(messages.len() + usize::from(commands), FromPc::Filler);
         let mut messages: Vec<_> = messages.into_iter().map(|message| push(message, 0)).collect();
-        let mut sent = pc::Sent { request: request.is_some(), commands, ..pc::Sent::default() };
+        let rest = if is_done { Rest::End } else { Rest::Later };
+        let mut sent = pc::Sent { request: request.is_some(), commands, rest, ..pc::Sent::default() };
         let (from, until) = jobs.unwrap_or_default();
         for index in from..until {
             if index >= self.jobs {
@@ -250,11 +250,10 @@ impl Setup {
                 self.pc(w, pc::Input::Corrupt, edges);
             }
             let Some(message) = message else { continue };
-            self.pc(w, pc::Input::Received, edges);
-            if self.filters_acks && matches!(message, FromRobot::JobAck { order, .. } if order == w.before) {
-                continue;
-            }
-            self.pc(w, pc::Input::Message(message), edges);
+            // A filtered message still shows that the robot is there.
+            let filtered =
+                self.filters_acks && matches!(message, FromRobot::JobAck { order, .. } if order == w.before);
+            self.pc(w, pc::Input::Message(if filtered { FromRobot::Filler } else { message }), edges);
         }
         self.pc(w, pc::Input::ReadEnd { whole: true }, edges);
     }
@@ -351,11 +350,7 @@ impl Setup {
                 self.robot_pass(w, edges);
             }
             Act::Transmit => {
-                let mut messages = Vec::new();
-                let sent = w.robot.packet(NOW, &self.robot.machine(), |message| {
-                    messages.push(message);
-                    true
-                });
+                let (messages, sent) = packet(&w.robot, &self.robot.machine());
                 self.robot(w, robot::Input::Sent(sent), edges);
                 if w.line {
                     w.up.push(InFlight { messages, left: LATEST });

@@ -5,10 +5,10 @@ mod world;
 use core::time::Duration;
 
 use kawasaki_msg::robot::machine::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
-use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
+use kawasaki_msg::{FromPc, RobotConfig};
 use robot_session::Machine as _;
 
-use super::machines::Robot;
+use super::machines::{Robot, packet};
 use super::pair::{NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
 use super::world::TICK;
 use crate::model::{Edge, Edges, System, age, drive};
@@ -155,13 +155,9 @@ impl AnyPc {
     /// The packet: whether the PC's order was accepted, and the job that is asked for.
     fn transmit(&self, w: &mut World, edges: &mut Edges<'_>) -> (bool, Option<u8>) {
         let accepted = w.robot.order.number() == OURS || w.over;
-        let (queued, mut asked) = (w.robot.queued as u8, None);
-        let sent = w.robot.packet(NOW, &self.robot.machine(), |message| {
-            if let FromRobot::Request { .. } = message {
-                asked = Some(queued);
-            }
-            true
-        });
+        let queued = w.robot.queued as u8;
+        let (_, sent) = packet(&w.robot, &self.robot.machine());
+        let asked = sent.request.then_some(queued);
         self.drive(w, Input::Sent(sent), edges);
         (accepted, asked)
     }

@@ -17,7 +17,7 @@ use robot_session::tokio::{JoinHandle, spawn_blocking};
 /// The last order of a program, as it was kept: how the program goes on when it starts again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LastOrder {
-    /// No order has begun.
+    /// No job of an order was sent.
     None,
     /// The program ended before the order: [`Pc::resume`](super::Pc::resume) goes on with it, and no job is executed twice.
     Active(Kept),
@@ -58,8 +58,7 @@ impl Keep for () {
 }
 
 /// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] [over|unknown] *CHECKSUM` for every change, of which the last counts. The
-/// checksum is the CRC-32 of the line before it, in hex. Earlier versions wrote lines without one: such lines are read before the first that
-/// has one. They wrote order 0 after an order, whatever its outcome: that is read as unknown.
+/// checksum is the CRC-32 of the line before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
 #[derive(Debug)]
@@ -112,7 +111,6 @@ impl Journal {
             Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(crc32fast::hash(text.as_bytes())) => {
                 LastOrder::from_str(text)
             }
-            None if !whole.contains('*') => LastOrder::from_str(line),
             _ => Err(damaged(line)),
         });
         let last = last.unwrap_or(Ok(LastOrder::None))?;
@@ -217,7 +215,6 @@ impl FromStr for LastOrder {
         let (numbers, last): (_, fn(Kept) -> Self) = match line.rsplit_once(' ') {
             Some((numbers, "over")) => (numbers, Self::Over),
             Some((numbers, "unknown")) => (numbers, Self::Unknown),
-            _ if line.starts_with("0 ") => (line, Self::Unknown),
             _ => (line, Self::Active),
         };
         let mut words = numbers.split(' ');
@@ -228,7 +225,12 @@ impl FromStr for LastOrder {
             (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => {
                 let kept = Kept { order, executed, sent, ahead };
                 let fits = executed <= sent && kept.ahead.iter().all(|index| *index < sent);
-                if fits { Ok(last(kept)) } else { Err(wrong()) }
+                match last(kept) {
+                    _ if !fits => Err(wrong()),
+                    // The robot has none of its jobs.
+                    Self::Over(Kept { sent: 0, .. }) => Ok(Self::None),
+                    last => Ok(last),
+                }
             }
             _ => Err(wrong()),
         }

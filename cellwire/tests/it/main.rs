@@ -52,6 +52,7 @@ mod ls_run;
 mod mma_run;
 mod mma_virtual_clock;
 mod modbus_bench;
+mod modbus_devices;
 mod modbus_scan;
 mod operated;
 #[cfg(target_os = "linux")]

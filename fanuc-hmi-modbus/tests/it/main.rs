@@ -4,6 +4,7 @@
 #[cfg(feature = "arbitrary")]
 mod arbitrary;
 mod client;
+mod client_replies;
 mod common;
 mod decoder;
 mod echo;

@@ -1,5 +1,4 @@
 //! The client's rules, one by one.
-#![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
 

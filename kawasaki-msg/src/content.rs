@@ -80,16 +80,15 @@ fn order(params: &Params) -> u16 {
 }
 
 impl FromPc {
-    /// The meaning of a message's values; `good`: a job's own fields are as well.
-    #[inline(always)]
-    pub fn read(role: Role, params: &Params, good: bool) -> Self {
+    /// The meaning of a message's values; a job's own fields are not read here.
+    pub fn read(role: Role, params: &Params) -> Self {
         let order = order(params);
         match role {
             Role::Status => FromPc::Status { order },
             Role::OrderStart => FromPc::Start { order, first: params.number(Field::Number).unwrap_or(0) },
             Role::OrderEnd => FromPc::End { order },
             Role::OrderInterrupt => FromPc::Interrupt { order },
-            Role::Job => FromPc::Job { order, number: params.number(Field::Number).unwrap_or(0), good },
+            Role::Job => FromPc::Job { order, number: params.number(Field::Number).unwrap_or(0), good: true },
             Role::Filler | Role::Command(_) => FromPc::Filler,
             Role::JobAck | Role::JobRequest | Role::Pause | Role::OrderAck | Role::EndAck => {
                 FromPc::WrongSide

@@ -58,13 +58,14 @@ impl<W: Work> Received<W> {
         };
         self.role = entry.role;
         dialect.complete(entry.role, &mut self.params, active);
-        let mut good = true;
-        if let Some(own) = own
-            && let Err(error) = entry.read_work(message, own, ranges, &mut self.work)
-        {
-            (good, self.error) = (false, Some(error));
+        // A job alone has own fields.
+        let Some(own) = own else { return FromPc::read(entry.role, &self.params) };
+        let read = entry.read_work(message, own, ranges, &mut self.work);
+        let good = read.is_ok();
+        if let Err(error) = read {
+            self.error = Some(error);
         }
-        FromPc::read(entry.role, &self.params, good)
+        FromPc::Job { order: self.number(Field::Order), number: self.number(Field::Number), good }
     }
 }
 

@@ -222,7 +222,7 @@ impl<'a> Ends<'a> {
         let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         self.taken.borrow_mut().clear();
         let length = self.pc.poll_transmit(self.now, &mut out).expect("an answer is due");
-        let (messages, sent) = read(&out[..length], |role, params| FromPc::read(role, params, true));
+        let (messages, sent) = read(&out[..length], FromPc::read);
         if before.line {
             let expected = self.world.down.last().map(|packet| packet.messages.iter());
             let expected: Vec<_> = expected.into_iter().flatten().filter_map(|sent| sent.message).collect();

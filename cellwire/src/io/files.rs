@@ -56,7 +56,8 @@ fn ordinary<'a, 'b>(
     builder
 }
 
-/// A new file with this name, or if there is something of that name, with a number: `run.csv`, `run-2.csv`.
+/// A new file with this name, or if there is a file or a folder of that name, with a number: `run.csv`, `run-2.csv`. A device is written to as
+/// it is.
 ///
 /// # Errors
 /// When there is no right to write there.
@@ -65,7 +66,12 @@ pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
         let name = if number == 1 { path.to_owned() } else { numbered(path, number) };
         match OpenOptions::new().write(true).create_new(true).open(&name) {
             Ok(file) => return Ok((file, name)),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
+                if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {
+                    return Ok((device, path.to_owned()));
+                }
+            }
             Err(error) => {
                 return Err(anyhow::Error::new(error).context(format!("cannot write {}", name.display())));
             }

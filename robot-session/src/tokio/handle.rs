@@ -166,7 +166,7 @@ pub enum Link {
     /// The first one is being made.
     #[default]
     Connecting,
-    /// There is one.
+    /// There is one. It shows nothing of the device behind it: that it runs is shown by its first reply.
     Connected,
     /// The last attempt has failed, or the last connection is lost, for this reason. Another attempt follows.
     Failed(Arc<io::Error>),

@@ -152,6 +152,11 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let samples = log.recording.counts().samples;
     if let Some(why) = log.tally.why.filter(|_| samples == 0) {
         remark(&format!("error: no samples: {why}"));
+    } else if samples == 0 && log.tally.blocks > 0 && log.tally.faults.is_empty() {
+        let blocks = log.tally.blocks;
+        remark(&format!(
+            "error: none of {blocks} blocks is usable: no life counter counts in them: {NO_COUNTER}"
+        ));
     }
     let wrong: u64 = log.tally.faults.values().sum();
     if wrong > 0 && outcome.as_ref().err().is_none_or(|error| !error.is::<Implausible>()) {
@@ -165,6 +170,10 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     outcome?;
     Ok(samples > 0)
 }
+
+/// What to look at if the life counter does not count.
+const NO_COUNTER: &str = "is the background task (ls background) running, and does $SNPX_ASG show R[1] at address 1, or at --address plus 1? \
+                          --word-order logs it anyway";
 
 /// A log that is being written.
 struct Log {
@@ -348,8 +357,7 @@ impl Order {
             ensure!(
                 self.waiting.len() < Self::PATIENCE,
                 Implausible(format!(
-                    "the life counter does not count (it reads {first:#06X} {second:#06X}): is the background task running, \
-                     and does $SNPX_ASG show R[1] at address 1? --word-order logs it anyway"
+                    "the life counter does not count (it reads {first:#06X} {second:#06X}): {NO_COUNTER}"
                 ))
             );
             return Ok(Vec::new());

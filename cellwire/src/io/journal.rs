@@ -143,11 +143,15 @@ impl Record for Vec<Outcome> {
     }
 }
 
-/// Of which work a journal is.
+/// The work of a journal.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Head {
-    work: String,
-    parts: usize,
+pub struct Head {
+    /// The command `run` of this robot.
+    pub robot: String,
+    /// The fingerprint of the file and of the settings on which the parts depend.
+    pub work: String,
+    /// The number of parts.
+    pub parts: usize,
 }
 
 /// A journal that no other process writes meanwhile.
@@ -165,12 +169,12 @@ pub struct Journal<R> {
 }
 
 impl<R: Record> Journal<R> {
-    /// Opens the journal of the work of this fingerprint, which may be none yet. With `again`, what it says of an earlier run is replaced by
+    /// Opens the journal of this work, which may be none yet. With `again`, what it says of an earlier run of the same robot is replaced by
     /// the first entry. `work` is what people call it.
     ///
     /// # Errors
-    /// When another process has it open, or it is the journal of other work, or none.
-    pub fn open(path: &Path, work: &str, fingerprint: String, parts: usize, again: bool) -> Result<Self> {
+    /// When another process has it open, it is the journal of another robot, or of other work and not `again`, or no journal.
+    pub fn open(path: &Path, work: &str, head: Head, again: bool) -> Result<Self> {
         let what = || format!("the journal {}", path.display());
         // Not in append mode: on Windows such a file cannot be truncated.
         let mut options = OpenOptions::new();
@@ -184,12 +188,26 @@ impl<R: Record> Journal<R> {
         if FileExt::try_lock(&file).is_err() {
             bail!("another process is running this {work}: it has locked {}", path.display());
         }
-        let (head, record, is_begun) = (Head { work: fingerprint, parts }, R::new(parts), false);
+        let (record, is_begun) = (R::new(head.parts), false);
         let mut journal = Self { path: path.to_owned(), file, record, head, is_begun, length: 0, sum: 0 };
+        journal.check_robot().with_context(what)?;
         if !again {
             journal.read(work).with_context(what)?;
         }
         Ok(journal)
+    }
+
+    /// Fails if the file has entries of another robot.
+    fn check_robot(&mut self) -> Result<()> {
+        self.file.seek(SeekFrom::Start(0))?;
+        let mut lines = BufReader::new(&self.file).split(b'\n').map_while(Result::ok);
+        let head = lines.next().and_then(|line| first(&line)).filter(|head| head.robot != self.head.robot);
+        let Some(Head { robot, .. }) = head else { return Ok(()) };
+        ensure!(
+            lines.next().is_none(),
+            "it has the outcomes of `run {robot}`: name another file with --journal"
+        );
+        Ok(())
     }
 
     /// Its file.
@@ -284,25 +302,22 @@ impl<R: Record> Journal<R> {
         loop {
             line.clear();
             let length = reader.read_until(b'\n', &mut line)? as u64;
-            let Some(text) = line.strip_suffix(b"\n") else { break };
+            let Some(line) = line.strip_suffix(b"\n") else { break };
             number += 1;
-            let (text, sum) = split(text);
+            let (text, sum) = split(line);
             self.sum = checksum(self.sum, text);
             let is_whole = sum == Some(self.sum);
             if number > 1 {
                 ensure!(
                     is_this,
-                    "it belongs to another {work}: the file has changed. Finish the earlier {work}, or start this one with --again"
+                    "it belongs to another {work}: the file has changed, or a setting on which its parts depend. Finish the earlier {work}, or start this one with --again or with another --journal"
                 );
                 let entry =
                     Some(text).filter(|_| is_whole).and_then(|text| serde_json::from_slice(text).ok());
                 let taken = entry.and_then(|entry| self.record.take(&entry));
                 taken.with_context(|| self.damage(work, number))?;
             } else {
-                let found = Some(text)
-                    .filter(|_| is_whole)
-                    .and_then(|text| serde_json::from_slice::<Head>(text).ok());
-                is_this = found.with_context(|| self.damage(work, number))? == self.head;
+                is_this = first(line).with_context(|| self.damage(work, number))? == self.head;
             }
             self.length += length;
         }
@@ -329,6 +344,12 @@ impl<R: Record> Journal<R> {
     }
 }
 
+/// The head in the first line, if it is whole.
+fn first(line: &[u8]) -> Option<Head> {
+    let (text, sum) = split(line);
+    serde_json::from_slice(text).ok().filter(|_| sum == Some(checksum(0, text)))
+}
+
 /// A line without its line feed, and its checksum if it has one.
 fn split(line: &[u8]) -> (&[u8], Option<u32>) {
     let sum = line.split_last_chunk::<9>().and_then(|(text, sum)| {
@@ -349,11 +370,15 @@ fn checksum(before: u32, line: &[u8]) -> u32 {
 mod tests {
     use super::*;
 
+    fn head(work: &str, parts: usize) -> Head {
+        Head { robot: "press".into(), work: work.into(), parts }
+    }
+
     #[test]
     fn a_journal_is_read_again_but_for_a_torn_line_and_by_one_process_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plate.journal");
-        let open = |parts, again| Journal::<Vec<Outcome>>::open(&path, "plate", "5a".into(), parts, again);
+        let open = |parts, again| Journal::<Vec<Outcome>>::open(&path, "plate", head("5a", parts), again);
         let span = |outcome, first, count| Span { outcome, first, count };
         let mut journal = open(4, false).unwrap();
         journal.note(&span(Outcome::Unknown, 0, 3)).unwrap();
@@ -389,7 +414,7 @@ mod tests {
         fn new() -> Self {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("plate.journal");
-            let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5a".into(), 7, false).unwrap();
+            let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", head("5a", 7), false).unwrap();
             for (outcome, first, count) in [
                 (Outcome::Unknown, 0, 3),
                 (Outcome::Done, 0, 3),
@@ -407,7 +432,7 @@ mod tests {
         fn open(&self, lines: &[String]) -> Result<Vec<Outcome>, String> {
             let path = self.0.path().join("plate.journal");
             std::fs::write(&path, lines.join("\n") + "\n").unwrap();
-            let journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5a".into(), 7, false);
+            let journal = Journal::<Vec<Outcome>>::open(&path, "plate", head("5a", 7), false);
             journal.map(|journal| journal.outcomes().into_owned()).map_err(|error| format!("{error:#}"))
         }
     }
@@ -473,11 +498,28 @@ mod tests {
     }
 
     #[test]
+    fn a_journal_of_another_robot_is_left_as_it_is() {
+        let written = Written::new();
+        let path = written.0.path().join("plate.journal");
+        let other = || Head { robot: "saw".into(), ..head("5a", 7) };
+        for again in [false, true] {
+            let error = Journal::<Vec<Outcome>>::open(&path, "plate", other(), again).unwrap_err();
+            assert!(
+                format!("{error:#}")
+                    .ends_with("it has the outcomes of `run press`: name another file with --journal")
+            );
+            assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), written.1.len());
+        }
+        std::fs::write(&path, format!("{}\n", written.1[0])).unwrap();
+        assert!(Journal::<Vec<Outcome>>::open(&path, "plate", other(), false).is_ok());
+    }
+
+    #[test]
     fn a_run_that_does_nothing_leaves_its_journal_and_one_without_an_entry_is_of_no_work() {
         let written = Written::new();
         let path = written.0.path().join("plate.journal");
         let open = |work: &str, again| {
-            Journal::<Vec<Outcome>>::open(&path, "plate", work.into(), 7, again)
+            Journal::<Vec<Outcome>>::open(&path, "plate", head(work, 7), again)
                 .map(|it| it.outcomes().into_owned())
         };
         assert_eq!(open("5a", true).unwrap(), [Outcome::NotSent; 7]);
@@ -485,7 +527,7 @@ mod tests {
         assert!(format!("{:#}", open("5b", false).unwrap_err()).contains("it belongs to another plate"));
         std::fs::write(&path, format!("{}\n", written.1[0])).unwrap();
         assert_eq!(open("5b", false).unwrap(), [Outcome::NotSent; 7]);
-        let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", "5b".into(), 7, false).unwrap();
+        let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", head("5b", 7), false).unwrap();
         journal.note(&Span { outcome: Outcome::Done, first: 0, count: 2 }).unwrap();
         drop(journal);
         assert_eq!(open("5b", false).unwrap().iter().filter(|it| **it == Outcome::Done).count(), 2);

@@ -108,7 +108,8 @@ fn execute(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
-    let work = Work { file, what: "file of jobs", fingerprint, parts, lines: jobs.lines.clone() };
+    let work =
+        Work { robot: "kawasaki", file, what: "file of jobs", fingerprint, parts, lines: jobs.lines.clone() };
     let run = |journal: &mut Journal, progress: &ProgressBar| {
         serve(args, &settings, config, &jobs, journal, progress)
     };

@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
     let lines = program.instructions.iter().map(|instruction| instruction.line).collect();
-    let work = Work { file: &args.file, what: "program", fingerprint, parts, lines };
+    let work = Work { robot: "laser", file: &args.file, what: "program", fingerprint, parts, lines };
     let run =
         |journal: &mut Journal, progress: &ProgressBar| execute(args, &program, journal, progress, host);
     let ran = args.work.run(work, run)?;

@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     let (fingerprint, lines) = (settings.fingerprint(), lines(&input::text(&args.file)?));
-    let work = Work { file: &args.file, what: "task", fingerprint, parts, lines };
+    let work = Work { robot: "mma", file: &args.file, what: "task", fingerprint, parts, lines };
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
     let ran = args.work.run(work, run)?;
     let is_complete = ran.ended == Ended::Complete;

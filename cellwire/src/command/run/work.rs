@@ -12,7 +12,7 @@ use crate::command::settings::SetArgs;
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::{self, Typed};
-use crate::io::journal::{self, Journal, Outcome, Record, Tally, Unwritten};
+use crate::io::journal::{self, Head, Journal, Outcome, Record, Tally, Unwritten};
 use crate::io::output::{self, EventArgs, log, remark};
 use crate::io::tcp::TimeoutArgs;
 use crate::io::{files, interrupt};
@@ -44,6 +44,8 @@ pub(super) struct WorkArgs {
 
 /// A piece of work in a file.
 pub(super) struct Work<'a> {
+    /// The name of the robot in the command.
+    pub(super) robot: &'a str,
     /// The file.
     pub(super) file: &'a Path,
     /// What people call it.
@@ -78,9 +80,10 @@ impl WorkArgs {
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
     ) -> Result<Ran<R, T>> {
-        let Work { file, what, fingerprint, parts, lines } = work;
+        let Work { robot, file, what, fingerprint, parts, lines } = work;
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
-        let mut journal = Journal::open(&path, what, fingerprint, parts, self.again)?;
+        let head = Head { robot: robot.into(), work: fingerprint, parts };
+        let mut journal = Journal::open(&path, what, head, self.again)?;
         let ended = self.go_on(what, parts, &mut journal, run);
         let table = match &self.outcomes {
             Some(path) => files::write(path, table(&lines, &journal).as_bytes()).context(NO_TABLE),

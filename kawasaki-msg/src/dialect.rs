@@ -246,7 +246,8 @@ impl<'a> Dialect<'a> {
 
     /// Returns a job's own fields as they are in its message; none if the message is not a job, or cannot be read.
     pub fn work_values<'m>(&self, message: &Message<'m>) -> impl Iterator<Item = Value<'m>> + use<'m> {
-        let own = self.read_values(message, &mut Params::default()).ok().and_then(|(_, own)| own);
+        let read = self.read_values(message, &mut Params::default()).ok();
+        let own = read.and_then(|(entry, own)| own.filter(|_| entry.role == Role::Job));
         own.unwrap_or(Values::NONE).iter()
     }
 

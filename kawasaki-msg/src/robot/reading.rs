@@ -58,8 +58,10 @@ impl<W: Work> Received<W> {
         };
         self.role = entry.role;
         dialect.complete(entry.role, &mut self.params, active);
-        // A job alone has own fields.
-        let Some(own) = own else { return FromPc::read(entry.role, &self.params) };
+        // Those of a command are the application's.
+        let Some(own) = own.filter(|_| entry.role == Role::Job) else {
+            return FromPc::read(entry.role, &self.params);
+        };
         let read = entry.read_work(message, own, ranges, &mut self.work);
         let good = read.is_ok();
         if let Err(error) = read {

@@ -150,3 +150,15 @@ fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
     let sentence = "the name of the role Job is empty, duplicate or unencodable";
     assert_eq!(ConfigError::Name { role: Role::Job }.to_string(), sentence);
 }
+
+/// Those of a command are the application's.
+#[test]
+fn a_job_alone_has_own_fields() {
+    let dialect = with_command(&[Field::Value, Field::Work]);
+    let own = |wire: &[u8]| {
+        let (message, _) = Message::decode(wire, Charset::Ascii).unwrap().unwrap();
+        dialect.work_values(&message).map(|value| value.to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(own(b"<Tyo$10#50$1$-5$ab#>"), ["-5", "ab"]);
+    assert_eq!(own(b"<Nopeus$4#7$-5#>"), [""; 0]);
+}

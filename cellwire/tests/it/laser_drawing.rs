@@ -208,7 +208,7 @@ fn the_size_is_that_of_the_page() {
         let refused = read(&svg(head, line), false).unwrap_err();
         assert_eq!(
             refused,
-            "the drawing part.svg has no size in mm: give the width and the height of its <svg> in mm, or take 96 pixels as an inch with --allow"
+            "the drawing part.svg has no size in mm: give the width and the height of its <svg> in mm, or take 96 pixels as an inch with --allow drawing"
         );
         let program = read(&svg(head, line), true).unwrap();
         assert_eq!(program.warnings, ["is taken to have 96 pixels per inch"]);
@@ -233,7 +233,7 @@ fn what_cannot_be_cut_is_named_and_left_out_where_that_is_allowed() {
         assert_eq!(
             read(&drawing, false).unwrap_err(),
             format!(
-                "the drawing part.svg has {named}: convert them to paths with an opaque stroke, or leave them out with --allow"
+                "the drawing part.svg has {named}: convert them to paths with an opaque stroke, or leave them out with --allow drawing"
             )
         );
         let program = read(&drawing, true).unwrap();
@@ -262,7 +262,7 @@ fn lines_outside_of_the_page_are_not_cut_unasked() {
     let drawing = page(r#"<path d="M90 40 H 110 V 50 H 90" fill="none" stroke="red"/>"#);
     assert_eq!(
         read(&drawing, false).unwrap_err(),
-        "the drawing part.svg has lines outside of its page of 100.0 by 80.0 mm: move them onto it, or cut them off with --allow"
+        "the drawing part.svg has lines outside of its page of 100.0 by 80.0 mm: move them onto it, or cut them off with --allow drawing"
     );
     let program = read(&drawing, true).unwrap();
     assert_eq!(program.warnings, ["is cut off at the edge of its page of 100.0 by 80.0 mm"]);

@@ -462,7 +462,7 @@ fn wireshark_lists_a_tap_and_reads_from_it() {
 fn what_ends_a_tap_of_wireshark_is_said() {
     let pipe = tempfile::NamedTempFile::new().unwrap();
     let (status, _, error) = run(cellwire(&format!(
-        "extcap --extcap-interface cellwire --capture --fifo {} --udp --listen 127.0.0.1:0 --connect nobody",
+        "extcap --extcap-interface cellwire --capture --fifo {} --udp --listen 127.0.0.1:0 --connect nobody:1",
         pipe.path().display()
     )));
     assert_eq!(status, Some(2), "{error}");

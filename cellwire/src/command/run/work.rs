@@ -26,7 +26,7 @@ pub(super) struct WorkArgs {
     #[arg(long, value_name = "FILE")]
     pub(super) picture: Option<PathBuf>,
     /// Write what became of each job as CSV
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
     outcomes: Option<PathBuf>,
     /// What is known of each job [default: FILE.journal]
     #[arg(long, value_name = "FILE")]

@@ -65,6 +65,9 @@ impl Way {
         let port = |name: &str| -> Result<Named> {
             Ok((name.to_owned(), serial::open_with(name, args.baud, args.mode)?))
         };
+        if let Some(server) = &args.connect {
+            tcp::check(server)?;
+        }
         match (&args.listen, &args.a, &args.b) {
             (Some(address), ..) if args.udp => Ok(Self::Udp(udp::bind(address)?)),
             (Some(address), ..) => Ok(Self::Tcp(tcp::listen(address)?)),

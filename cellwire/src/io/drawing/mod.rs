@@ -101,7 +101,7 @@ impl Picture {
         let left_out = &drawing.left_out;
         ensure!(
             allow || left_out.is_empty(),
-            "has {left_out}: convert them to paths and lines, or skip them with `run kawasaki --allow`"
+            "has {left_out}: convert them to paths and lines, or skip them with `run kawasaki --allow drawing`"
         );
         let size = Size::new(sheet.x.into(), sheet.y.into());
         let page = drawing.page;

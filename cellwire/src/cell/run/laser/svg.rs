@@ -33,7 +33,7 @@ pub(super) fn read(data: &[u8], mapping: &Mapping, allow: bool) -> Result<(Vec<I
     let drawing = Drawing::read(data, Tool::Laser)?;
     let mut warnings = Vec::new();
     let mut refuse = |why: String, warning: String| {
-        ensure!(allow, "{why} with --allow");
+        ensure!(allow, "{why} with --allow drawing");
         warnings.push(warning);
         Ok(())
     };

@@ -199,7 +199,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<RobotEvent, 32>;
     type Statistics = RobotStatistics;
-    /// The message is [`received`](Self::received).
+    /// The message is `received`.
     type Payload = ();
 
     /// A datagram that is longer than any message is seen to be.

@@ -472,6 +472,9 @@ impl System for AnyPc {
             })
             .or_else(|| first(&|act| *act == Act::Transmit([N; 3]) && self.is_free()))
             .or_else(|| {
+                if !Self::is_ready(w) {
+                    return None;
+                }
                 let (accepted, asked) = self.transmit(&mut w.clone(), &mut None);
                 let letter = match (accepted, asked) {
                     (_, Some(from)) if from < self.jobs => Letter::Job(0),

@@ -60,7 +60,7 @@ pub enum Field<'a> {
     Unused,
 }
 
-/// What a field that the sessions use is: where a message stores it, and which values it has.
+/// A field that the sessions use: its place among the stored values, and its range.
 #[derive(Debug)]
 pub(crate) struct Row {
     /// The index among the values of a message.

@@ -57,12 +57,12 @@ pub struct Args {
     trace: TraceArgs,
 }
 
-/// Where the hand is.
 const USAGE: &str = "\
 cellwire alter [OPTIONS] --robot <PORT> --ball <PORT>
        cellwire alter [OPTIONS] --robot <PORT> --keyboard|--spacenav|--hid
        cellwire alter [OPTIONS] --robot <PORT> --evdev <DEVICE>|--play <FILE>";
 
+/// The device that moves the hand.
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct InputArgs {

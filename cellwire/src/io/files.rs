@@ -62,16 +62,15 @@ fn ordinary<'a, 'b>(
 /// # Errors
 /// When there is no right to write there.
 pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
+    let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
+    if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {
+        return Ok((device, path.to_owned()));
+    }
     for number in 1_u32.. {
         let name = if number == 1 { path.to_owned() } else { numbered(path, number) };
         match OpenOptions::new().write(true).create_new(true).open(&name) {
             Ok(file) => return Ok((file, name)),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-                let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
-                if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {
-                    return Ok((device, path.to_owned()));
-                }
-            }
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(error) => {
                 return Err(anyhow::Error::new(error).context(format!("cannot write {}", name.display())));
             }

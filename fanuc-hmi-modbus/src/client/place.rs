@@ -22,7 +22,7 @@ pub(super) struct Place {
 /// The request whose reply shows that a device answers: it has 2 bytes of data, and so begins in another way than the request.
 const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
 
-/// What begins with some bytes.
+/// The part of a reply that some bytes begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Begins {
     /// The beginning of the reply.

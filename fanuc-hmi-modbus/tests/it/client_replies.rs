@@ -1,4 +1,4 @@
-//! What a client reads of replies in pieces, behind noise, and with wrong lengths.
+//! Replies in pieces, behind noise, and with wrong lengths, as a client reads them.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
@@ -90,7 +90,7 @@ fn the_rest_of_a_reply_is_waited_for_until_the_timeout() {
     let failed = ClientEvent::Failed { ticket, failure: Failure::TimedOut };
     let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
     assert_eq!(events, [cut, failed]);
-    // What is late is no reply to the next request.
+    // A late reply is no reply to the next request.
     client.handle_input(begin + timeout + MS, &reply[40..]);
     assert_eq!(client.in_flight(), 0);
 }

@@ -9,7 +9,7 @@ use fanuc_hmi_modbus::{
     Bits, Client, ClientConfig, ClientEvent, Exception, Failure, Reply, Request, Ticket, Words,
 };
 
-/// What a line gives for the frame with this number.
+/// The bytes that a line gives for the frame with this number.
 type Line<'a> = &'a dyn Fn(usize, &[u8]) -> Vec<u8>;
 
 /// Asks until the request has its outcome; the line gives what it likes at once.

@@ -283,7 +283,7 @@ pub enum Rest {
 pub struct Reaction {
     /// The number of commands that have an outcome, oldest first, and the outcome. They come before the action.
     pub commands: (u8, CommandOutcome),
-    /// What the session does.
+    /// The action of the session.
     pub action: Action,
 }
 

@@ -58,7 +58,7 @@ impl<W: Work> Received<W> {
         };
         self.role = entry.role;
         dialect.complete(entry.role, &mut self.params, active);
-        // Those of a command are the application's.
+        // A command's own fields are the application's.
         let Some(own) = own.filter(|_| entry.role == Role::Job) else {
             return FromPc::read(entry.role, &self.params);
         };

@@ -28,7 +28,7 @@ pub enum LastOrder {
     Unknown(Kept),
 }
 
-/// How far an order is, or was when it ended.
+/// The progress of an order, or its last progress once it has ended.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kept {
     /// Its number, from 1.

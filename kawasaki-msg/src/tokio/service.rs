@@ -211,7 +211,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
 }
 
 impl Kept {
-    /// How far the order of a session is, or was when it ended.
+    /// The progress of the order of a session, or its last progress once it has ended.
     fn of<W: Work>(session: &Session<W>) -> Self {
         let (executed, sent) = (session.executed(), session.sent());
         Self {

@@ -151,7 +151,7 @@ fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
     assert_eq!(ConfigError::Name { role: Role::Job }.to_string(), sentence);
 }
 
-/// Those of a command are the application's.
+/// A command's own fields are the application's.
 #[test]
 fn a_job_alone_has_own_fields() {
     let dialect = with_command(&[Field::Value, Field::Work]);

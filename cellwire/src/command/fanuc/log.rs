@@ -171,7 +171,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     Ok(samples > 0)
 }
 
-/// What to look at if the life counter does not count.
+/// The causes to check if the life counter does not count.
 const NO_COUNTER: &str = "is the background task (ls background) running, and does $SNPX_ASG show R[1] at address 1, or at --address plus 1? \
                           --word-order logs it anyway";
 

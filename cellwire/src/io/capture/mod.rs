@@ -59,7 +59,7 @@ pub enum Form {
     HexDump,
     /// What strace writes.
     Strace,
-    /// What `socat -x` writes.
+    /// Output of `socat -x`.
     Socat,
 }
 

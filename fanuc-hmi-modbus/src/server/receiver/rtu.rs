@@ -33,7 +33,7 @@ pub struct RtuReceiver {
     lost: Option<DecodeError>,
 }
 
-/// What begins with some bytes.
+/// The frame, or the part of one, that some bytes begin.
 enum Begun {
     /// A frame of this many bytes.
     Frame(usize, Side),

@@ -240,9 +240,6 @@ pub enum ConfigError {
         /// The places of the client; 1 where frames have no transaction.
         most: usize,
     },
-    /// The session was built for the other framing alone.
-    #[error("this session's type is for another framing (Tcp or Rtu)")]
-    Framing,
     /// No adapter for two wires is within a TCP connection.
     #[error("over TCP the line returns nothing: echo is for RTU frames")]
     Echo,

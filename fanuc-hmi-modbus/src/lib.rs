@@ -40,7 +40,7 @@ pub use client::{Client, ClientConfig, ClientEvent, ClientStatistics, Failure, T
 pub use decoder::Decoder;
 pub use error::{ConfigError, DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
-pub use framing::{Framing, Framings, Rtu, Tcp};
+pub use framing::Framing;
 pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
 pub use position::PositionRegister;
 pub use registers::{Registers, serve};

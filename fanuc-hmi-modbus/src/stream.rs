@@ -89,11 +89,6 @@ impl Stream {
         self.buffer.get(range)
     }
 
-    #[inline]
-    pub(crate) fn byte(&self, at: usize) -> Option<u8> {
-        self.buffer.get(at).copied()
-    }
-
     /// What waits up to [`limit`](Self::limit).
     #[inline]
     pub(crate) fn held(&self) -> &[u8] {

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use benches::{Budget, Count, Link, Ratio, Timing};
 use cellwire_motion::{Tracker, dpm};
-use fanuc_hmi_modbus::{Decoder, Frame, Rtu, Side, Tcp, TelemetryBlock, timing};
+use fanuc_hmi_modbus::{Decoder, Frame, Framing, Side, TelemetryBlock, timing};
 
 use super::streams::{self, Decoding, Names};
 
@@ -73,7 +73,7 @@ const REPLY: usize = 9 + 2 * work::N;
 struct OverTcp;
 
 impl Decoding for OverTcp {
-    type Decoder = Decoder<Tcp>;
+    type Decoder = Decoder;
     const LEN: usize = REPLY;
     const FRAMES: usize = 1;
     const NAMES: Names = Names {
@@ -87,8 +87,8 @@ impl Decoding for OverTcp {
         worst: "TCP: the worst noise, one byte a push",
     };
 
-    fn decoder() -> Decoder<Tcp> {
-        Decoder::new(Tcp, Side::Server)
+    fn decoder() -> Decoder {
+        Decoder::new(Framing::Tcp, Side::Server)
     }
 
     fn valid() -> Vec<u8> {
@@ -104,7 +104,7 @@ impl Decoding for OverTcp {
 struct OverRtu;
 
 impl Decoding for OverRtu {
-    type Decoder = Decoder<Rtu>;
+    type Decoder = Decoder;
     const LEN: usize = 5 + 2 * work::N;
     const FRAMES: usize = 1;
     const NAMES: Names = Names {
@@ -118,8 +118,8 @@ impl Decoding for OverRtu {
         worst: "RTU: the worst noise, one byte a push",
     };
 
-    fn decoder() -> Decoder<Rtu> {
-        Decoder::new(Rtu, Side::Server)
+    fn decoder() -> Decoder {
+        Decoder::new(Framing::Rtu { silence: timing::silence(19_200) }, Side::Server)
     }
 
     fn valid() -> Vec<u8> {

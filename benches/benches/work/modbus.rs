@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, Exception, Frame, Registers, Reply, Request, Server, ServerConfig,
-    Tcp, Words, WordsMut,
+    Words, WordsMut,
 };
 use modbus_core::tcp as core_tcp;
 use rmodbus::client::ModbusRequest;
@@ -163,7 +163,7 @@ pub(crate) fn encode_rmodbus(rounds: u64) {
 }
 
 pub(crate) fn exchange(rounds: u64) {
-    let mut client = Client::<8, Tcp>::new(ClientConfig::tcp()).expect("a good configuration");
+    let mut client = Client::<8>::new(ClientConfig::tcp()).expect("a good configuration");
     client.handle_connected(Duration::ZERO);
     let mut reply = reply_bytes();
     let (mut out, mut words) = ([0; 260], [0u16; N]);
@@ -246,7 +246,7 @@ pub(crate) fn exchange_tokio_modbus(rounds: u64) {
 
 pub(crate) fn server_session(rounds: u64) {
     let server = Server::new(ServerConfig::tcp(), Bank([7; 100]));
-    let mut server: Server<_, 8, Tcp> = server.expect("a good configuration");
+    let mut server: Server<_, 8> = server.expect("a good configuration");
     server.handle_connected(Duration::ZERO);
     let (request, mut out) = (request_bytes(), [0; Frame::MAX_LEN]);
     for _ in 0..rounds {

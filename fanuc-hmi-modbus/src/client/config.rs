@@ -2,9 +2,9 @@ use core::time::Duration;
 
 use robot_session::Rules;
 
-use crate::frame::Frame;
 use crate::framing::Framing;
-use crate::timing;
+#[cfg(feature = "rtu")]
+use crate::{frame::Frame, timing};
 
 /// Settings of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,9 +87,14 @@ robot_session::rules! {
 
 impl ClientConfig {
     /// Modbus TCP.
+    #[cfg(feature = "tcp")]
     pub const fn tcp() -> Self {
+        Self::of(Framing::Tcp)
+    }
+
+    const fn of(framing: Framing) -> Self {
         Self {
-            framing: Framing::Tcp,
+            framing,
             timeout: Duration::from_secs(1),
             in_flight: 1,
             any_unit: false,
@@ -105,22 +110,23 @@ impl ClientConfig {
     }
 
     /// RTU on a serial line.
+    #[cfg(feature = "rtu")]
     pub const fn rtu(baud: u32) -> Self {
-        let tcp = Self::tcp();
+        let config = Self::of(Framing::Rtu { silence: timing::silence(baud) });
         let longest = timing::transmission_time(Frame::MAX_RTU_LEN, baud);
         Self {
-            framing: Framing::Rtu { silence: timing::silence(baud) },
-            timeout: tcp.timeout.saturating_add(longest).saturating_add(longest),
-            turnaround: tcp.turnaround.saturating_add(longest),
+            timeout: config.timeout.saturating_add(longest).saturating_add(longest),
+            turnaround: config.turnaround.saturating_add(longest),
             broadcast: true,
-            ..tcp
+            ..config
         }
     }
 
     /// RTU frames over TCP.
+    #[cfg(feature = "rtu")]
     pub const fn rtu_over_tcp() -> Self {
         let settle = Duration::from_secs(10);
-        Self { framing: Framing::RTU_OVER_TCP, broadcast: true, settle, ..Self::tcp() }
+        Self { broadcast: true, settle, ..Self::of(Framing::RTU_OVER_TCP) }
     }
 
     /// Whether a request to this unit is a broadcast.
@@ -146,6 +152,7 @@ impl ClientConfig {
     }
 }
 
+#[cfg(feature = "tcp")]
 impl Default for ClientConfig {
     fn default() -> Self {
         Self::tcp()

@@ -23,10 +23,9 @@ use place::{Begins, Misfit, Place};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
 use crate::frame::{Frame, Side};
-use crate::framing::{Framing, Framings};
 use crate::message::{PduBuf, Reply, Request};
 
-/// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
+/// The client's end of one connection or serial line, with `N` places for requests, 16 at most.
 ///
 /// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait.
 /// [`request`](Self::request) at any time; requests are sent in the order in which they were made, and wait for a connection if there is none.
@@ -41,8 +40,8 @@ use crate::message::{PduBuf, Reply, Request};
 /// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. A reply after them is accepted if it fits, except for
 /// an exception in RTU frames: it may be data of the damaged reply.
 #[derive(Debug, Clone)]
-pub struct Client<const N: usize = 8, F: Framings = Framing> {
-    core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
+pub struct Client<const N: usize = 8> {
+    core: Core<ClientMachine<N>, Decoder, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
     echo: Echo<{ Frame::MAX_LEN }>,
     /// The bytes before those that are read now ended within corruption.
@@ -54,12 +53,11 @@ pub struct Client<const N: usize = 8, F: Framings = Framing> {
 /// Outcomes have room here for every place.
 const EVENTS: usize = 16;
 
-impl<const N: usize, F: Framings> Client<N, F> {
+impl<const N: usize> Client<N> {
     /// A client without a connection and without requests.
     ///
     /// # Errors
-    /// No request can be in flight, or more than there are places for; the timeout is zero; the type is for another framing; over TCP the line
-    /// is said to return what is sent.
+    /// No request can be in flight, or more than there are places for; the timeout is zero; over TCP the line is said to return what is sent.
     pub fn new(config: ClientConfig) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= EVENTS, "a client has 1 to 16 places") };
         let most = if config.framing.has_transactions() { N } else { 1 };
@@ -72,9 +70,8 @@ impl<const N: usize, F: Framings> Client<N, F> {
         if config.echo && config.framing.has_transactions() {
             return Err(ConfigError::Echo);
         }
-        let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
-            core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
+            core: Core::new(config, ClientMachine::NEW, Decoder::new(config.framing, Side::Server)),
             places: [Place::EMPTY; N],
             echo: Echo::new(config.echo),
             was_corrupt: false,
@@ -261,9 +258,9 @@ impl<const N: usize, F: Framings> Client<N, F> {
     }
 }
 
-impl<const N: usize, F: Framings> End for Client<N, F> {
+impl<const N: usize> End for Client<N> {
     type Machine = ClientMachine<N>;
-    type Decoder = Decoder<F>;
+    type Decoder = Decoder;
     type Events = EventQueue<ClientEvent, EVENTS>;
     type Statistics = ClientStatistics;
     /// The place of a frame in the decoder.
@@ -376,8 +373,9 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
                 self.advance(now, Input::Partial, None);
             }
         }
-        if let (false, Framing::Tcp, Some(error)) =
-            (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())
+        let has_transactions = self.core.decoder.has_transactions();
+        if let (true, false, Some(error)) =
+            (has_transactions, self.was_corrupt, self.core.decoder.corruption())
         {
             self.core.events.push_notice(ClientEvent::OutOfStep(error));
         }

@@ -3,6 +3,7 @@ use core::time::Duration;
 use robot_session::Rules;
 
 use crate::framing::Framing;
+#[cfg(feature = "rtu")]
 use crate::timing;
 
 /// Settings of a server.
@@ -52,49 +53,46 @@ robot_session::rules! {
 
 impl ServerConfig {
     /// Modbus TCP: every unit is answered.
+    #[cfg(feature = "tcp")]
     pub const fn tcp() -> Self {
-        let frame_timeout = Duration::from_millis(50);
-        Self {
-            framing: Framing::Tcp,
-            unit: None,
-            broadcast: false,
-            frame_timeout,
-            echo: false,
-            rules: Rules::ALL,
-        }
+        Self::of(Framing::Tcp, None)
     }
 
     /// RTU on a serial line.
+    #[cfg(feature = "rtu")]
     pub const fn rtu(unit: u8, baud: u32) -> Self {
         let framing = Framing::Rtu { silence: timing::silence(baud) };
         let piece = timing::transmission_time(32, baud);
         Self {
             frame_timeout: piece.saturating_add(Duration::from_millis(20)),
-            ..Self::on_line(framing, unit)
+            ..Self::of(framing, Some(unit))
         }
     }
 
     /// RTU frames over TCP.
+    #[cfg(feature = "rtu")]
     pub const fn rtu_over_tcp(unit: u8) -> Self {
-        Self::on_line(Framing::RTU_OVER_TCP, unit)
+        Self::of(Framing::RTU_OVER_TCP, Some(unit))
     }
 
-    const fn on_line(framing: Framing, unit: u8) -> Self {
-        let mut config = Self::tcp();
-        config.framing = framing;
-        config.unit = Some(unit);
-        config.broadcast = true;
-        config
+    const fn of(framing: Framing, unit: Option<u8>) -> Self {
+        Self {
+            framing,
+            unit,
+            broadcast: !framing.has_transactions(),
+            frame_timeout: Duration::from_millis(50),
+            echo: false,
+            rules: Rules::ALL,
+        }
     }
-}
 
-impl ServerConfig {
     /// Whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
     }
 }
 
+#[cfg(feature = "tcp")]
 impl Default for ServerConfig {
     fn default() -> Self {
         Self::tcp()

@@ -20,16 +20,15 @@ use machine::{Action, Due, Input, ServerMachine};
 use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
 use crate::frame::Frame;
-use crate::framing::{Framing, Framings};
 use crate::message::{function, limit};
 use crate::registers::{Registers, serve_any};
-pub(crate) use receiver::{AnyReceiver, Receive, RtuReceiver};
+use receiver::Receiver;
 use replies::Replies;
 
 /// The bytes of an RTU request to read.
 const READ_REQUEST: usize = 8;
 
-/// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
+/// One connection to a server, or one serial line, with `N` places for replies that wait to be sent.
 ///
 /// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait. Requests are carried out on
 /// the [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
@@ -46,8 +45,8 @@ const READ_REQUEST: usize = 8;
 /// delayed between the line and the program. A silence counts when the driver has seen it:
 /// [`handle_timeout`](robot_session::Session::handle_timeout) is called after what has arrived was read.
 #[derive(Debug, Clone)]
-pub struct Server<R, const N: usize = 8, F: Framings = Framing> {
-    core: Core<ServerMachine<N>, F::Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
+pub struct Server<R, const N: usize = 8> {
+    core: Core<ServerMachine<N>, Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
     echo: Echo<{ Frame::MAX_LEN }>,
@@ -55,22 +54,21 @@ pub struct Server<R, const N: usize = 8, F: Framings = Framing> {
     was_corrupt: bool,
 }
 
-impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
+impl<R: Registers, const N: usize> Server<R, N> {
     /// A server without a connection.
     ///
     /// # Errors
-    /// It would be unit 0 where that is the broadcast; the type is for another framing; over TCP the line is said to return what is sent.
+    /// It would be unit 0 where that is the broadcast; over TCP the line is said to return what is sent.
     pub fn new(config: ServerConfig, registers: R) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= 255, "a server has 1 to 255 places") };
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
             return Err(ConfigError::Unit { found });
         }
-        F::of(config.framing).ok_or(ConfigError::Framing)?;
         if config.echo && config.framing.has_transactions() {
             return Err(ConfigError::Echo);
         }
         Ok(Self {
-            core: Core::new(config, ServerMachine::NEW, Receive::new(config.framing, config.unit)),
+            core: Core::new(config, ServerMachine::NEW, Receiver::new(&config)),
             registers,
             replies: Replies::EMPTY,
             echo: Echo::new(config.echo),
@@ -105,7 +103,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     fn serve(&mut self, request: Range<usize>) {
         let Some(frame) = self.core.decoder.frame(request) else { return };
         let Some(reply) = self.replies.push() else { return };
-        reply.length = F::Receiver::serve(&frame, &mut self.registers, &mut reply.bytes).unwrap_or(0);
+        reply.length = frame.serve(&mut self.registers, &mut reply.bytes).unwrap_or(0);
         let exception = reply.exception(frame.transaction.is_some());
         let Frame { transaction, unit, .. } = frame;
         let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
@@ -144,9 +142,9 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     }
 }
 
-impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
+impl<R: Registers, const N: usize> End for Server<R, N> {
     type Machine = ServerMachine<N>;
-    type Decoder = F::Receiver;
+    type Decoder = Receiver;
     type Events = EventQueue<ServerEvent, 8>;
     type Statistics = ServerStatistics;
     /// The place of a request in the decoder.
@@ -230,8 +228,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     #[cold]
     fn overrun(&mut self, _now: Duration) {
         if self.core.machine.is_full() {
-            let noise = DecodeError::Noise { length: self.core.decoder.pending() };
-            self.core.decoder.lose(noise);
+            let noise = self.core.decoder.lose();
             self.corrupt(noise);
         }
         while let Some(request) = self.core.decoder.next_followed() {

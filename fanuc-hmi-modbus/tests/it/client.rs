@@ -6,7 +6,7 @@ use crate::common::{MS, Seen, all, bytes, connected, read, rtu, sent, tcp};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::{
     Bits, Client, ClientConfig, ClientEvent, ConfigError, DecodeError, Exception, Failure, Framing, Mismatch,
-    Reply, Request, Rtu, SessionError, Tcp, Ticket, Words,
+    Reply, Request, SessionError, Ticket, Words,
 };
 
 #[test]
@@ -410,16 +410,6 @@ fn a_configuration_that_cannot_work_is_refused() {
     let config = ClientConfig { timeout: core::time::Duration::ZERO, ..tcp(1) };
     assert_eq!(refused(config), Some(ConfigError::Timeout));
     assert_eq!(ClientConfig::default(), ClientConfig::tcp());
-}
-
-#[test]
-fn a_client_of_one_framing_refuses_the_others() {
-    for config in [rtu(), ClientConfig::rtu_over_tcp()] {
-        assert_eq!(Client::<1, Tcp>::new(config).err(), Some(ConfigError::Framing));
-        assert_eq!(Client::<1, Rtu>::new(config).err(), None);
-    }
-    assert_eq!(Client::<1, Rtu>::new(tcp(1)).err(), Some(ConfigError::Framing));
-    assert_eq!(Client::<1, Tcp>::new(tcp(1)).err(), None);
 }
 
 #[test]

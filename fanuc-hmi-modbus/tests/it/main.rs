@@ -9,7 +9,6 @@ mod common;
 mod decoder;
 mod echo;
 mod edges;
-mod framings;
 #[cfg(feature = "tokio")]
 mod handle;
 mod line;
@@ -18,6 +17,7 @@ mod pipes;
 mod proof;
 #[cfg(all(feature = "arbitrary", feature = "bytes"))]
 mod properties;
+mod receiver;
 #[cfg(feature = "std")]
 mod server;
 #[cfg(feature = "serde")]

@@ -4,7 +4,7 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 
 use fanuc_hmi_modbus::robot_session::{Output, Session as _, settle};
-use fanuc_hmi_modbus::{Exception, Frame, Framings, Registers, Server, ServerConfig, Words, WordsMut};
+use fanuc_hmi_modbus::{Exception, Frame, Registers, Server, ServerConfig, Words, WordsMut};
 
 use crate::{REGISTERS, ROOM, UNIT, fail};
 
@@ -26,8 +26,8 @@ impl Registers for Bank {
 }
 
 /// What a board does: the bytes, on a line the silence behind them, and everything that comes out.
-pub fn session<F: Framings>(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
-    let Ok(mut server) = Server::<_, 1, F>::new(config, Bank([0; REGISTERS])) else { fail() };
+pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+    let Ok(mut server) = Server::<_, 1>::new(config, Bank([0; REGISTERS])) else { fail() };
     let mut now = Duration::ZERO;
     server.handle_connected(now);
     move |request, reply| {

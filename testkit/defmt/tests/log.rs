@@ -225,7 +225,7 @@ fn the_cell() {
 #[test]
 fn the_fanuc() {
     use fanuc_hmi_modbus::{
-        Bits, Client, ClientConfig, Exception, Registers, Request, Server, ServerConfig, Tcp, TelemetryBlock,
+        Bits, Client, ClientConfig, Exception, Registers, Request, Server, ServerConfig, TelemetryBlock,
         Words, WordsMut,
     };
     struct Board;
@@ -235,8 +235,8 @@ fn the_fanuc() {
             Ok(())
         }
     }
-    let mut client = Client::<1, Tcp>::new(ClientConfig::tcp()).unwrap();
-    let mut server = Server::<_, 1, Tcp>::new(ServerConfig::tcp(), Board).unwrap();
+    let mut client = Client::<1>::new(ClientConfig::tcp()).unwrap();
+    let mut server = Server::<_, 1>::new(ServerConfig::tcp(), Board).unwrap();
     talk(&mut client, &mut server, |client, _, _| {
         let _ = client.request(1, &TelemetryBlock::request());
     });

@@ -18,15 +18,15 @@ macro_rules! run {
 program!("none", { print_size(&()) });
 
 program!("fanuc-hmi-modbus-client-rtu", {
-    use fanuc_hmi_modbus::{Client, ClientConfig, Rtu, TelemetryBlock};
-    run!(Client::<1, Rtu>::new(ClientConfig::rtu(19_200)), Client::<1, Rtu>::MAX_TRANSMIT, |client, _| {
+    use fanuc_hmi_modbus::{Client, ClientConfig, TelemetryBlock};
+    run!(Client::<1>::new(ClientConfig::rtu(19_200)), Client::<1>::MAX_TRANSMIT, |client, _| {
         client.request(1, &TelemetryBlock::request())
     })
 });
 
 program!("fanuc-hmi-modbus-client-tcp", {
-    use fanuc_hmi_modbus::{Client, ClientConfig, Tcp, TelemetryBlock};
-    run!(Client::<1, Tcp>::new(ClientConfig::tcp()), Client::<1, Tcp>::MAX_TRANSMIT, |client, _| {
+    use fanuc_hmi_modbus::{Client, ClientConfig, TelemetryBlock};
+    run!(Client::<1>::new(ClientConfig::tcp()), Client::<1>::MAX_TRANSMIT, |client, _| {
         client.request(1, &TelemetryBlock::request())
     })
 });
@@ -47,19 +47,19 @@ impl fanuc_hmi_modbus::Registers for Board {
 }
 
 program!("fanuc-hmi-modbus-server-rtu", {
-    use fanuc_hmi_modbus::{Rtu, Server, ServerConfig};
+    use fanuc_hmi_modbus::{Server, ServerConfig};
     run!(
-        Server::<_, 1, Rtu>::new(ServerConfig::rtu(1, 19_200), Board),
-        Server::<Board, 1, Rtu>::MAX_TRANSMIT,
+        Server::<_, 1>::new(ServerConfig::rtu(1, 19_200), Board),
+        Server::<Board, 1>::MAX_TRANSMIT,
         |_, _| {}
     )
 });
 
 program!("fanuc-hmi-modbus-server-tcp", {
-    use fanuc_hmi_modbus::{Server, ServerConfig, Tcp};
+    use fanuc_hmi_modbus::{Server, ServerConfig};
     run!(
-        Server::<_, 1, Tcp>::new(ServerConfig::tcp(), Board),
-        Server::<Board, 1, Tcp>::MAX_TRANSMIT,
+        Server::<_, 1>::new(ServerConfig::tcp(), Board),
+        Server::<Board, 1>::MAX_TRANSMIT,
         |_, _| {}
     )
 });

@@ -3,12 +3,12 @@
 use std::hint::black_box;
 
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
-use fanuc_hmi_modbus::{Decoder, Frame, Reply, Request, Side, Tcp};
+use fanuc_hmi_modbus::{Decoder, Frame, Framing, Reply, Request, Side};
 
 use super::work::{Bank, N, answer, reply_bytes, request_bytes};
 
 pub(super) fn exchange(rounds: u64) {
-    let mut decoder = Decoder::new(Tcp, Side::Server);
+    let mut decoder = Decoder::new(Framing::Tcp, Side::Server);
     let mut reply = reply_bytes();
     let (mut out, mut words) = ([0; 260], [0u16; N]);
     for transaction in (0..=u16::MAX).cycle().take(rounds as usize) {
@@ -28,7 +28,7 @@ pub(super) fn exchange(rounds: u64) {
 }
 
 pub(super) fn serve(rounds: u64) {
-    let mut decoder = Decoder::new(Tcp, Side::Client);
+    let mut decoder = Decoder::new(Framing::Tcp, Side::Client);
     let (request, mut bank, mut out) = (request_bytes(), Bank([7; 100]), [0; Frame::MAX_LEN]);
     for _ in 0..rounds {
         assert_eq!(decoder.push(black_box(&request)), request.len());

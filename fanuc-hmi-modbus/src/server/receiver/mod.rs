@@ -1,107 +1,137 @@
-//! What a server reads of its stream, for each framing.
+//! The requests in a server's stream.
 
-mod any;
+#[cfg(feature = "rtu")]
 mod rtu;
 
-use core::fmt::Debug;
 use core::ops::Range;
 
 use robot_session::Decoder as Decode;
 
-pub(crate) use any::AnyReceiver;
-pub(crate) use rtu::RtuReceiver;
-
-use crate::decoder::Decoder;
 use crate::error::DecodeError;
-use crate::frame::{Frame, Side};
-use crate::framing::{Framing, Tcp};
-use crate::registers::Registers;
+use crate::frame::Frame;
+use crate::framing::Framing;
+use crate::server::ServerConfig;
+#[cfg(feature = "tcp")]
+use crate::{decoder::Decoder, frame::Side};
+#[cfg(feature = "rtu")]
+use rtu::RtuReceiver;
 
-/// The requests in a stream.
-pub trait Receive: Decode<Error = DecodeError> + Debug + Clone {
-    /// Of this framing; `own` is the unit that the server is.
-    fn new(framing: Framing, own: Option<u8>) -> Self;
+/// A TCP server reads like any decoder; on a line there are other units.
+#[derive(Debug, Clone)]
+#[cfg_attr(
+    all(feature = "rtu", feature = "tcp"),
+    expect(clippy::large_enum_variant, reason = "nothing is allocated, and boards have one framing")
+)]
+pub enum Receiver {
+    #[cfg(feature = "tcp")]
+    Tcp(Decoder),
+    #[cfg(feature = "rtu")]
+    Rtu(RtuReceiver),
+}
+
+/// A call, or a value, of each.
+macro_rules! each {
+    ($receiver:expr, $tcp:ident => $of_tcp:expr, $rtu:ident => $of_rtu:expr) => {
+        match $receiver {
+            #[cfg(feature = "tcp")]
+            Receiver::Tcp($tcp) => $of_tcp,
+            #[cfg(feature = "rtu")]
+            Receiver::Rtu($rtu) => $of_rtu,
+        }
+    };
+    ($receiver:expr, $it:ident => $call:expr) => {
+        each!($receiver, $it => $call, $it => $call)
+    };
+}
+
+impl Receiver {
+    pub(crate) fn new(config: &ServerConfig) -> Self {
+        match config.framing {
+            #[cfg(feature = "tcp")]
+            framing @ Framing::Tcp => Self::Tcp(Decoder::new(framing, Side::Client)),
+            #[cfg(feature = "rtu")]
+            framing @ (Framing::Rtu { .. } | Framing::RtuOverTcp { .. }) => {
+                Self::Rtu(RtuReceiver::new(framing, config.unit))
+            }
+        }
+    }
 
     /// The place of the next request.
-    fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>>;
+    #[inline(always)] // into the one place that reads
+    pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+        each!(self, it => it.advance())
+    }
 
     /// A request that [`advance`](Self::advance) found.
-    fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>>;
+    #[inline(always)]
+    pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
+        each!(self, it => it.frame(range))
+    }
 
     /// The unit that such a request is for.
-    fn unit(&self, request: &Range<usize>) -> Option<u8>;
-
-    /// [`Frame::serve`], of such a request.
-    fn serve<R: Registers>(request: &Frame<&[u8]>, registers: &mut R, out: &mut [u8]) -> Option<usize>;
+    #[inline(always)]
+    pub(crate) fn unit(&self, request: &Range<usize>) -> Option<u8> {
+        self.frame(request.clone()).map(|frame| frame.unit)
+    }
 
     /// A silence was seen. What is held may go on after it.
-    fn pause(&mut self) {
-        self.finish();
+    pub(crate) fn pause(&mut self) {
+        each!(self, tcp => tcp.finish(), rtu => rtu.pause());
     }
 
     /// Whether what is held may be the beginning of a frame, as found at the last [`pause`](Self::pause).
-    fn is_partial(&self) -> bool {
-        false
+    pub(crate) fn is_partial(&self) -> bool {
+        each!(self, _tcp => false, rtu => rtu.is_partial())
     }
 
-    /// What is held is no frame.
-    fn lose(&mut self, error: DecodeError);
-
-    /// The bytes that wait.
-    fn pending(&self) -> usize;
+    /// Drops the bytes that wait; gives them as noise.
+    pub(crate) fn lose(&mut self) -> DecodeError {
+        let noise = DecodeError::Noise { length: each!(self, it => it.pending()) };
+        each!(self, tcp => tcp.clear(), rtu => rtu.lose(noise));
+        noise
+    }
 
     /// Whether nothing has come behind the request that was given last, as far as that counts: on a serial line.
-    fn was_last(&self) -> bool {
-        true
+    #[inline]
+    pub(crate) fn was_last(&self) -> bool {
+        each!(self, _tcp => true, rtu => rtu.was_last())
     }
 
     /// A line has had no silence for so long that the buffer is full: takes what is past, until there is room; gives the place of what
     /// was a request for this server.
-    fn next_followed(&mut self) -> Option<Range<usize>> {
-        None
+    pub(crate) fn next_followed(&mut self) -> Option<Range<usize>> {
+        each!(self, _tcp => None, rtu => rtu.next_followed())
     }
 
-    /// [`Decoder::corruption`], which TCP has.
-    fn corruption(&self) -> Option<DecodeError> {
-        None
+    /// The corruption that a TCP stream is in.
+    #[inline]
+    pub(crate) fn corruption(&self) -> Option<DecodeError> {
+        each!(self, tcp => tcp.corruption(), _rtu => None)
     }
 }
 
-impl Receive for Decoder<Tcp> {
-    fn new(_: Framing, _: Option<u8>) -> Self {
-        Self::new(Tcp, Side::Client)
-    }
-
-    #[inline(always)] // into the one place that reads
-    fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
-        Self::advance(self)
-    }
+impl Decode for Receiver {
+    type Frame<'a> = Frame<&'a [u8]>;
+    type Error = DecodeError;
 
     #[inline(always)]
-    fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
-        Self::frame(self, range)
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        each!(self, it => it.push(bytes))
     }
 
-    #[inline(always)]
-    fn unit(&self, request: &Range<usize>) -> Option<u8> {
-        self.byte(request.start + 6)
+    fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
+        each!(self, it => it.next_frame())
     }
 
-    #[inline(always)]
-    fn serve<R: Registers>(request: &Frame<&[u8]>, registers: &mut R, out: &mut [u8]) -> Option<usize> {
-        Frame { transaction: Some(request.transaction?), ..*request }.serve(registers, out)
+    fn finish(&mut self) {
+        each!(self, it => it.finish());
     }
 
-    fn lose(&mut self, _: DecodeError) {
-        Decode::clear(self);
+    fn position(&self) -> u64 {
+        each!(self, it => it.position())
     }
 
-    fn pending(&self) -> usize {
-        Self::pending(self)
-    }
-
-    #[inline]
-    fn corruption(&self) -> Option<DecodeError> {
-        Self::corruption(self)
+    fn clear(&mut self) {
+        each!(self, it => it.clear());
     }
 }

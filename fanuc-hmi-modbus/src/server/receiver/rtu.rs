@@ -4,12 +4,10 @@ use core::ops::Range;
 
 use robot_session::Decoder as _;
 
-use super::Receive;
-use crate::decoder;
+use crate::decoder::rtu;
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, Side};
 use crate::framing::Framing;
-use crate::registers::Registers;
 use crate::stream::Stream;
 
 /// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
@@ -140,8 +138,8 @@ impl RtuReceiver {
     }
 }
 
-impl Receive for RtuReceiver {
-    fn new(framing: Framing, own: Option<u8>) -> Self {
+impl RtuReceiver {
+    pub(super) fn new(framing: Framing, own: Option<u8>) -> Self {
         Self {
             stream: Stream::new(),
             own,
@@ -153,42 +151,32 @@ impl Receive for RtuReceiver {
         }
     }
 
-    fn pause(&mut self) {
+    pub(super) fn pause(&mut self) {
         self.stream.finish();
         self.is_pause = true;
     }
 
-    fn is_partial(&self) -> bool {
+    pub(super) fn is_partial(&self) -> bool {
         self.is_serial && self.lost.is_none() && self.stream.pending() > 0
     }
 
     #[inline(always)] // into the one place that reads
-    fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+    pub(super) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         // Mostly there is nothing.
         if self.stream.pending() == 0 && !self.stream.has_ended() { None } else { self.judge() }
     }
 
     #[inline(always)]
-    fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
+    pub(super) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         Frame::from_rtu_parts(self.stream.get(range)?)
     }
 
-    #[inline(always)]
-    fn unit(&self, request: &Range<usize>) -> Option<u8> {
-        self.stream.byte(request.start)
-    }
-
-    #[inline(always)]
-    fn serve<R: Registers>(request: &Frame<&[u8]>, registers: &mut R, out: &mut [u8]) -> Option<usize> {
-        Frame { transaction: None, ..*request }.serve(registers, out)
-    }
-
     #[inline]
-    fn was_last(&self) -> bool {
+    pub(super) fn was_last(&self) -> bool {
         !self.is_serial || self.stream.has_ended() && self.stream.held().is_empty()
     }
 
-    fn next_followed(&mut self) -> Option<Range<usize>> {
+    pub(super) fn next_followed(&mut self) -> Option<Range<usize>> {
         while self.stream.pending() > KEPT {
             let held = self.stream.held();
             match begun(held, self.own, false, false) {
@@ -208,12 +196,12 @@ impl Receive for RtuReceiver {
     }
 
     /// What comes until the end is no frame either.
-    fn lose(&mut self, error: DecodeError) {
+    pub(super) fn lose(&mut self, error: DecodeError) {
         self.clear();
         self.lost = Some(error);
     }
 
-    fn pending(&self) -> usize {
+    pub(super) fn pending(&self) -> usize {
         self.stream.pending()
     }
 }
@@ -343,7 +331,7 @@ fn is_for(unit: u8, own: Option<u8>) -> bool {
 /// Why these bytes are no frame, seen as a request.
 #[cold]
 fn no_frame(data: &[u8]) -> DecodeError {
-    match decoder::rtu(data, Side::Client, true) {
+    match rtu::len(data, Side::Client, true) {
         Ok(expected) => DecodeError::Cut { expected, found: data.len() },
         Err(error) => error,
     }

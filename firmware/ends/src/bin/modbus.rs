@@ -7,7 +7,7 @@ use core::sync::atomic::{AtomicU16, Ordering};
 use core::time::Duration;
 
 use board::{Driver, Link, Uart};
-use fanuc_hmi_modbus::{Exception, Registers, Rtu, Server, ServerConfig, Words, WordsMut};
+use fanuc_hmi_modbus::{Exception, Registers, Server, ServerConfig, Words, WordsMut};
 use robot_session::Session as _;
 use static_cell::StaticCell;
 
@@ -42,7 +42,7 @@ impl Registers for Machine {
     }
 }
 
-type Session = Server<Machine, 1, Rtu>;
+type Session = Server<Machine, 1>;
 
 /// What runs in the interrupt of the session.
 struct Modbus {

@@ -6,12 +6,12 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 
 use board::{Driver, Link, Uart};
-use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, Rtu, TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, TelemetryBlock, WordOrder};
 use robot_session::Session as _;
 use robot_work_queue::{NoWake, WorkQueue, Writer};
 use static_cell::{ConstStaticCell, StaticCell};
 
-type Session = Client<1, Rtu>;
+type Session = Client<1>;
 static BLOCKS: ConstStaticCell<WorkQueue<TelemetryBlock, 4>> =
     ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Telemetry> = StaticCell::new();

@@ -1,11 +1,11 @@
 //! A client that writes and reads registers, one request after the other.
 
-use fanuc_hmi_modbus::{Client, ClientConfig, Request, Rtu, Words};
+use fanuc_hmi_modbus::{Client, ClientConfig, Request, Words};
 use static_cell::StaticCell;
 
 use super::{Caller, Peer};
 
-type Session = Client<1, Rtu>;
+type Session = Client<1>;
 static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {

@@ -20,7 +20,7 @@ impl Registers for Robot {
     }
 }
 
-type Session = Server<Robot, 1, Rtu>;
+type Session = Server<Robot, 1>;
 static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 pub(crate) fn start() -> &'static mut dyn Peer {

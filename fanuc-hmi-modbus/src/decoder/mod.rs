@@ -1,13 +1,17 @@
 //! Bytes of a stream in, frames out.
 
-use core::fmt::Debug;
+pub(crate) mod rtu;
+mod tcp;
+
 use core::ops::Range;
 
 use crate::error::DecodeError;
-use crate::frame::{Frame, RtuLen, RtuShape, Side};
-use crate::framing::{Framing, Framings};
-use crate::message::{Exception, function};
+use crate::frame::{Frame, Side};
+use crate::framing::Framing;
+use crate::message::function;
 use crate::stream::{CAPACITY, Stream};
+use rtu::Ends;
+use tcp::{EXCEPTION, HEADER, MBAP, SHORTEST};
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
 ///
@@ -35,35 +39,20 @@ use crate::stream::{CAPACITY, Stream};
 ///
 /// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
 #[derive(Debug, Clone)]
-pub struct Decoder<F: Framings = Framing> {
-    framing: F,
+pub struct Decoder {
+    framing: Framing,
     side: Side,
     stream: Stream,
     /// Where the frame at `start` ends at the earliest: before that nothing is decoded.
     wanted: usize,
     corruption: Option<Corruption>,
-    ends: F::Ends,
+    ends: Ends,
     /// The bytes that may follow the last frame, an exception with a wrong length, before the next one begins.
     excess: usize,
 }
 
 /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
 pub(crate) const WINDOW: usize = 2 * Frame::MAX_LEN;
-
-/// The bytes of a header that are judged.
-const MBAP: usize = 6;
-
-/// The bytes that a header and the length of the message after it take, but one.
-const HEADER: usize = MBAP + 10;
-
-/// The bytes of the shortest TCP frame.
-const SHORTEST: usize = MBAP + 2;
-
-/// The bytes of an exception over TCP.
-const EXCEPTION: usize = MBAP + EXCEPTION_LENGTH;
-
-/// The length in its header.
-const EXCEPTION_LENGTH: usize = 3;
 
 /// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
@@ -77,71 +66,21 @@ struct Corruption {
     tried: usize,
 }
 
-/// Where the RTU frames end that may have begun within corruption: of a frame that ends at some place (modulo 256) the length less
-/// one, and at its own beginning the same of another that ends there, or 0.
-#[derive(Debug, Clone)]
-pub struct RtuEnds {
-    last: [u8; 256],
-    other: [u8; 256],
-}
-
-/// What a decoder of some framing knows of them: on TCP there are none.
-pub trait Ends: Debug + Clone {
-    const NONE: Self;
-
-    /// Adds a frame of 5 to 256 bytes.
-    fn add(&mut self, start: u8, len: usize);
-
-    /// Removes one that ends here; gives its length.
-    fn take(&mut self, end: u8) -> Option<usize>;
-}
-
-impl Ends for () {
-    const NONE: Self = ();
-
-    fn add(&mut self, _: u8, _: usize) {}
-
-    fn take(&mut self, _: u8) -> Option<usize> {
-        None
-    }
-}
-
-#[expect(clippy::indexing_slicing, reason = "a byte is below 256")]
-impl Ends for RtuEnds {
-    const NONE: Self = Self { last: [0; 256], other: [0; 256] };
-
-    fn add(&mut self, start: u8, len: usize) {
-        if let Ok(less_one) = u8::try_from(len - 1) {
-            let end = start.wrapping_add(less_one).wrapping_add(1);
-            self.other[usize::from(start)] = core::mem::replace(&mut self.last[usize::from(end)], less_one);
-        }
-    }
-
-    fn take(&mut self, end: u8) -> Option<usize> {
-        let less_one = self.last[usize::from(end)];
-        let start = end.wrapping_sub(less_one).wrapping_sub(1);
-        (less_one > 0).then(|| {
-            self.last[usize::from(end)] = self.other[usize::from(start)];
-            usize::from(less_one) + 1
-        })
-    }
-}
-
 impl Decoder {
     /// The bytes that wait to be decoded, at most.
     pub const CAPACITY: usize = CAPACITY;
 }
 
-impl<F: Framings> Decoder<F> {
+impl Decoder {
     /// A decoder of what `side` sends.
-    pub const fn new(framing: F, side: Side) -> Self {
+    pub const fn new(framing: Framing, side: Side) -> Self {
         Self {
             framing,
             side,
             stream: Stream::new(),
             wanted: 0,
             corruption: None,
-            ends: F::Ends::NONE,
+            ends: Ends::NONE,
             excess: 0,
         }
     }
@@ -221,14 +160,14 @@ impl<F: Framings> Decoder<F> {
                 continue;
             }
             let begun = if self.framing.has_transactions() {
-                tcp(data, self.side)
+                tcp::len(data, self.side)
             } else {
-                rtu(data, self.side, has_ended)
+                rtu::len(data, self.side, has_ended)
             };
             let error = match begun {
                 Ok(len) if len <= data.len() => {
                     if len <= EXCEPTION && self.framing.has_transactions() {
-                        self.excess = excess(data, self.side);
+                        self.excess = tcp::excess(data, self.side);
                     }
                     let frame = self.stream.take(len);
                     if !has_ended {
@@ -280,7 +219,7 @@ impl<F: Framings> Decoder<F> {
         if frame.len() != EXCEPTION || !self.framing.has_transactions() {
             return None;
         }
-        exception_length(self.stream.get(frame.clone())?, self.side)
+        tcp::exception_error(self.stream.get(frame.clone())?, self.side)
     }
 
     /// Looks for the next frame after an exception with a wrong length. Returns the bytes before it.
@@ -310,12 +249,6 @@ impl<F: Framings> Decoder<F> {
         Some(length)
     }
 
-    /// A byte of such a frame.
-    #[inline]
-    pub(crate) fn byte(&self, at: usize) -> Option<u8> {
-        self.stream.byte(at)
-    }
-
     /// Corruption begins at the start. Returns where the next frame is looked for.
     #[cold]
     fn corrupt(&mut self, error: DecodeError) -> usize {
@@ -323,12 +256,12 @@ impl<F: Framings> Decoder<F> {
         let skip = match error {
             // TCP loses nothing: a frame that its connection cuts holds no other.
             DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
-            DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
+            DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => tcp::foreign_len(data),
             _ => 1,
         };
         let from = start + skip;
         self.corruption = Some(Corruption { error, is_more: false, from, tried: start });
-        self.ends = F::Ends::NONE;
+        self.ends = Ends::NONE;
         from
     }
 
@@ -339,16 +272,16 @@ impl<F: Framings> Decoder<F> {
         let start = self.stream.start();
         let window = limit.min(start + WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
-            (self.next_header(from, tried, window), HEADER)
+            (tcp::next(&self.stream, self.side, from, tried, window), HEADER)
         } else {
-            (self.next_rtu(from, tried, window), Frame::MAX_RTU_LEN - 1)
+            (self.ends.next(&self.stream, self.side, from, tried, window), Frame::MAX_RTU_LEN - 1)
         };
         let is_full = window - start == WINDOW;
         let corruption = self.corruption.as_mut()?;
         if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {
             corruption.tried = tried;
             if self.framing.has_transactions() {
-                let shows = if is_placed(tried, from, start) { MBAP } else { SHORTEST };
+                let shows = if tcp::is_placed(tried, from, start) { MBAP } else { SHORTEST };
                 // A full window decides without them.
                 self.wanted = (tried + shows).min(start + WINDOW);
             }
@@ -376,77 +309,6 @@ impl<F: Framings> Decoder<F> {
         Some((if is_more { DecodeError::Noise { length } } else { error }, length))
     }
 
-    /// Where the next bytes begin that are an MBAP header, as far as can be seen; else what was tried.
-    #[inline(never)]
-    fn next_header(&self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
-        let mut rest = self.stream.get(from.max(tried)..limit).unwrap_or_default();
-        while let ([_, after @ ..], data) = (rest, rest) {
-            rest = after;
-            // Protocol 0, a length below 256: judged as soon as it is there.
-            if let [_, _, p0, ..] = *data
-                && (p0 != 0
-                    || data.get(3).is_some_and(|p1| *p1 != 0)
-                    || data.get(4).is_some_and(|l0| *l0 != 0))
-            {
-                continue;
-            }
-            let start = limit - data.len();
-            let Some((six, message)) = data.split_first_chunk() else { return Err(start) };
-            let Ok(len) = Frame::tcp_len(six) else { continue };
-            if is_placed(start, from, self.stream.start()) {
-                return Ok(start);
-            }
-            match RtuLen::of(message, self.side) {
-                RtuLen::Known(rtu) if MBAP + rtu == len + 2 => return Ok(start),
-                RtuLen::AtLeast(_) if !self.stream.has_ended() => return Err(start),
-                RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
-            }
-        }
-        Err(limit)
-    }
-
-    /// Where the frame begins that ends first, and of those the longest; else what was tried. A beginning is noted with the byte
-    /// that shows its length, and tried when its end has come.
-    #[inline(never)]
-    fn next_rtu(&mut self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
-        let shown_by: &[usize] = match self.side {
-            Side::Client => &[1, 6, 10],
-            Side::Server => &[1, 2],
-        };
-        for end in tried + 1..=limit {
-            for at in shown_by {
-                let Some(start) = end.checked_sub(at + 1).filter(|start| *start >= from) else {
-                    break;
-                };
-                let data = self.stream.get(start..end).unwrap_or_default();
-                let (Some(code), Some(shows)) = (data.get(1), data.last()) else { break };
-                let len = match RtuShape::of(*code, self.side) {
-                    RtuShape::Fixed(len) if *at == 1 => len,
-                    RtuShape::Counted { at: count_at } if count_at == *at => at + 3 + usize::from(*shows),
-                    _ => continue,
-                };
-                self.ends.add(self.place(start), len);
-            }
-            let mut longest = None;
-            while let Some(len) = self.ends.take(self.place(end)) {
-                let frame = self.stream.get(end.saturating_sub(len)..end).unwrap_or_default();
-                if Frame::decode_rtu_whole(frame).is_ok() {
-                    longest = longest.max(Some(len));
-                }
-            }
-            if let Some(len) = longest {
-                return Ok(end.saturating_sub(len));
-            }
-        }
-        Err(limit)
-    }
-
-    /// A place in the stream, modulo 256.
-    fn place(&self, index: usize) -> u8 {
-        let [low, ..] = self.stream.position_of(index).to_le_bytes();
-        low
-    }
-
     #[inline(never)] // rare, and `push` is built in
     fn compact(&mut self) {
         let gone = self.stream.compact();
@@ -458,7 +320,7 @@ impl<F: Framings> Decoder<F> {
     }
 }
 
-impl<F: Framings> robot_session::Decoder for Decoder<F> {
+impl robot_session::Decoder for Decoder {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
@@ -494,80 +356,6 @@ impl<F: Framings> robot_session::Decoder for Decoder<F> {
 
     fn clear(&mut self) {
         self.stream.clear();
-        (self.wanted, self.corruption, self.ends, self.excess) = (0, None, F::Ends::NONE, 0);
-    }
-}
-
-/// The length of the TCP frame that begins here, or how many bytes show it.
-#[inline]
-fn tcp(data: &[u8], side: Side) -> Result<usize, DecodeError> {
-    let len = data.first_chunk().map_or(Ok(MBAP), Frame::tcp_len)?;
-    Ok(if is_exception(data, side) { len.min(EXCEPTION) } else { len })
-}
-
-/// Whether the TCP frame that begins here is an exception to a function of the specification, which has two bytes of PDU.
-#[inline]
-fn is_exception(data: &[u8], side: Side) -> bool {
-    let code = data.get(MBAP + 1).copied().unwrap_or_default();
-    code > function::EXCEPTION && side == Side::Server && function::is_typed(code & !function::EXCEPTION)
-}
-
-/// The bytes that may follow the TCP frame at the beginning, if that is an exception with a wrong length: those that its header counts
-/// beyond the PDU, or those of the PDU that it does not count.
-#[cold]
-fn excess(data: &[u8], side: Side) -> usize {
-    match data.get(4..6) {
-        Some(&[l0, l1]) if is_exception(data, side) => {
-            usize::from(u16::from_be_bytes([l0, l1])).abs_diff(EXCEPTION_LENGTH)
-        }
-        _ => 0,
-    }
-}
-
-/// The error of a whole exception with a wrong length.
-#[cold]
-fn exception_length(frame: &[u8], side: Side) -> Option<DecodeError> {
-    let &[t0, t1, _, _, l0, l1, unit, function, code] = frame.first_chunk()?;
-    let found = u16::from_be_bytes([l0, l1]);
-    (is_exception(frame, side) && usize::from(found) != EXCEPTION_LENGTH).then(|| {
-        DecodeError::ExceptionLength {
-            transaction: u16::from_be_bytes([t0, t1]),
-            unit,
-            function: function & 0x7F,
-            exception: Exception::from(code),
-            expected: 3,
-            found,
-        }
-    })
-}
-
-/// Whether the next frame begins at `at`, whatever its message: right after one of another protocol. Elsewhere a header has to have the
-/// length of the message after it.
-fn is_placed(at: usize, from: usize, start: usize) -> bool {
-    at == from && from > start + 1
-}
-
-/// What to skip of a frame whose header is bad: all of it, if its length can be one.
-fn foreign_len(data: &[u8]) -> usize {
-    let length = data.get(4..6).and_then(<[u8]>::first_chunk);
-    let length = length.map_or(usize::MAX, |length| usize::from(u16::from_be_bytes(*length)));
-    if length <= 254 { MBAP + length } else { 1 }
-}
-
-/// The length of the RTU frame that begins here, or how many bytes show it.
-pub(crate) fn rtu(data: &[u8], side: Side, finished: bool) -> Result<usize, DecodeError> {
-    let (RtuLen::Known(len) | RtuLen::AtLeast(len)) = RtuLen::of(data, side) else {
-        // However many bytes there are: how the stream was cut must not show.
-        let too_long = Frame::MAX_RTU_LEN + 1;
-        return match data.len() {
-            len if len >= too_long => Err(DecodeError::TooLong { found: too_long }),
-            len if finished => Frame::decode_rtu_whole(data).map(|_| len),
-            _ => Ok(too_long),
-        };
-    };
-    match data.get(..len) {
-        _ if len > Frame::MAX_RTU_LEN => Err(DecodeError::TooLong { found: len }),
-        Some(frame) => Frame::decode_rtu_whole(frame).map(|_| len),
-        None => Ok(len),
+        (self.wanted, self.corruption, self.ends, self.excess) = (0, None, Ends::NONE, 0);
     }
 }

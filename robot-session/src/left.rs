@@ -5,6 +5,7 @@ use core::time::Duration;
 
 use crate::ended::{Ended, STALL};
 use crate::session::Session;
+use crate::step::{Step, Steps};
 
 /// While bytes wait to be written, what is due next may be the next bytes: other deadlines are looked for as often as this.
 const LOOK: Duration = Duration::from_millis(10);
@@ -12,6 +13,8 @@ const LOOK: Duration = Duration::from_millis(10);
 /// What is left of a turn that has ended, or was dropped.
 #[derive(Debug)]
 pub(crate) struct Left {
+    /// The steps of the session between two inputs.
+    steps: Steps,
     /// What is not written yet is in the driver's buffer from here,
     begin: usize,
     /// to here.
@@ -34,6 +37,7 @@ pub(crate) struct Left {
 
 impl Left {
     pub(crate) const NOTHING: Self = Self {
+        steps: Steps::NEW,
         begin: 0,
         end: 0,
         taken_at: Duration::ZERO,
@@ -61,11 +65,23 @@ impl Left {
         *self = Self::with_stall(self.stall);
     }
 
-    /// The first bytes of the buffer are to be written; whether there are any.
-    pub(crate) fn begin_with(&mut self, length: usize, now: Duration) -> bool {
-        (self.begin, self.end, self.taken_at) = (0, length, now);
-        self.unannounced = self.is_some();
-        self.is_some()
+    /// The next step of the session. Bytes that are not written yet come before others.
+    #[inline]
+    pub(crate) fn next<'a, S: Session>(
+        &mut self,
+        session: &mut S,
+        now: Duration,
+        out: &'a mut [u8],
+    ) -> Step<'a, S::Event> {
+        if self.is_some() {
+            return session.poll_event().map_or_else(|| Step::Write(self.of(out)), Step::Event);
+        }
+        let step = self.steps.next(session, now, out);
+        if let Step::Write(bytes) = &step {
+            (self.begin, self.end, self.taken_at) = (0, bytes.len(), now);
+            self.unannounced = self.is_some();
+        }
+        step
     }
 
     /// The next bytes are written.
@@ -74,13 +90,6 @@ impl Left {
         if length > 0 {
             self.taken_at = now;
         }
-    }
-
-    /// Called when the port has taken `taken` of the bytes; `flushed` if they have left it.
-    #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
-    pub(crate) fn wrote(&mut self, taken: usize, flushed: bool, now: Duration) {
-        self.take(taken, now);
-        self.unflushed = taken > 0 && !flushed;
     }
 
     /// The port takes nothing any more.
@@ -113,5 +122,34 @@ impl Left {
         let due = session.poll_timeout().map(|at| if is_hidden(&at) { now.saturating_add(LOOK) } else { at });
         let stalled = self.is_some().then(|| self.taken_at.saturating_add(self.stall));
         due.into_iter().chain(stalled).min()
+    }
+}
+
+#[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
+impl Left {
+    /// The session has got an input: its events come before more bytes.
+    pub(crate) const fn restart(&mut self) {
+        self.steps = Steps::NEW;
+    }
+
+    /// Gives every event to `each`, until there are bytes to be written or nothing is to be done.
+    #[inline]
+    pub(crate) fn prepare<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        out: &mut [u8],
+        now: impl Fn() -> Duration,
+        mut each: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        while let Step::Event(event) = self.next(session, now(), out) {
+            each(session, event)?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Called when the port has taken `taken` of the bytes; `flushed` if they have left it.
+    pub(crate) fn wrote(&mut self, taken: usize, flushed: bool, now: Duration) {
+        self.take(taken, now);
+        self.unflushed = taken > 0 && !flushed;
     }
 }

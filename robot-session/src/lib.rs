@@ -31,11 +31,11 @@ mod serial;
 mod session;
 #[cfg(feature = "settings")]
 pub mod settings;
-mod settle;
 #[cfg(feature = "spec")]
 pub mod spec;
 #[cfg(feature = "std")]
 mod std_driver;
+mod step;
 #[cfg(feature = "tokio")]
 pub mod tokio;
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
@@ -63,11 +63,11 @@ pub use serial::Serial;
 #[cfg(feature = "serialport")]
 pub use serialport;
 pub use session::Session;
-pub use settle::{Output, settle};
 #[cfg(feature = "std")]
 pub use std_driver::{
     Driver, Received, Sent, Transport, discard_unacknowledged, drive, is_lost_datagram, is_silence, now,
 };
+pub use step::{Step, Steps};
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
 pub use turn::Clock;
 pub use unexpected::Unexpected;

@@ -5,7 +5,7 @@ use core::time::Duration;
 /// One end of a link, without a clock, a socket or a port.
 ///
 /// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) and
-/// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`settle`](crate::settle) does it), then sleep until bytes arrive or
+/// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`Steps`](crate::Steps) do it), then sleep until bytes arrive or
 /// [`poll_timeout`](Self::poll_timeout) is reached. Other orders of calls lose nothing; calling too often or too late affects only
 /// the protocol's own deadlines.
 ///

@@ -11,6 +11,7 @@ use std::vec::Vec;
 use crate::ended::{Ended, keep_first, report, report_all};
 use crate::left::Left;
 use crate::session::Session;
+use crate::step::Step;
 use crate::wait::{Wait, Waker};
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
@@ -242,39 +243,29 @@ impl<T: Transport> Driver<T> {
         let Self { transport, out, left, .. } = self;
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
         loop {
-            if let ControlFlow::Break(value) = report(session, handler) {
-                return Ok(ControlFlow::Break(value));
-            }
-            let mut idle = true;
-            while left.is_some() || {
-                let now = transport.now();
-                session.poll_transmit(now, out).is_some_and(|length| left.begin_with(length, now))
-            } {
-                idle = false;
-                if left.unannounced {
-                    keep(session)?;
-                    left.unannounced = false;
-                }
-                let bytes = left.of(out);
-                match transport.send(bytes)? {
-                    Sent::Part(length) => {
-                        left.take(length, transport.now());
-                        return Ok(report(session, handler));
+            match left.next(session, transport.now(), out) {
+                Step::Event(event) => {
+                    if let broken @ ControlFlow::Break(_) = handler(session, event) {
+                        return Ok(broken);
                     }
-                    Sent::Buffered => left.take(bytes.len(), transport.now()),
-                    Sent::Transmitted => {
-                        left.take(bytes.len(), transport.now());
-                        session.handle_transmitted(transport.now());
-                    }
+                    continue;
                 }
+                Step::Write(_) => {}
+                Step::Wait { .. } => return Ok(ControlFlow::Continue(())),
             }
-            // Also where nothing is to be sent, something may have expired, or was read.
-            if idle {
-                match session.poll_event().map(|event| handler(session, event)) {
-                    None => return Ok(ControlFlow::Continue(())),
-                    Some(ControlFlow::Continue(())) => {}
-                    Some(broken) => return Ok(broken),
-                }
+            if left.unannounced {
+                keep(session)?;
+                left.unannounced = false;
+            }
+            let bytes = left.of(out);
+            let (length, sent) = (bytes.len(), transport.send(bytes)?);
+            if let Sent::Part(length) = sent {
+                left.take(length, transport.now());
+                return Ok(report(session, handler));
+            }
+            left.take(length, transport.now());
+            if sent == Sent::Transmitted {
+                session.handle_transmitted(transport.now());
             }
         }
     }

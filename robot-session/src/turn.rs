@@ -100,53 +100,6 @@ pub trait Clock {
     fn sleep_until(&self, at: Duration) -> impl Future<Output = ()>;
 }
 
-/// Who is told what a session does.
-pub(crate) trait Handler<S: Session, E> {
-    type Break;
-
-    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<Self::Break>;
-
-    /// The session has written what is sent next. A dropped future has to be called again.
-    fn before_write(&mut self, session: &mut S) -> impl Future<Output = Result<(), E>>;
-}
-
-/// Who is told of events alone.
-pub(crate) struct Told<F>(pub(crate) F);
-
-impl<S: Session, E, B, F: FnMut(&mut S, S::Event) -> ControlFlow<B>> Handler<S, E> for Told<F> {
-    type Break = B;
-
-    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<B> {
-        self.0(session, event)
-    }
-
-    async fn before_write(&mut self, _session: &mut S) -> Result<(), E> {
-        Ok(())
-    }
-}
-
-/// Who keeps something before it is sent, and who is told of events.
-#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
-pub(crate) struct Keeping<K, F>(pub(crate) K, pub(crate) F);
-
-#[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
-impl<S, E, B, K, F> Handler<S, E> for Keeping<K, F>
-where
-    S: Session,
-    K: AsyncFnMut(&mut S) -> Result<(), E>,
-    F: FnMut(&mut S, S::Event) -> ControlFlow<B>,
-{
-    type Break = B;
-
-    fn event(&mut self, session: &mut S, event: S::Event) -> ControlFlow<B> {
-        self.1(session, event)
-    }
-
-    async fn before_write(&mut self, session: &mut S) -> Result<(), E> {
-        self.0(session).await
-    }
-}
-
 /// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, C> {
     pub(crate) port: &'a mut P,
@@ -159,32 +112,33 @@ pub(crate) struct Turn<'a, P, C> {
 impl<P: Port, C: Clock> Turn<'_, P, C> {
     /// Events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`, then the
     /// events of that. What is to be sent is written in that wait: a peer that does not read holds up nothing else.
-    pub(crate) async fn run<S: Session, H: Handler<S, P::Error>>(
+    ///
+    /// `keep` is called when the session has written what is sent next, and again where its future was dropped.
+    pub(crate) async fn run<S: Session, B>(
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        handler: H,
-    ) -> Result<ControlFlow<Ended<H::Break>>, P::Error> {
-        let turned = self.pass(session, pin!(wake), handler).await;
+        keep: impl AsyncFnMut(&mut S) -> Result<(), P::Error>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+        let turned = self.pass(session, pin!(wake), keep, handler).await;
         self.left.after(turned)
     }
 
-    async fn pass<S: Session, H: Handler<S, P::Error>>(
+    async fn pass<S: Session, B>(
         &mut self,
         session: &mut S,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-        mut handler: H,
-    ) -> Result<ControlFlow<Ended<H::Break>>, P::Error> {
-        let mut sending = false;
+        mut keep: impl AsyncFnMut(&mut S) -> Result<(), P::Error>,
+        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
         loop {
             let Self { clock, out, left, .. } = &mut *self;
-            let mut each = |session: &mut S, event| handler.event(session, event);
-            if let ControlFlow::Break(value) = prepare(session, left, out, sending, || clock.now(), &mut each)
-            {
+            if let ControlFlow::Break(value) = left.prepare(session, out, || clock.now(), &mut handler) {
                 return Ok(ControlFlow::Break(Ended::ByHandler(value)));
             }
             if self.left.unannounced {
-                handler.before_write(session).await?;
+                keep(session).await?;
                 self.left.unannounced = false;
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
@@ -194,9 +148,8 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             if let ControlFlow::Break(ended) = take(session, left, input, passed, clock.now()) {
                 return Ok(ControlFlow::Break(ended));
             }
-            sending = !self.left.is_some();
             if passed.read.is_some() || passed.written.is_none() {
-                return Ok(report_to(session, &mut handler).map_break(Ended::ByHandler));
+                return Ok(report(session, &mut handler).map_break(Ended::ByHandler));
             }
         }
     }
@@ -232,41 +185,6 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
     }
 }
 
-/// Before a wait: reports events until there are no more, or puts the bytes to be sent next into `out`. If `sending`, bytes were just sent,
-/// and further bytes come before the events.
-#[inline]
-pub(crate) fn prepare<S: Session, B>(
-    session: &mut S,
-    left: &mut Left,
-    out: &mut [u8],
-    mut sending: bool,
-    now: impl Fn() -> Duration,
-    each: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-) -> ControlFlow<B> {
-    loop {
-        // As in `settle`: all that is to be sent, then the events of that.
-        if !sending {
-            report(session, each)?;
-        }
-        // What a dropped future has left comes first.
-        if left.is_some() {
-            break;
-        }
-        let now = now();
-        if let Some(length) = session.poll_transmit(now, out) {
-            left.begin_with(length, now);
-            break;
-        }
-        if core::mem::take(&mut sending) {
-            continue;
-        }
-        // Also where nothing is to be sent, something may have expired, or was read.
-        let Some(event) = session.poll_event() else { break };
-        each(session, event)?;
-    }
-    ControlFlow::Continue(())
-}
-
 /// After a wait: gives the session the bytes that the port has read, and the time.
 #[inline]
 pub(crate) fn take<S: Session, B>(
@@ -277,6 +195,9 @@ pub(crate) fn take<S: Session, B>(
     now: Duration,
 ) -> ControlFlow<Ended<B>> {
     let Passed { read, written, flushed } = passed;
+    if read.is_some() || written.is_none() {
+        left.restart();
+    }
     match written {
         Some(0) if left.is_some() => return ControlFlow::Break(Ended::ByPeer),
         Some(taken) => left.wrote(taken, flushed, now),
@@ -292,8 +213,4 @@ pub(crate) fn take<S: Session, B>(
         return ControlFlow::Break(Ended::Stalled);
     }
     ControlFlow::Continue(())
-}
-
-fn report_to<S: Session, E, H: Handler<S, E>>(session: &mut S, handler: &mut H) -> ControlFlow<H::Break> {
-    report(session, &mut |session: &mut S, event| handler.event(session, event))
 }

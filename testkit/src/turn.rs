@@ -1,9 +1,8 @@
 //! The loop of `robot_session::drive` on a virtual clock: one turn of one end.
 
-use core::ops::ControlFlow;
 use core::time::Duration;
 
-use robot_session::{Output, Session, settle};
+use robot_session::{Session, Step, Steps};
 
 use crate::link::{Delivery, End, Link};
 
@@ -46,14 +45,14 @@ pub fn turn<S: Session>(
         }
         let held = !session.wants_input();
         session.handle_timeout(now);
-        let settled = settle(session, now, &mut buffer, |session, output| {
-            match output {
-                Output::Event(event) => handler(session, event),
-                Output::Transmit(bytes) => carrier.send(end, now, bytes),
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(session, now, &mut buffer) {
+                Step::Event(event) => handler(session, event),
+                Step::Write(bytes) => carrier.send(end, now, bytes),
+                Step::Wait { .. } => break,
             }
-            ControlFlow::<()>::Continue(())
-        });
-        debug_assert!(settled.is_continue());
+        }
         if !held || !session.wants_input() {
             return;
         }

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use mio::event::Event;
 use mio::net::TcpStream;
 use mio::{Events, Interest, Poll, Token};
-use robot_session::{Output, Session, settle};
+use robot_session::{Session, Step, Steps};
 use slab::Slab;
 
 use crate::io::line::Clock;
@@ -213,8 +213,8 @@ where
     /// Reads what a client has sent and answers it, as far as the client takes the answers.
     fn serve(&mut self, key: usize, now: Duration) {
         let Some(client) = self.clients.get_mut(key) else { return };
-        let mut steps = Steps { service: self.service, handle: &mut self.handle, now };
-        match client.serve(&mut self.input, &mut self.out, &mut steps) {
+        let mut turn = Turn { service: self.service, handle: &mut self.handle, now };
+        match client.serve(&mut self.input, &mut self.out, &mut turn) {
             Ok(true) => self.busy.push(key),
             Ok(false) => {}
             Err(why) => return self.close(key, now, &why),
@@ -269,7 +269,7 @@ where
 }
 
 /// What a turn of a client needs beside the client.
-struct Steps<'a, H> {
+struct Turn<'a, H> {
     service: &'a Service<'a>,
     handle: &'a mut H,
     now: Duration,
@@ -277,13 +277,13 @@ struct Steps<'a, H> {
 
 impl<S: Session> Client<S> {
     /// True when there is more to read; why the connection is to be closed.
-    fn serve<H>(&mut self, input: &mut [u8], out: &mut [u8], steps: &mut Steps<'_, H>) -> Result<bool, String>
+    fn serve<H>(&mut self, input: &mut [u8], out: &mut [u8], turn: &mut Turn<'_, H>) -> Result<bool, String>
     where
         H: FnMut(Notice<'_, S::Event>) -> ControlFlow<String>,
     {
-        self.settle(out, steps)?;
+        self.settle(out, turn)?;
         for _ in 0..READS {
-            self.flush(steps.now)?;
+            self.flush(turn.now)?;
             if !self.is_readable || !self.unsent.is_empty() {
                 return Ok(false);
             }
@@ -293,37 +293,40 @@ impl<S: Session> Client<S> {
                     // On Unix what comes after a read that was not filled is an event again; an end that was reported is not. On
                     // Windows nothing is until a read would have to wait.
                     self.is_readable = length == input.len() || self.is_ended || cfg!(windows);
-                    self.active = steps.now;
+                    self.active = turn.now;
                     let bytes = input.get(..length).unwrap_or_default();
-                    steps.service.trace.add(steps.now, Way::Received, bytes);
-                    self.session.handle_input(steps.now, bytes);
-                    self.settle(out, steps)?;
+                    turn.service.trace.add(turn.now, Way::Received, bytes);
+                    self.session.handle_input(turn.now, bytes);
+                    self.settle(out, turn)?;
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_readable = false,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.to_string()),
             }
         }
-        self.flush(steps.now)?;
+        self.flush(turn.now)?;
         Ok(self.unsent.is_empty())
     }
 
-    fn settle<H>(&mut self, out: &mut [u8], steps: &mut Steps<'_, H>) -> Result<(), String>
+    fn settle<H>(&mut self, out: &mut [u8], turn: &mut Turn<'_, H>) -> Result<(), String>
     where
         H: FnMut(Notice<'_, S::Event>) -> ControlFlow<String>,
     {
         let Self { session, unsent, peer, .. } = self;
-        let settled = settle(session, steps.now, out, |_, output| match output {
-            Output::Event(event) => (steps.handle)(Notice::Event(*peer, event)),
-            Output::Transmit(bytes) => {
-                steps.service.trace.add(steps.now, Way::Sent, bytes);
-                unsent.extend_from_slice(bytes);
-                ControlFlow::Continue(())
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(session, turn.now, out) {
+                Step::Event(event) => {
+                    if let ControlFlow::Break(why) = (turn.handle)(Notice::Event(*peer, event)) {
+                        return Err(why);
+                    }
+                }
+                Step::Write(bytes) => {
+                    turn.service.trace.add(turn.now, Way::Sent, bytes);
+                    unsent.extend_from_slice(bytes);
+                }
+                Step::Wait { .. } => return Ok(()),
             }
-        });
-        match settled {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(why) => Err(why),
         }
     }
 

@@ -158,7 +158,7 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     robot_session::core!(ServerEvent::Unexpected);
     robot_session::echo!(ServerEvent::Echo);
 
-    #[inline]
+    #[inline(always)] // into the one place that often has bytes
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
         loop {
             let Some(found) = self.core.decoder.advance() else {

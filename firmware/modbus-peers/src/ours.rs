@@ -1,9 +1,8 @@
 //! fanuc-hmi-modbus: its session, and its codec alone.
 
-use core::ops::ControlFlow;
 use core::time::Duration;
 
-use fanuc_hmi_modbus::robot_session::{Output, Session as _, settle};
+use fanuc_hmi_modbus::robot_session::{Session as _, Step, Steps};
 use fanuc_hmi_modbus::{Exception, Frame, Registers, Server, ServerConfig, Words, WordsMut};
 
 use crate::{REGISTERS, ROOM, UNIT, fail};
@@ -37,13 +36,14 @@ pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> us
             server.handle_timeout(now);
         }
         let mut length = 0;
-        let _ = settle(&mut server, now, reply, |_, output| {
-            if let Output::Transmit(bytes) = output {
-                length = bytes.len();
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(&mut server, now, reply) {
+                Step::Event(_) => {}
+                Step::Write(bytes) => length = bytes.len(),
+                Step::Wait { .. } => return length,
             }
-            ControlFlow::<()>::Continue(())
-        });
-        length
+        }
     }
 }
 

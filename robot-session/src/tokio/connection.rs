@@ -47,8 +47,6 @@ pub(super) struct Connection<S: Service> {
     timer: Timer,
     clock: Clock,
     polls: Option<Polls>,
-    /// All bytes that were to be sent are written: the session may have more to send before it reports events.
-    is_sending: bool,
     /// Bytes were written since the port was last read.
     has_written: bool,
     /// Bytes were sent.
@@ -118,7 +116,6 @@ impl<S: Service> Connection<S> {
             timer: Timer::default(),
             clock: Clock { now: now(), is_used: true },
             polls: None,
-            is_sending: false,
             has_written: false,
             has_sent: false,
             stall,
@@ -141,8 +138,8 @@ impl<S: Service> Connection<S> {
 
     /// Before a wait: reports events, and puts the bytes to be sent into the buffer. Returns whether the state is to be stored then.
     pub(super) fn prepare(&mut self) -> io::Result<bool> {
-        let Self { served, left, out, is_sending, clock, .. } = self;
-        served.prepare(left, out, *is_sending, clock.now)?;
+        let Self { served, left, out, clock, .. } = self;
+        served.prepare(left, out, clock.now)?;
         Ok(left.unannounced || served.has_reported)
     }
 
@@ -256,14 +253,14 @@ impl<S: Service> Connection<S> {
 
     /// Gives the result of a wait to the session.
     pub(super) fn take(&mut self, waited: Waited) -> ControlFlow<Over> {
-        let Self { served, input, left, clock, is_sending, has_sent, .. } = self;
+        let Self { served, input, left, clock, has_sent, .. } = self;
         let passed = match waited {
             Waited::Over(over) | Waited::HandedOver(HandedOver::Over(over)) => {
                 return ControlFlow::Break(over);
             }
             Waited::HandedOver(HandedOver::Panic(panic)) => resume_unwind(panic),
             Waited::Called | Waited::HandedOver(HandedOver::Rest) => {
-                *is_sending = false;
+                left.restart();
                 return ControlFlow::Continue(());
             }
             Waited::Time => {
@@ -288,7 +285,6 @@ impl<S: Service> Connection<S> {
             };
             return ControlFlow::Break(Over::Lost(io::Error::new(kind, why)));
         }
-        *is_sending = has_only_written && !left.is_some();
         ControlFlow::Continue(())
     }
 
@@ -322,7 +318,8 @@ impl<S: Service> Connection<S> {
         let Self { served, port, out, left, timer, has_sent, polls: Some(polls), .. } = self else {
             return Ok(Sent::Part);
         };
-        served.prepare(left, out, false, now).map_err(Over::Unusable)?;
+        left.restart();
+        served.prepare(left, out, now).map_err(Over::Unusable)?;
         if left.unannounced || served.has_reported {
             let keep = pin!(served.service.keep(&mut served.session));
             match keep.poll(&mut Context::from_waker(TaskWaker::noop())) {
@@ -340,7 +337,7 @@ impl<S: Service> Connection<S> {
             if left.is_some() || left.unflushed {
                 return Ok(Sent::Part);
             }
-            served.prepare(left, out, true, now).map_err(Over::Unusable)?;
+            served.prepare(left, out, now).map_err(Over::Unusable)?;
         }
         let is_all = !left.is_some() && !served.has_reported && timer.is_in_time(served.due(left, now));
         Ok(if is_all { Sent::All } else { Sent::Part })

@@ -15,7 +15,7 @@ use ::tokio::time::sleep;
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Handler, Keeping, Outgoing, Passed, Told, Turn};
+use crate::turn::{Outgoing, Passed, Turn};
 use crate::{Clock, Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
@@ -84,7 +84,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.turn_of(session, Told(handler)).await
+        self.turn_keeping(session, async |_: &mut S| Ok(()), handler).await
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
@@ -99,18 +99,10 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         keep: impl AsyncFnMut(&mut S) -> io::Result<()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.turn_of(session, Keeping(keep, handler)).await
-    }
-
-    async fn turn_of<S: Session, H: Handler<S, io::Error>>(
-        &mut self,
-        session: &mut S,
-        handler: H,
-    ) -> io::Result<ControlFlow<Ended<H::Break>>> {
         let Self { port, input, out, left, waker } = self;
         input.resize(S::MAX_INPUT, 0);
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
-        Turn { port, clock: &Process, input, out, left }.run(session, waker.woken(), handler).await
+        Turn { port, clock: &Process, input, out, left }.run(session, waker.woken(), keep, handler).await
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does. A dropped future

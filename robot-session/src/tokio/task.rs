@@ -19,7 +19,6 @@ use super::connection::{Connection, Inputs, Waited};
 use super::shared::{LinkState, Shared, Unrun};
 use super::{Connector, Handle, Link, Reports, Service, Waker};
 use crate::left::Left;
-use crate::turn::prepare;
 use crate::{STALL, Session, is_due, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
@@ -351,20 +350,14 @@ impl<S: Service> Served<S> {
     }
 
     /// Before a wait: reports events, and puts the bytes to be sent into `out`.
-    pub(super) fn prepare(
-        &mut self,
-        left: &mut Left,
-        out: &mut [u8],
-        is_sending: bool,
-        now: Duration,
-    ) -> io::Result<()> {
+    pub(super) fn prepare(&mut self, left: &mut Left, out: &mut [u8], now: Duration) -> io::Result<()> {
         let Self { session, service, events, reconnect, has_reported } = self;
-        let mut each = |session: &mut S::Session, event| {
+        let each = |session: &mut S::Session, event| {
             *has_reported = true;
             service.event(session, event, &mut Reports { events, reconnect });
             reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
         };
-        match prepare(&mut **session, left, out, is_sending, || now, &mut each) {
+        match left.prepare(&mut **session, out, || now, each) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(error) => Err(error),
         }

@@ -1,23 +1,21 @@
 //! The one loop of all ends.
 
-use core::ops::ControlFlow;
 use core::time::Duration;
 
 use crate::common::echo::{Echo, EchoEvent, EchoMachine, EchoStatistics, Input};
-use robot_session::{End as _, Output, Rules, Session as _, Unexpected, settle};
+use robot_session::{End as _, Rules, Session as _, Step, Steps, Unexpected};
 
 /// What it sends and reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {
     let (mut sent, mut events) = (Vec::new(), Vec::new());
-    let flow = settle(echo, now, &mut [0], |_, output| {
-        match output {
-            Output::Event(event) => events.push(event),
-            Output::Transmit(bytes) => sent.extend(bytes),
+    let mut steps = Steps::NEW;
+    loop {
+        match steps.next(echo, now, &mut [0]) {
+            Step::Event(event) => events.push(event),
+            Step::Write(bytes) => sent.extend(bytes),
+            Step::Wait { .. } => return (sent, events),
         }
-        ControlFlow::<()>::Continue(())
-    });
-    assert!(flow.is_continue());
-    (sent, events)
+    }
 }
 
 #[test]

@@ -357,7 +357,7 @@ impl<P: Simulated> Device for MmaDevice<P> {
 
 #[cfg(test)]
 mod tests {
-    use robot_session::{Output, Session as _, settle};
+    use robot_session::{Session as _, Step, Steps};
 
     use super::*;
     use crate::Told;
@@ -376,15 +376,15 @@ mod tests {
     fn reply(robot: &mut Simulator<MmaDevice<RobotPose>>, now: Duration, line: &str) -> String {
         let mut replies = String::new();
         robot.handle_input(now, line.as_bytes());
-        let _ = settle(robot, now, &mut [0; 64], |_, output| {
-            match output {
-                Output::Transmit(bytes) => replies.push_str(core::str::from_utf8(bytes).unwrap()),
-                Output::Event(Told::Close(why)) => replies.push_str(why),
-                Output::Event(_) => {}
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(robot, now, &mut [0; 64]) {
+                Step::Write(bytes) => replies.push_str(core::str::from_utf8(bytes).unwrap()),
+                Step::Event(Told::Close(why)) => replies.push_str(why),
+                Step::Event(_) => {}
+                Step::Wait { .. } => return replies,
             }
-            core::ops::ControlFlow::<()>::Continue(())
-        });
-        replies
+        }
     }
 
     #[test]

@@ -11,10 +11,9 @@ pub use host::exit;
 pub use host::print_size;
 
 use core::hint::black_box;
-use core::ops::ControlFlow;
 use core::time::Duration;
 
-use robot_session::{Session, settle};
+use robot_session::{Session, Step, Steps};
 
 /// What a board does with a session, of which the compiler may know nothing: bytes, time, a call of the user's, and everything that
 /// comes out. Prints how many bytes the session takes.
@@ -29,10 +28,10 @@ pub fn run<S: Session, R>(
     session.handle_timeout(now);
     session.handle_transmitted(now);
     let _ = call(session, now);
-    let _ = settle(session, now, buffer, |_, output| {
-        black_box(output);
-        ControlFlow::<()>::Continue(())
-    });
+    let mut steps = Steps::NEW;
+    while let step @ (Step::Event(_) | Step::Write(_)) = steps.next(session, now, buffer) {
+        black_box(step);
+    }
     black_box(session.poll_timeout());
     session.handle_disconnected(now);
     print_size(session)

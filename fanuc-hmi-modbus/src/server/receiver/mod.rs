@@ -57,19 +57,19 @@ impl Receiver {
     }
 
     /// The place of the next request.
-    #[inline(always)] // into the one place that reads
+    #[inline]
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         each!(self, it => it.advance())
     }
 
     /// A request that [`advance`](Self::advance) found.
-    #[inline(always)]
+    #[inline]
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         each!(self, it => it.frame(range))
     }
 
     /// The unit that such a request is for.
-    #[inline(always)]
+    #[inline]
     pub(crate) fn unit(&self, request: &Range<usize>) -> Option<u8> {
         self.frame(request.clone()).map(|frame| frame.unit)
     }
@@ -114,7 +114,7 @@ impl Decode for Receiver {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
-    #[inline(always)]
+    #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
         each!(self, it => it.push(bytes))
     }

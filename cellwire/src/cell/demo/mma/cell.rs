@@ -1,6 +1,5 @@
 //! The simulated cell: three devices and the parts between them.
 
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -11,7 +10,7 @@ use super::periphery::Periphery;
 use super::workpiece::{Record, Workpieces};
 use cellwire_sim::mma::{Fate, Mma, MmaDevice, MotionFaults, Simulated};
 use cellwire_sim::{Settings as _, Simulator, Told};
-use robot_session::{Output, Session as _, settle};
+use robot_session::{Session as _, Step, Steps};
 
 /// The set-up of the simulated cell. Its times are those of the cell.
 pub const CONFIG: TaskConfig = TaskConfig {
@@ -174,13 +173,14 @@ fn receive<P: Simulated>(
     // Every order is decided at once, so that more is wanted after each piece.
     for piece in bytes.chunks(Simulator::<MmaDevice<P>>::MAX_INPUT) {
         device.handle_input(now, piece);
-        let _ = settle(device, now, &mut buffer, |_, output| {
-            match output {
-                Output::Event(told) => closed |= matches!(told, Told::Close(_)),
-                Output::Transmit(bytes) => replies.extend_from_slice(bytes),
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(device, now, &mut buffer) {
+                Step::Event(told) => closed |= matches!(told, Told::Close(_)),
+                Step::Write(bytes) => replies.extend_from_slice(bytes),
+                Step::Wait { .. } => break,
             }
-            ControlFlow::<()>::Continue(())
-        });
+        }
     }
     (replies, closed)
 }

@@ -1,7 +1,6 @@
 //! The central controller: the task over three sessions. No sockets and no clock: bytes and times come in.
 
 use std::collections::VecDeque;
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -11,7 +10,7 @@ use mmacell_proto::{
     Unfinished,
 };
 use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig};
-use robot_session::{Output as Settled, settle};
+use robot_session::{Step as Settled, Steps};
 
 use super::cell::{Cell, Which};
 use crate::io::samples::Samples;
@@ -316,17 +315,17 @@ impl<P: Pose> End<P> {
     fn settle(&mut self, now: Duration) -> Vec<(CentralEvent<P>, Duration)> {
         let Self { session, sent_at, outgoing } = self;
         let (mut events, mut buffer) = (Vec::new(), [0; 64]);
-        let _ = settle(session, now, &mut buffer, |_, output| {
-            match output {
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(session, now, &mut buffer) {
                 Settled::Event(event) => events.push((event, now.saturating_sub(*sent_at))),
-                Settled::Transmit(bytes) => {
+                Settled::Write(bytes) => {
                     outgoing.extend_from_slice(bytes);
                     *sent_at = now;
                 }
+                Settled::Wait { .. } => return events,
             }
-            ControlFlow::<()>::Continue(())
-        });
-        events
+        }
     }
 }
 

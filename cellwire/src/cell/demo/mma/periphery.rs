@@ -1,12 +1,11 @@
 //! The simulated third device: camera trigger and valves in a controller of their own (§4.9, §4.10).
 
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, VACUUM};
-use robot_session::{Output, settle};
+use robot_session::{Step, Steps};
 
 /// What some bytes led to.
 #[derive(Debug, Default)]
@@ -35,16 +34,16 @@ impl Periphery {
     pub(super) fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
         let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
         self.device.handle_input(now, bytes);
-        let _ = settle(&mut self.device, now, &mut buffer, |device, output| {
-            match output {
-                Output::Event(DeviceEvent::Asked { order }) => decide(device, order, &mut answer.valves),
-                Output::Event(DeviceEvent::Closed { .. }) => answer.closed = true,
-                Output::Event(_) => {}
-                Output::Transmit(bytes) => answer.replies.extend_from_slice(bytes),
+        let (device, mut steps) = (&mut self.device, Steps::NEW);
+        loop {
+            match steps.next(device, now, &mut buffer) {
+                Step::Event(DeviceEvent::Asked { order }) => decide(device, order, &mut answer.valves),
+                Step::Event(DeviceEvent::Closed { .. }) => answer.closed = true,
+                Step::Event(_) => {}
+                Step::Write(bytes) => answer.replies.extend_from_slice(bytes),
+                Step::Wait { .. } => return answer,
             }
-            ControlFlow::<()>::Continue(())
-        });
-        answer
+        }
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
-use std::ops::ControlFlow;
 use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::Duration;
@@ -11,7 +10,7 @@ use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose};
 use mmacell_task::Device;
-use robot_session::{Output, discard_unacknowledged, now, settle};
+use robot_session::{Step, Steps, discard_unacknowledged, now};
 
 use crate::io::backoff::Backoff;
 use crate::io::bell::Bell;
@@ -169,13 +168,14 @@ impl<P: Pose> Connection<P> {
         let at = now();
         self.session.handle_timeout(at);
         let (mut events, mut outgoing, mut buffer) = (Vec::new(), Vec::new(), [0; 64]);
-        let _ = settle(&mut self.session, at, &mut buffer, |_, output| {
-            match output {
-                Output::Event(event) => events.push(event),
-                Output::Transmit(bytes) => outgoing.extend_from_slice(bytes),
+        let mut steps = Steps::NEW;
+        loop {
+            match steps.next(&mut self.session, at, &mut buffer) {
+                Step::Event(event) => events.push(event),
+                Step::Write(bytes) => outgoing.extend_from_slice(bytes),
+                Step::Wait { .. } => break,
             }
-            ControlFlow::<()>::Continue(())
-        });
+        }
         for event in &events {
             let CentralEvent::Closed { reason, .. } = event else { continue };
             // Of a connection that is gone this comes late: the next may be open.

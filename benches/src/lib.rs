@@ -31,13 +31,8 @@ pub struct Link {
     pub budgets: fn() -> Vec<Budget>,
 }
 
-/// The rows of a decoder: valid frames and noise, in one piece and byte by byte.
-pub struct Stream {
-    /// Instruction counts.
-    pub counts: [Count; 7],
-    /// The goals of noise, byte by byte.
-    pub ratios: [Ratio; 2],
-}
+/// The rows of a decoder: valid frames in one piece and byte by byte, and noise.
+pub type Stream = [Count; 5];
 
 /// The goal of a row that is this many times the sum of other rows of its link, as they were counted in the same run; if the row has
 /// a goal of its own, the greater of the two.
@@ -77,16 +72,15 @@ struct Counted {
 impl Link {
     /// All rows of instruction counts, in the order of the table.
     pub fn rows(&self) -> impl Iterator<Item = &'static Count> + use<> {
-        self.counts.iter().chain(self.streams.iter().flat_map(|stream| &stream.counts))
+        self.counts.iter().chain(self.streams.iter().flatten())
     }
 
     fn count(&self) -> Vec<Counted> {
         let rows: Vec<(&Count, f64)> =
             self.rows().enumerate().map(|(row, count)| (count, measure(self.name, row, count))).collect();
-        let ratios: Vec<&Ratio> =
-            self.ratios.iter().chain(self.streams.iter().flat_map(|stream| &stream.ratios)).collect();
         let counted = |(count, measured): &(&Count, f64)| {
-            let goals = ratios.iter().filter(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
+            let goals =
+                self.ratios.iter().filter(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
             Counted {
                 link: self.name,
                 what: count.what,

@@ -12,10 +12,10 @@ use crate::frame::Frame;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: StreamBuffer<512>,
-    /// With fewer bytes there is nothing to give yet.
-    needed: usize,
-    /// Why the first bytes are no packet. So many of them begin no header: those that are needed, less the three of a header.
+    /// Why the first bytes are no packet.
     corruption: Option<DecodeError>,
+    /// How many of these begin no header.
+    searched: usize,
     finished: bool,
 }
 
@@ -26,7 +26,7 @@ impl Decoder {
     /// An empty decoder.
     pub const fn new() -> Self {
         let buffer = StreamBuffer::new();
-        Self { buffer, needed: Frame::OVERHEAD, corruption: None, finished: false }
+        Self { buffer, corruption: None, searched: 0, finished: false }
     }
 
     #[inline(never)]
@@ -35,7 +35,6 @@ impl Decoder {
         if self.corruption.is_none() {
             let error = match Frame::decode(bytes) {
                 Ok(Some((_, length))) => {
-                    self.needed = Frame::OVERHEAD;
                     let data = self.buffer.take(length).get(3..length - 1)?;
                     return Frame::new(data).map(Ok);
                 }
@@ -43,18 +42,16 @@ impl Decoder {
                     let n = *bytes.first()?;
                     let (expected, found) = (usize::from(n) + Frame::OVERHEAD, bytes.len());
                     if !self.finished {
-                        self.needed = expected;
                         return None;
                     }
                     DecodeError::Incomplete { expected, found }
                 }
                 Err(error) => error,
             };
-            (self.corruption, self.needed) = (Some(error), 1 + 3);
+            (self.corruption, self.searched) = (Some(error), 1);
         }
         let length = self.corrupt_length()?;
         self.buffer.take(length);
-        self.needed = Frame::OVERHEAD;
         self.corruption.take().map(|error| {
             Err(match error {
                 DecodeError::Header { .. } => DecodeError::Noise { length },
@@ -66,22 +63,10 @@ impl Decoder {
         })
     }
 
-    /// Whether the last byte came alone, and ends no header: the corruption goes on.
-    #[inline]
-    fn passes(&mut self) -> bool {
-        let [.., n, minus_n, _] = self.buffer.bytes() else { return false };
-        let came_alone = self.corruption.is_some() && self.buffer.len() == self.needed;
-        if !came_alone || self.needed >= Self::MAX_SKIP + 3 || n.wrapping_add(*minus_n) == 0 {
-            return false;
-        }
-        self.needed += 1;
-        true
-    }
-
     /// How far the corruption reaches: to the next whole header, or to the end of a finished stream.
     fn corrupt_length(&mut self) -> Option<usize> {
         let bytes = self.buffer.bytes();
-        let searched = self.needed - 3;
+        let searched = self.searched;
         let end = bytes.len().min(Self::MAX_SKIP + 2);
         let rest = bytes.get(searched..end).unwrap_or_default();
         match find_header(rest) {
@@ -89,7 +74,7 @@ impl Decoder {
             None if bytes.len() >= Self::MAX_SKIP + 3 => Some(Self::MAX_SKIP),
             None if self.finished => Some(bytes.len().min(Self::MAX_SKIP)),
             None => {
-                self.needed += rest.len().saturating_sub(2);
+                self.searched += rest.len().saturating_sub(2);
                 None
             }
         }
@@ -109,8 +94,7 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let waits = !self.finished && (self.buffer.len() < self.needed || self.passes());
-        if waits { None } else { self.next_item() }
+        if self.buffer.is_empty() { None } else { self.next_item() }
     }
 
     #[inline]
@@ -124,7 +108,7 @@ impl robot_session::Decoder for Decoder {
 
     fn clear(&mut self) {
         self.buffer.clear();
-        (self.needed, self.corruption, self.finished) = (Frame::OVERHEAD, None, false);
+        (self.corruption, self.finished) = (None, false);
     }
 }
 

@@ -119,26 +119,7 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
 
     #[inline(always)] // most messages are whole
     fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
-        // A serial line brings its bytes one by one: one that ends nothing is looked at here.
-        let known = self.progress.known;
-        if let Some(byte) = self.buffer.byte_after(known) {
-            if known > 0 {
-                if known < MESSAGE - 1 && !self.charset.ends_text(byte) {
-                    self.progress.known += 1;
-                    return None;
-                }
-            } else if !self.finished {
-                if byte != START {
-                    self.skip(1);
-                    return None;
-                }
-                if self.skipped == 0 {
-                    self.progress.known = 1;
-                    return None;
-                }
-            }
-        }
-        let whole = if known == 0 && self.skipped == 0 {
+        let whole = if self.progress.known == 0 && self.skipped == 0 {
             Frame::whole(self.buffer.bytes(), self.charset, MESSAGE)
         } else {
             None

@@ -3,9 +3,7 @@
 use robot_session::StreamBuffer;
 
 use crate::error::DecodeError;
-use crate::frame::{
-    Corrupt, Frame, HEAD, MARK, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len,
-};
+use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};
 use crate::items::Items;
 use crate::profile::Profile;
 
@@ -18,39 +16,20 @@ use crate::profile::Profile;
 pub struct Decoder {
     profile: Profile,
     raw: StreamBuffer<{ Frame::MAX_LEN }>,
-    state: State,
-    payload: [u8; MAX_PAYLOAD],
-}
-
-/// What is known of the bytes that are held.
-#[derive(Debug, Clone, Copy)]
-struct State {
-    /// The frame that they begin with; new as long as they begin with no head.
+    /// The frame that the bytes begin with; new as long as they begin with no head.
     scan: Scan,
-    /// With fewer bytes there is nothing to give yet.
-    needed: usize,
-    /// A byte that comes alone then changes nothing, if this is another one …
-    awaited: u8,
-    /// … and fewer bytes than these are held.
-    pass_below: u16,
+    /// How many of them begin no head.
+    hunted: usize,
     /// No more bytes will come.
     finished: bool,
+    payload: [u8; MAX_PAYLOAD],
 }
-
-impl State {
-    /// Nothing is held: the last byte of a head is awaited.
-    const EMPTY: Self =
-        Self { scan: Scan::NEW, needed: 1, awaited: HEAD[2], pass_below: MOST, finished: false };
-}
-
-/// Fewer bytes are no frame that is too long, and no whole error without a head.
-const MOST: u16 = 512;
-const _: () = assert!(MOST as usize == MAX_PAYLOAD);
 
 impl Decoder {
     /// A decoder at offset 0 of a stream.
     pub fn new(profile: &Profile) -> Self {
-        Self { profile: *profile, raw: StreamBuffer::new(), state: State::EMPTY, payload: [0; MAX_PAYLOAD] }
+        let (raw, payload) = (StreamBuffer::new(), [0; MAX_PAYLOAD]);
+        Self { profile: *profile, raw, scan: Scan::NEW, hunted: 0, finished: false, payload }
     }
 
     /// Whether no byte waits for the rest of a frame.
@@ -64,22 +43,10 @@ impl Decoder {
         !raw.is_empty() && raw.iter().zip(HEAD).all(|(byte, head)| *byte == head)
     }
 
-    /// Whether the last byte came alone, and is only one more of a payload, or of what has no head.
-    #[inline]
-    fn passes(&mut self) -> bool {
-        let state = &mut self.state;
-        let Some(byte) = self.raw.byte_after(state.needed - 1) else { return false };
-        if byte == state.awaited || state.needed >= state.pass_below.into() {
-            return false;
-        }
-        state.needed += 1;
-        true
-    }
-
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
         let raw = self.raw.bytes();
-        if self.state.scan.is_new() {
+        if self.scan.is_new() {
             if !has_head(raw) {
                 return self.hunt().map(Err);
             }
@@ -89,16 +56,12 @@ impl Decoder {
                 && Items::new(payload, &self.profile).check().is_ok()
             {
                 let (begin, end) = (prefix_len(&self.profile), payload.len());
-                self.state = State { finished: self.state.finished, ..State::EMPTY };
+                self.hunted = 0;
                 return Some(Ok(Frame::new(self.raw.take(used).get(begin..begin + end)?, &self.profile)));
             }
         }
-        let corrupt = match self.state.scan.advance(raw, &mut self.payload, &self.profile) {
-            Ok(None) => {
-                // What is held may end in the middle of a mark.
-                let passes = self.state.scan.read() == raw.len();
-                return self.wait(MARK, if passes { MOST } else { 0 }).map(Err);
-            }
+        let corrupt = match self.scan.advance(raw, &mut self.payload, &self.profile) {
+            Ok(None) => return self.wait().map(Err),
             Ok(Some(body)) => match Items::new(body.payload(&self.payload), &self.profile).check() {
                 Ok(()) => {
                     self.consume(body.used);
@@ -117,11 +80,11 @@ impl Decoder {
     /// Looks for a head, where none is yet.
     fn hunt(&mut self) -> Option<DecodeError> {
         let raw = self.raw.bytes();
-        // A head that began before was whole before.
-        let hunted = self.state.needed.saturating_sub(HEAD.len());
+        let hunted = self.hunted;
         let begin = hunted + find_head(raw.get(hunted..).unwrap_or_default());
         if begin < MAX_PAYLOAD && !has_head(raw.get(begin..).unwrap_or_default()) {
-            return self.wait(HEAD[2], MOST);
+            self.hunted = begin;
+            return self.wait();
         }
         let skipped = begin.min(MAX_PAYLOAD);
         self.consume(skipped);
@@ -130,19 +93,18 @@ impl Decoder {
 
     /// Waits for another byte; what is held is an error when no more will come.
     #[inline]
-    fn wait(&mut self, awaited: u8, pass_below: u16) -> Option<DecodeError> {
+    fn wait(&mut self) -> Option<DecodeError> {
         let held = self.raw.len();
-        if !self.state.finished {
-            self.state = State { needed: held + 1, awaited, pass_below, ..self.state };
+        if !self.finished || held == 0 {
             return None;
         }
         self.consume(held);
-        if held == 0 { None } else { Some(DecodeError::Incomplete { held }) }
+        Some(DecodeError::Incomplete { held })
     }
 
     fn consume(&mut self, bytes: usize) {
         self.raw.take(bytes);
-        self.state = State { finished: self.state.finished, ..State::EMPTY };
+        (self.scan, self.hunted) = (Scan::NEW, 0);
     }
 }
 
@@ -152,18 +114,17 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        self.state.finished &= bytes.is_empty();
+        self.finished &= bytes.is_empty();
         self.raw.push(bytes)
     }
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let waits = !self.state.finished && (self.raw.len() < self.state.needed || self.passes());
-        if waits { None } else { self.next_item() }
+        if self.raw.is_empty() { None } else { self.next_item() }
     }
 
     fn finish(&mut self) {
-        self.state.finished = true;
+        self.finished = true;
     }
 
     fn position(&self) -> u64 {

@@ -182,12 +182,6 @@ impl Scan {
         self.read == 0
     }
 
-    /// The bytes of the frame that are done with.
-    #[inline]
-    pub(crate) fn read(&self) -> usize {
-        self.read
-    }
-
     /// Reads on in `raw`, which begins with the frame: `None` when more bytes are needed.
     pub(crate) fn advance(
         &mut self,

@@ -100,15 +100,7 @@ impl<const N: usize> robot_session::Decoder for LineDecoder<N> {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
-        // A byte that came alone, and ends nothing.
-        match self.buffer.byte_after(self.searched) {
-            Some(byte) if byte != b'\n' && !self.finished && self.searched + 1 < Line::MAX_LEN => {
-                self.searched += 1;
-                None
-            }
-            None if self.buffer.is_empty() && !self.finished => None,
-            _ => self.next_line(),
-        }
+        if self.buffer.is_empty() && !self.finished { None } else { self.next_line() }
     }
 
     fn finish(&mut self) {

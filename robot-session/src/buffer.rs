@@ -42,13 +42,6 @@ impl<const N: usize> StreamBuffer<N> {
         self.bytes.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// The byte after the first `searched` ones, if exactly one follows.
-    #[inline]
-    pub fn byte_after(&self, searched: usize) -> Option<u8> {
-        let is_alone = self.start + searched + 1 == self.end;
-        if is_alone { self.bytes.get(self.end - 1).copied() } else { None }
-    }
-
     /// How many bytes are held.
     #[inline]
     pub const fn len(&self) -> usize {
@@ -109,7 +102,6 @@ mod tests {
         );
         assert_eq!(buffer.bytes(), b"abcd");
         assert_eq!(buffer.take(3), b"abc");
-        assert_eq!((buffer.byte_after(0), buffer.byte_after(1)), (Some(b'd'), None));
         assert_eq!((buffer.position(), buffer.len()), (3, 1));
         assert_eq!((buffer.push(b"e"), buffer.push(b"fghi")), (1, 2));
         assert_eq!(buffer.take(9), b"defg");

@@ -55,15 +55,7 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<PosePacket, DecodeError>> {
-        // A byte that came alone, and is above those that end or begin something.
-        match self.buffer.byte_after(self.searched) {
-            Some(byte) if byte > b'$' && self.searched + 1 < self.limit => {
-                self.searched += 1;
-                None
-            }
-            None if self.buffer.is_empty() => None,
-            _ => self.next_item(),
-        }
+        if self.buffer.is_empty() { None } else { self.next_item() }
     }
 
     fn finish(&mut self) {

@@ -81,10 +81,8 @@ impl Decoding for OverTcp {
         whole: "TCP: replies in one piece",
         bytes: "TCP: replies, one byte a push",
         by_hand: "… by hand, TCP: each byte kept and compared",
-        random_whole: "TCP: random bytes",
-        random: "TCP: random bytes, one byte a push",
-        worst_whole: "TCP: the worst noise",
-        worst: "TCP: the worst noise, one byte a push",
+        random: "TCP: random bytes",
+        worst: "TCP: the worst noise",
     };
 
     fn decoder() -> Decoder {
@@ -112,10 +110,8 @@ impl Decoding for OverRtu {
         whole: "RTU: replies in one piece",
         bytes: "RTU: replies, one byte a push",
         by_hand: "… by hand, RTU: each byte kept and compared",
-        random_whole: "RTU: random bytes",
-        random: "RTU: random bytes, one byte a push",
-        worst_whole: "RTU: the worst noise",
-        worst: "RTU: the worst noise, one byte a push",
+        random: "RTU: random bytes",
+        worst: "RTU: the worst noise",
     };
 
     fn decoder() -> Decoder {

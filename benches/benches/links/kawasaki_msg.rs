@@ -24,7 +24,6 @@ pub(super) const LINK: Link = Link {
     name: "kawasaki-msg",
     counts: COUNTS,
     ratios: &[
-        Ratio { what: streams::NAMES.bytes, times: 2.5, of: &[streams::NAMES.by_hand] },
         Ratio { what: exchange::BY_SESSION, times: 2.0, of: &[exchange::BY_CODEC] },
         Ratio { what: QUEUE_LINES, times: 1.85, of: &[QUEUE_LINES_BY_HAND] },
         Ratio { what: QUEUE_PALLETS, times: 1.6, of: &[QUEUE_PALLETS_BY_HAND] },

@@ -1,9 +1,9 @@
-//! Streams through a decoder: valid frames and noise, in one piece and one byte a push.
+//! Streams through a decoder: valid frames in one piece and one byte a push, and noise.
 
 use std::hint::black_box;
 use std::slice;
 
-use benches::{Count, Ratio, Stream};
+use benches::{Count, Stream};
 use robot_session::Decoder;
 
 /// A decoder, and the streams that it is given.
@@ -32,9 +32,7 @@ pub(super) struct Names {
     pub(super) whole: &'static str,
     pub(super) bytes: &'static str,
     pub(super) by_hand: &'static str,
-    pub(super) random_whole: &'static str,
     pub(super) random: &'static str,
-    pub(super) worst_whole: &'static str,
     pub(super) worst: &'static str,
 }
 
@@ -44,31 +42,20 @@ pub(super) const NAMES: Names = Names {
     whole: "a valid stream in one piece",
     bytes: "a valid stream, one byte a push",
     by_hand: "… by hand: each byte kept and compared",
-    random_whole: "random bytes",
-    random: "random bytes, one byte a push",
-    worst_whole: "the worst noise",
-    worst: "the worst noise, one byte a push",
+    random: "random bytes",
+    worst: "the worst noise",
 };
 
-/// The rows of a decoder. A byte that comes alone may cost 60 instructions, and noise three times as much as in one piece if that is more.
+/// The rows of a decoder.
 pub(super) const fn rows<D: Decoding>() -> Stream {
-    const GOAL: f64 = 60.0;
-    let Names { work, whole, bytes, by_hand, random_whole, random, worst_whole, worst } = D::NAMES;
-    Stream {
-        counts: [
-            Count::byte(whole, D::LEN, push_whole::<D>).timed(work, "in one piece"),
-            Count::byte(bytes, D::LEN, push_bytes::<D>).goal(GOAL).timed(work, "byte by byte"),
-            Count::byte(by_hand, D::LEN, push_by_hand::<D>).timed(work, "byte by byte, by hand"),
-            Count::byte(random_whole, NOISE, |rounds| push_noise::<D>(rounds, &noise())),
-            Count::byte(random, NOISE, |rounds| push_noise_bytes::<D>(rounds, &noise())).goal(GOAL),
-            Count::byte(worst_whole, NOISE, |rounds| push_noise::<D>(rounds, &D::worst())),
-            Count::byte(worst, NOISE, |rounds| push_noise_bytes::<D>(rounds, &D::worst())).goal(GOAL),
-        ],
-        ratios: [
-            Ratio { what: random, times: 3.0, of: const { &[D::NAMES.random_whole] } },
-            Ratio { what: worst, times: 3.0, of: const { &[D::NAMES.worst_whole] } },
-        ],
-    }
+    let Names { work, whole, bytes, by_hand, random, worst } = D::NAMES;
+    [
+        Count::byte(whole, D::LEN, push_whole::<D>).timed(work, "in one piece"),
+        Count::byte(bytes, D::LEN, push_bytes::<D>).timed(work, "byte by byte"),
+        Count::byte(by_hand, D::LEN, push_by_hand::<D>).timed(work, "byte by byte, by hand"),
+        Count::byte(random, NOISE, |rounds| push_noise::<D>(rounds, &noise())),
+        Count::byte(worst, NOISE, |rounds| push_noise::<D>(rounds, &D::worst())),
+    ]
 }
 
 /// The bytes of a stream of noise.
@@ -124,18 +111,10 @@ fn valid<D: Decoding>() -> Vec<u8> {
 
 /// Gives a decoder noise, whatever it finds in it.
 fn push_noise<D: Decoding>(rounds: u64, noise: &[u8]) {
-    let mut decoder = D::decoder();
-    for _ in 0..rounds {
-        black_box(feed(&mut decoder, [noise].into_iter()));
-    }
-}
-
-/// The same, one byte a push.
-fn push_noise_bytes<D: Decoding>(rounds: u64, noise: &[u8]) {
     assert_eq!(noise.len(), NOISE);
     let mut decoder = D::decoder();
     for _ in 0..rounds {
-        black_box(feed(&mut decoder, noise.iter().map(slice::from_ref)));
+        black_box(feed(&mut decoder, [noise].into_iter()));
     }
 }
 

@@ -46,7 +46,8 @@ impl Configure for ClientConfig {
             echo,
             #[cfg(feature = "model")]
                 transactions: _,
-            rules: _,
+            #[cfg(feature = "model")]
+                rules: _,
         } = self;
         fields.time("timeout", SOME_TIME, "from a request to its reply", timeout);
         let about = "requests in flight at once; at most the client's slots, on a serial line 1";
@@ -66,7 +67,15 @@ impl Configure for ClientConfig {
 
 impl Configure for ServerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { framing, unit, broadcast, frame_timeout, echo, rules: _ } = self;
+        let Self {
+            framing,
+            unit,
+            broadcast,
+            frame_timeout,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         let about = "its unit number; any: all";
         fields.source("SL §2.2").whole_or("unit", 0..=u8::MAX, "", "any", about, unit);
         let about = "unit 0 is a broadcast, executed without a reply";

@@ -46,13 +46,8 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
 /// The data of a packet with a right envelope.
 #[inline]
 pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
-    const HEADER: [u8; 3] = header(8);
-    let [n, minus_n, xor_n] = HEADER;
-    let (head, rest) = packet.split_first_chunk::<4>()?;
-    // The sum of the rest is added to the byte after the header: header and checksum are one comparison.
-    let sum = rest.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
-    let sum = u32::from_le_bytes(*head).wrapping_add(u32::from_le_bytes([0, 0, 0, sum]));
-    if sum == u32::from_le_bytes([n, minus_n, xor_n, minus_n]) { packet.get(3..3 + DATA_LEN) } else { None }
+    let [n, minus_n, xor_n, data @ .., found] = packet;
+    ([*n, *minus_n, *xor_n] == header(8) && checksum(data) == *found).then_some(data)
 }
 
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).

@@ -7,7 +7,13 @@ use crate::host::HostConfig;
 
 impl Configure for BallConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { sensor_type, sensor, echo, rules: _ } = self;
+        let Self {
+            sensor_type,
+            sensor,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         fields.source("§4.2").whole("sensor_type", 0..=7, "", "the type in every packet", sensor_type);
         fields.source("§4.2").whole("sensor", 0..=7, "", "the number in every packet", sensor);
         fields.echo(echo);
@@ -16,7 +22,15 @@ impl Configure for BallConfig {
 
 impl Configure for HostConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { baud, period, max_delay, max_age, echo, rules: _ } = self;
+        let Self {
+            baud,
+            period,
+            max_delay,
+            max_age,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         fields.source("§4.1").baud(LINE, baud);
         let about =
             "the shortest time between polls; at least an exchange, rounded up to 1 ms: 14 ms at 9600 baud";

@@ -80,7 +80,8 @@ impl Configure for RobotConfig<'_> {
             status_period,
             refuse_repeated_start,
             end_foreign_order,
-            rules: _,
+            #[cfg(feature = "model")]
+                rules: _,
         } = self;
         agreed(fields, limits, datagrams, max_number);
         acks.configure(fields);
@@ -138,7 +139,8 @@ impl Configure for PcConfig<'_> {
             takeover,
             start_retries,
             end_when_done,
-            rules: _,
+            #[cfg(feature = "model")]
+                rules: _,
         } = self;
         agreed(fields, limits, datagrams, max_number);
         let about = "an acknowledgement covers earlier jobs; false where jobs may overtake one another";

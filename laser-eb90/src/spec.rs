@@ -67,7 +67,16 @@ fn profile_of(fields: &mut impl Fields, profile: &mut Profile) {
 
 impl Configure for ControllerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { profile, words, batch, tick, silence, echo, rules: _ } = self;
+        let Self {
+            profile,
+            words,
+            batch,
+            tick,
+            silence,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         instructions(fields, words, batch);
         let about = "the controller's cycle, at whose end answers are sent";
         fields.source("§4.1").time("tick", ANY_TIME, about, tick);
@@ -98,7 +107,8 @@ impl Configure for HostConfig {
             backoff,
             full_timeout,
             echo,
-            rules: _,
+            #[cfg(feature = "model")]
+                rules: _,
         } = self;
         fields.baud(LINE, baud);
         instructions(fields, words, batch);

@@ -34,7 +34,13 @@ fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialec
 
 impl Configure for DeviceConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { accepts, writes, refusal, rules: _ } = self;
+        let Self {
+            accepts,
+            writes,
+            refusal,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         let mut number = i32::from(*refusal);
         let about = "the error number for refusals by the protocol; not 0";
         fields.source("§5").whole("refusal", -32768..=32767, "", about, &mut number);
@@ -45,7 +51,15 @@ impl Configure for DeviceConfig {
 
 impl Configure for CentralConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { accepts, writes, timeout, settle, tolerance, rules: _ } = self;
+        let Self {
+            accepts,
+            writes,
+            timeout,
+            settle,
+            tolerance,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
         let about = "how long after a motion starts a status may still predate it";
         fields.time("settle", ANY_TIME, about, settle);

@@ -26,31 +26,22 @@ impl<R> Rules<R> {
     };
 }
 
+#[cfg(feature = "model")]
 impl<R: Rule> Rules<R> {
     /// Every rule but one.
-    #[cfg(feature = "model")]
     pub const fn without(rule: R) -> Self {
         Self { without: [Some(rule), None], rules: PhantomData }
     }
 
     /// Every rule but two.
-    #[cfg(feature = "model")]
     pub const fn without_both(first: R, second: R) -> Self {
         Self { without: [Some(first), Some(second)], rules: PhantomData }
     }
 
     /// Whether the machine keeps a rule.
-    #[cfg(feature = "model")]
     #[inline]
     pub fn keeps(&self, rule: R) -> bool {
         !self.without.contains(&Some(rule))
-    }
-
-    /// Whether the machine keeps a rule: without the feature `model` it always does.
-    #[cfg(not(feature = "model"))]
-    #[inline(always)]
-    pub const fn keeps(&self, _rule: R) -> bool {
-        true
     }
 }
 
@@ -72,10 +63,11 @@ impl<R: fmt::Debug> fmt::Debug for Rules<R> {
     }
 }
 
-/// Defines the enum of a machine's rules.
+/// Defines the enum of a machine's rules, and what its configuration says of them. With the crate's feature `model` that has a field
+/// `rules`; without it every rule is kept.
 #[macro_export]
 macro_rules! rules {
-    ($(#[$about:meta])* pub enum $name:ident { $($(#[$doc:meta])* $rule:ident,)* }) => {
+    ($(#[$about:meta])* pub enum $name:ident $(for $($config:ty),+)? { $($(#[$doc:meta])* $rule:ident,)* }) => {
         $(#[$about])*
         #[doc(hidden)]
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -84,5 +76,40 @@ macro_rules! rules {
         impl $crate::Rule for $name {
             const ALL: &'static [Self] = &[$(Self::$rule),*];
         }
+
+        $($(impl $config {
+            /// Whether the machine keeps a rule.
+            #[cfg(feature = "model")]
+            #[inline]
+            #[allow(dead_code, reason = "of two configurations one may only be made of the other")]
+            pub(crate) fn keeps(&self, rule: $name) -> bool {
+                self.rules.keeps(rule)
+            }
+
+            /// Every rule is kept.
+            #[cfg(not(feature = "model"))]
+            #[inline(always)]
+            #[allow(dead_code, reason = "of two configurations one may only be made of the other")]
+            pub(crate) const fn keeps(&self, _rule: $name) -> bool {
+                true
+            }
+
+            /// The same configuration with these rules, for the model.
+            #[cfg(feature = "model")]
+            #[doc(hidden)]
+            #[must_use]
+            pub fn with_rules(mut self, rules: $crate::Rules<$name>) -> Self {
+                self.rules = rules;
+                self
+            }
+
+            /// The same: there are no other rules.
+            #[cfg(not(feature = "model"))]
+            #[doc(hidden)]
+            #[must_use]
+            pub fn with_rules(self, _rules: $crate::Rules<$name>) -> Self {
+                self
+            }
+        })+)?
     };
 }

@@ -57,7 +57,18 @@ fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
 
 impl Configure for ControllerConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { framing, baud, mode, data, subroutine, attempts, unselected, gap, rules: _ } = self;
+        let Self {
+            framing,
+            baud,
+            mode,
+            data,
+            subroutine,
+            attempts,
+            unselected,
+            gap,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         line(fields, baud, mode);
         let shape = "[up to 14 numbers of -32768 to 32767]";
         fields.source("§3").parsed("data", shape, "the data list of the ALTER instruction", data);
@@ -89,7 +100,8 @@ impl Configure for HostConfig {
             target_timeout,
             reserve,
             max_delay,
-            rules: _,
+            #[cfg(feature = "model")]
+                rules: _,
         } = self;
         line(fields, baud, mode);
         fields.part("limits", "Limits", "the limits of each axis", limits);

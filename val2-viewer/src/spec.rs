@@ -12,7 +12,14 @@ const MAX_HOLD: &str = "how long an XOFF without a following XON or XOFF holds";
 
 impl Configure for WorkstationConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { pause, stale_after, max_hold, echo, rules: _ } = self;
+        let Self {
+            pause,
+            stale_after,
+            max_hold,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         let above = timing::CYCLE + Duration::from_nanos(1)..=Duration::MAX;
         let about = "the pause between two display cycles after which an unanswered request is repeated";
         fields.source("§9.4").time("pause", above.clone(), about, pause);
@@ -25,7 +32,15 @@ impl Configure for WorkstationConfig {
 
 impl Configure for HostConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { interval, max_age, max_hold, format: _, echo, rules: _ } = self;
+        let Self {
+            interval,
+            max_age,
+            max_hold,
+            format: _,
+            echo,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         fields.time("interval", SOME_TIME, "the shortest time between poses", interval);
         fields.time("max_age", SOME_TIME, "the oldest pose that is sent", max_age);
         fields.time("max_hold", SOME_TIME, MAX_HOLD, max_hold);

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::framing::Framing;
 #[cfg(feature = "rtu")]
 use crate::{frame::Frame, timing};
@@ -47,13 +45,14 @@ pub struct ClientConfig {
     #[doc(hidden)]
     pub transactions: u16,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the client's machine.
-    pub enum Rule {
+    pub enum Rule for ClientConfig {
         /// A reply belongs to the request with its transaction.
         MatchTransaction,
         /// No transaction is used again while a reply to it may come.
@@ -105,7 +104,8 @@ impl ClientConfig {
             echo: false,
             #[cfg(feature = "model")]
             transactions: u16::MAX,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 
@@ -136,7 +136,7 @@ impl ClientConfig {
 
     /// How many requests may be in flight at once.
     pub(crate) fn most_in_flight(&self) -> usize {
-        match self.framing.has_transactions() || !self.rules.keeps(Rule::OneInFlight) {
+        match self.framing.has_transactions() || !self.keeps(Rule::OneInFlight) {
             true => self.in_flight,
             false => 1,
         }

@@ -83,7 +83,7 @@ impl Held {
         match self.stage {
             Stage::Probing { .. } => true,
             Stage::InFlight { transaction: found, .. } => {
-                found == transaction || !config.rules.keeps(Rule::MatchTransaction)
+                found == transaction || !config.keeps(Rule::MatchTransaction)
             }
             _ => false,
         }
@@ -102,7 +102,7 @@ pub(super) fn free_transaction(requests: &[Option<Held>], next: u16, config: &Cl
     };
     let mut transaction = next;
     for _ in requests {
-        if !config.rules.keeps(Rule::FreshTransaction) || !in_use(transaction) {
+        if !config.keeps(Rule::FreshTransaction) || !in_use(transaction) {
             break;
         }
         transaction = config.after(transaction);

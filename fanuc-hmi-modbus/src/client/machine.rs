@@ -76,7 +76,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
                 ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
                     // Bytes that come after a silence do not go on with what came before it.
-                    let cuts = line.was_silent(now) && config.rules.keeps(Rule::CutAtSilence);
+                    let cuts = line.was_silent(now) && config.keeps(Rule::CutAtSilence);
                     line.receive(now, config.framing);
                     Some(if cuts { Action::Cut } else { Action::Nothing })
                 }
@@ -198,7 +198,7 @@ impl<const N: usize> ClientMachine<N> {
     fn connected(&mut self, now: Duration, config: &ClientConfig) -> Action {
         let reset = self.disconnected(config);
         let drain = config.timeout.saturating_add(config.settle);
-        let quiet = if config.framing.is_serial() && config.rules.keeps(Rule::DrainFirst) {
+        let quiet = if config.framing.is_serial() && config.keeps(Rule::DrainFirst) {
             Quiet::Until { end: now.saturating_add(drain) }
         } else {
             Quiet::Over
@@ -213,13 +213,12 @@ impl<const N: usize> ClientMachine<N> {
         if self.link != ClientLink::Down {
             for held in self.requests.iter_mut().map_while(Option::as_mut) {
                 match held.stage {
-                    Stage::Queued { .. } | Stage::QueuedBroadcast
-                        if !config.rules.keeps(Rule::DropQueued) => {}
+                    Stage::Queued { .. } | Stage::QueuedBroadcast if !config.keeps(Rule::DropQueued) => {}
                     Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } => {
                         not_sent.insert(held.place);
                         held.stage = Stage::Ended;
                     }
-                    Stage::InFlight { .. } if !config.rules.keeps(Rule::EndAtDisconnect) => {}
+                    Stage::InFlight { .. } if !config.keeps(Rule::EndAtDisconnect) => {}
                     Stage::InFlight { .. } => {
                         lost.insert(held.place);
                         held.stage = Stage::Ended;
@@ -275,20 +274,20 @@ impl<const N: usize> ClientMachine<N> {
         let is_quiet = match quiet {
             Quiet::Over => false,
             // Without the rule a driver that runs late sends before it has read the late reply.
-            Quiet::Until { end } => config.rules.keeps(Rule::ReadBeforeSend) || now < end,
+            Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
         };
         // The rest of a reply is waited for from its first bytes on, and not from a silence on. Where a line returns what is sent, what
         // comes first has to be that.
         let is_silent = !config.echo || line == Line::Silent;
         let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. }) && is_silent;
-        let is_busy = !may_send && config.rules.keeps(Rule::WaitForSilence);
+        let is_busy = !may_send && config.keeps(Rule::WaitForSilence);
         !is_quiet && !is_busy
     }
 
     /// Whether a reply to another request has to show before this one that a device answers on the line.
     fn needs_probe(&self, stage: Stage, config: &ClientConfig) -> bool {
         let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
-        stage == Stage::Queued { mirrored: true } && !is_proven && config.rules.keeps(Rule::ProveEcho)
+        stage == Stage::Queued { mirrored: true } && !is_proven && config.keeps(Rule::ProveEcho)
     }
 
     #[inline(always)]
@@ -345,7 +344,7 @@ impl<const N: usize> ClientMachine<N> {
                 let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
                 // A true reply may follow: an exception, or the reply to the request that follows what the line has returned.
                 if let (Stage::InFlight { returned, .. }, false, true) =
-                    (&mut held.stage, is_proven, config.rules.keeps(Rule::ProveReply))
+                    (&mut held.stage, is_proven, config.keeps(Rule::ProveReply))
                 {
                     *returned = true;
                     return Action::Nothing;
@@ -357,13 +356,13 @@ impl<const N: usize> ClientMachine<N> {
                 let is_doubtful = matches!(
                     held.stage,
                     Stage::Probing { doubtful: true, .. } | Stage::InFlight { doubtful: true, .. }
-                ) && config.rules.keeps(Rule::DoubtException);
+                ) && config.keeps(Rule::DoubtException);
                 if is_doubtful && fit == Fit::OpenException {
                     return Action::Hold;
                 }
                 !is_doubtful
             }
-            Fit::Misfit => !config.rules.keeps(Rule::CheckReply),
+            Fit::Misfit => !config.keeps(Rule::CheckReply),
         };
         let is_probe = matches!(held.stage, Stage::Probing { .. });
         // Without a transaction it may be a late reply to an earlier request: the right one may still come.
@@ -389,7 +388,7 @@ impl<const N: usize> ClientMachine<N> {
     fn partial(&mut self, config: &ClientConfig) -> Option<Action> {
         let until = self.held().find_map(Held::deadline)?;
         let ClientLink::Up { line: line @ Line::Busy { .. }, .. } = &mut self.link else { return None };
-        if config.rules.keeps(Rule::AwaitRest) {
+        if config.keeps(Rule::AwaitRest) {
             line.wait_for_rest(until);
         }
         Some(Action::Nothing)
@@ -435,7 +434,7 @@ impl<const N: usize> ClientMachine<N> {
         let ClientLink::Up { line, quiet, .. } = &mut self.link else { return Action::Nothing };
         if line.is_due(now) {
             *line = Line::Silent;
-            return if config.rules.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
+            return if config.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
         }
         if matches!(quiet, Quiet::Until { end } if is_due(*end, now)) {
             *quiet = Quiet::Over;

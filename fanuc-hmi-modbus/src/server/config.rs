@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::framing::Framing;
 #[cfg(feature = "rtu")]
 use crate::timing;
@@ -27,13 +25,14 @@ pub struct ServerConfig {
     /// a read that is longer than a request shows it: that is the same event, and from then on what comes back is dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the server's machine.
-    pub enum Rule {
+    pub enum Rule for ServerConfig {
         /// Only requests for the server's own unit are executed.
         CheckUnit,
         /// A broadcast is not answered.
@@ -82,7 +81,8 @@ impl ServerConfig {
             broadcast: !framing.has_transactions(),
             frame_timeout: Duration::from_millis(50),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 

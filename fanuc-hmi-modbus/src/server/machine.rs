@@ -111,14 +111,14 @@ impl<const N: usize> ServerMachine<N> {
             return None;
         }
         let ServerLink::Up { replies, .. } = &mut self.link else { return None };
-        if config.is_broadcast(unit) && config.rules.keeps(Rule::NoReplyToBroadcast) {
+        if config.is_broadcast(unit) && config.keeps(Rule::NoReplyToBroadcast) {
             return Some(Action::ServeBroadcast);
         }
         let is_own = config.is_broadcast(unit) || config.unit.is_none_or(|own| own == unit);
-        if !is_own && config.rules.keeps(Rule::CheckUnit) {
+        if !is_own && config.keeps(Rule::CheckUnit) {
             return Some(Action::Ignore);
         }
-        let is_answered = is_last || !config.rules.keeps(Rule::AnswerLast);
+        let is_answered = is_last || !config.keeps(Rule::AnswerLast);
         if !is_answered || usize::from(*replies) >= N {
             return Some(Action::Refuse);
         }
@@ -165,13 +165,13 @@ impl<const N: usize> Machine for ServerMachine<N> {
     fn on(&mut self, now: Duration, input: Input, config: &ServerConfig) -> Result<Action, Unexpected> {
         let action = match (input, &mut self.link) {
             (Input::Connected | Input::Disconnected, ServerLink::Up { .. })
-                if !config.rules.keeps(Rule::DropReplies) =>
+                if !config.keeps(Rule::DropReplies) =>
             {
                 Some(Action::Nothing)
             }
             (Input::Connected, link) => {
                 // Without the rule it refuses what finds no place, as on a serial line.
-                let serial = config.framing.is_serial() || !config.rules.keeps(Rule::WaitForPlace);
+                let serial = config.framing.is_serial() || !config.keeps(Rule::WaitForPlace);
                 *link = ServerLink::Up { line: Line::Silent, serial, replies: 0 };
                 Some(Action::Reset)
             }
@@ -185,7 +185,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 Some(Action::Nothing)
             }
             (Input::Partial, ServerLink::Up { line: line @ Line::Silent, serial: true, .. }) => {
-                if config.rules.keeps(Rule::AwaitRest) {
+                if config.keeps(Rule::AwaitRest) {
                     line.wait_for_rest(now.saturating_add(config.frame_timeout));
                     Some(Action::Nothing)
                 } else {
@@ -209,7 +209,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
     #[inline]
     fn transmit(&self, _now: Duration, config: &ServerConfig) -> Option<Due> {
         let ServerLink::Up { line, replies, .. } = self.link else { return None };
-        let may_send = line.may_send(config.framing) || !config.rules.keeps(Rule::ReplyAfterSilence);
+        let may_send = line.may_send(config.framing) || !config.keeps(Rule::ReplyAfterSilence);
         (may_send && replies > 0).then_some(Due)
     }
 

@@ -1,5 +1,3 @@
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 use crate::keys::Keys;
 use crate::message::{Packet, Status};
@@ -16,13 +14,14 @@ pub struct BallConfig {
     /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the ball's machine.
-    pub enum Rule {
+    pub enum Rule for BallConfig {
         /// Values that were sent are old.
         MarkOld,
         /// A poll of one connection is not answered on the next.

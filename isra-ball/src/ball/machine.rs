@@ -99,9 +99,7 @@ impl Machine for BallMachine {
     fn on(&mut self, _now: Duration, input: Input, config: &BallConfig) -> Result<Action, Unexpected> {
         match (self.link, input) {
             (Link::Disconnected | Link::Ready | Link::Replying, Input::Timeout) => Ok(Action::Nothing),
-            (Link::Replying, Input::Connected | Input::Disconnected)
-                if !config.rules.keeps(Rule::ForgetPoll) =>
-            {
+            (Link::Replying, Input::Connected | Input::Disconnected) if !config.keeps(Rule::ForgetPoll) => {
                 Ok(Action::Nothing)
             }
             (_, Input::Connected) => Ok(self.go(Link::Ready)),
@@ -115,7 +113,7 @@ impl Machine for BallMachine {
             (Link::Replying, Input::Sent) => {
                 let fresh = self.values == Values::New;
                 self.link = Link::Ready;
-                if config.rules.keeps(Rule::MarkOld) {
+                if config.keeps(Rule::MarkOld) {
                     self.values = Values::Old;
                 }
                 Ok(Action::Sent { fresh })

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 use crate::timing;
 
@@ -30,13 +28,14 @@ pub struct HostConfig {
     /// bytes.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the host's machine against the use of old values.
-    pub enum Rule {
+    pub enum Rule for HostConfig {
         /// After a connection is made, nothing is sent until the reply to a poll of before would have come, and longer than from one
         /// poll to the next.
         DrainFirst,
@@ -106,7 +105,8 @@ impl Default for HostConfig {
             max_delay: Duration::from_millis(14),
             max_age: Duration::from_millis(150),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

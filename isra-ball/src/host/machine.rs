@@ -208,13 +208,13 @@ impl HostMachine {
             *self = to;
             return Action::Nothing;
         };
-        if let (Self::Connected(polling), false) = (&mut to, config.rules.keeps(Rule::ForgetReply)) {
+        if let (Self::Connected(polling), false) = (&mut to, config.keeps(Rule::ForgetReply)) {
             polling.proof_until = was.proof_until;
         }
         *self = to;
         let missed = matches!(was.poll, Poll::Waiting { .. });
         let stale = matches!(was.values, Values::Live { .. });
-        if (missed || stale) && config.rules.keeps(Rule::ReportEnd) {
+        if (missed || stale) && config.keeps(Rule::ReportEnd) {
             Action::Closed { missed, stale }
         } else {
             Action::Nothing
@@ -224,7 +224,7 @@ impl HostMachine {
 
 impl Polling {
     fn begin(now: Duration, config: &HostConfig) -> Self {
-        let drain = if config.rules.keeps(Rule::DrainFirst) { config.quiet() } else { Duration::ZERO };
+        let drain = if config.keeps(Rule::DrainFirst) { config.quiet() } else { Duration::ZERO };
         Self {
             poll: Poll::Idle { due: now.saturating_add(drain) },
             values: Values::Stale,
@@ -241,7 +241,7 @@ impl Polling {
         let until = now.saturating_add(config.reply_window());
         self.poll = Poll::Waiting {
             from: now.saturating_add(config.earliest_reply()),
-            until: if config.rules.keeps(Rule::AwaitReply) { until } else { until.min(due) },
+            until: if config.keeps(Rule::AwaitReply) { until } else { until.min(due) },
             due,
             proof_until: now.saturating_add(config.max_age),
         };
@@ -250,19 +250,18 @@ impl Polling {
 
     fn packet(&mut self, now: Duration, fresh: bool, config: &HostConfig) -> Action {
         let Poll::Waiting { from, until, due, proof_until } = self.poll else { return Action::Unasked };
-        let is_early = now < from && config.rules.keeps(Rule::NotBefore);
+        let is_early = now < from && config.keeps(Rule::NotBefore);
         let is_late = is_due(until, now);
         if is_early || is_late {
             return Action::Unasked;
         }
-        let proved = if config.rules.keeps(Rule::ProveAge) { self.proof_until } else { proof_until };
+        let proved = if config.keeps(Rule::ProveAge) { self.proof_until } else { proof_until };
         self.poll = Poll::Idle { due };
         self.proof_until = proof_until;
-        if (!fresh && config.rules.keeps(Rule::OldIsNotNew)) || is_due(proved, now) {
+        if (!fresh && config.keeps(Rule::OldIsNotNew)) || is_due(proved, now) {
             return Action::Old;
         }
-        let until =
-            if config.rules.keeps(Rule::AgeFromPoll) { proved } else { now.saturating_add(config.max_age) };
+        let until = if config.keeps(Rule::AgeFromPoll) { proved } else { now.saturating_add(config.max_age) };
         self.values = Values::Live { until };
         Action::New
     }
@@ -275,7 +274,7 @@ impl Polling {
     fn expire(&mut self, now: Duration, config: &HostConfig) -> Action {
         match (self.poll, self.values) {
             (Poll::Waiting { until, due, .. }, _) if is_due(until, now) => {
-                let uneven = config.rules.keeps(Rule::Uneven);
+                let uneven = config.keeps(Rule::Uneven);
                 let due = if uneven { due.max(now).saturating_add(config.spread()) } else { due };
                 self.poll = Poll::Idle { due };
                 Action::Missed

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::content::is_answered;
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
@@ -37,8 +35,9 @@ pub struct PcConfig<'a> {
     pub start_retries: u16,
     /// End the order when all its jobs are executed. True by default.
     pub end_when_done: bool,
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 /// The fields of a [`PcConfig`] that the machine uses, and which messages of the robot have an answer in the table.
@@ -64,14 +63,15 @@ pub struct Config {
     pub answers_requests: bool,
     /// A status has one.
     pub answers_status: bool,
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules against false reports of a PC; the model shows that each is needed.
     #[doc(hidden)]
-    pub enum Rule {
+    pub enum Rule for PcConfig<'_>, Config {
         /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
         /// also where it has no jobs: some may be executed ahead.
         LearnIdentity,
@@ -102,7 +102,8 @@ impl PcConfig<'_> {
         takeover: Takeover::Interrupt,
         start_retries: 10,
         end_when_done: true,
-        rules: Rules::ALL,
+        #[cfg(feature = "model")]
+        rules: robot_session::Rules::ALL,
     };
 
     /// Over UDP.
@@ -138,6 +139,7 @@ impl PcConfig<'_> {
             end_when_done: self.end_when_done,
             answers_requests: is_answered(&self.dialect, Role::JobRequest),
             answers_status: is_answered(&self.dialect, Role::Status),
+            #[cfg(feature = "model")]
             rules: self.rules,
         }
     }
@@ -154,7 +156,7 @@ impl Config {
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
         match self.datagrams {
-            _ if !self.rules.keeps(Rule::Window) => max,
+            _ if !self.keeps(Rule::Window) => max,
             true => max / 2,
             false => max - 1,
         }

@@ -229,7 +229,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     pub(super) fn doubt(&mut self, config: &Config) {
-        if matches!(self.order, Order::Running { .. }) && config.rules.keeps(Rule::DoubtCorrupt) {
+        if matches!(self.order, Order::Running { .. }) && config.keeps(Rule::DoubtCorrupt) {
             self.count.is_unsure |= !config.cumulative_acks;
         }
     }
@@ -254,7 +254,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         let start = match self.link {
             // It is not ours, also where it has no jobs: some may be executed ahead.
             Link::Connected { robot: Known::In { order: active }, .. }
-                if active == order && config.rules.keeps(Rule::LearnIdentity) =>
+                if active == order && config.keeps(Rule::LearnIdentity) =>
             {
                 Start::Foreign { order }
             }
@@ -280,7 +280,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         self.order = Order::Running { number: order, stage: Stage::Active, left_at: Duration::MAX };
         // Nobody has kept whether corrupt bytes came.
-        let is_unsure = !config.cumulative_acks && config.rules.keeps(Rule::DoubtCorrupt);
+        let is_unsure = !config.cumulative_acks && config.keeps(Rule::DoubtCorrupt);
         self.count = Count { executed, queued: executed, sent, total, is_unsure, ..Count::default() };
         Some(Action::Nothing)
     }
@@ -303,7 +303,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     fn on_interrupt(&mut self, config: &Config) -> Option<Action> {
         match &mut self.order {
-            Order::Starting { number, .. } if !config.rules.keeps(Rule::CancelWaits) => {
+            Order::Starting { number, .. } if !config.keeps(Rule::CancelWaits) => {
                 let (number, left_at) = (*number, Duration::MAX);
                 self.order = Order::Running { number, stage: Stage::Interrupted, left_at };
             }
@@ -346,11 +346,11 @@ impl<const WORDS: usize> Machine<WORDS> {
             | Order::Running { stage: Stage::Active, .. } => None,
             Order::Starting { number, start, .. } => match start {
                 Start::Unsent | Start::Lost
-                    if robot == Known::Nothing && config.rules.keeps(Rule::LearnIdentity) =>
+                    if robot == Known::Nothing && config.keeps(Rule::LearnIdentity) =>
                 {
                     None
                 }
-                Start::Sent { .. } if !config.datagrams && config.rules.keeps(Rule::StartOnce) => None,
+                Start::Sent { .. } if !config.datagrams && config.keeps(Rule::StartOnce) => None,
                 Start::Unsent | Start::Lost | Start::Sent { .. } => {
                     Some(FromPc::Start { order: number, first: 1 })
                 }
@@ -372,11 +372,8 @@ impl<const WORDS: usize> Machine<WORDS> {
         let request = self.request(config).filter(|_| sent.request);
         let Link::Connected { reply: reply @ Reply::Due { .. }, .. } = &mut self.link else { return None };
         let Reply::Due { contents, .. } = core::mem::replace(reply, Reply::Nothing) else { return None };
-        let wait = if config.datagrams || !config.rules.keeps(Rule::StartOnce) {
-            Duration::MAX
-        } else {
-            config.silence
-        };
+        let wait =
+            if config.datagrams || !config.keeps(Rule::StartOnce) { Duration::MAX } else { config.silence };
         match &mut self.order {
             Order::Starting { start: Start::Sent { answer_by }, cancelled: true, .. } if config.datagrams => {
                 // The start may be lost. From then on a report is newer than the latest that it can arrive.

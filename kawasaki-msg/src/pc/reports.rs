@@ -100,7 +100,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         let sent = match start {
             Start::Sent { .. } => true,
             Start::Foreign { .. } => false,
-            Start::Unsent | Start::Lost => !config.rules.keeps(Rule::LearnIdentity),
+            Start::Unsent | Start::Lost => !config.keeps(Rule::LearnIdentity),
         };
         if !sent {
             return Action::Nothing;
@@ -179,7 +179,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         let order = core::mem::replace(&mut self.order, Order::Idle).number();
         let Count { executed, sent, total, is_unsure, .. } = self.count;
         // That a job was executed ahead of others only its own acknowledgement reports, and that may be lost.
-        let late = config.datagrams && !config.cumulative_acks && config.rules.keeps(Rule::DoubtCorrupt);
+        let late = config.datagrams && !config.cumulative_acks && config.keeps(Rule::DoubtCorrupt);
         if (is_unsure || late) && executed < sent {
             return Action::Outcome { order, outcome: Outcome::Unknown { executed, sent } };
         }
@@ -208,7 +208,7 @@ impl<const WORDS: usize> Machine<WORDS> {
                     Start::Foreign { .. } => {}
                     // The answer was lost with its connection; or it is an old order.
                     _ if active == number && has_jobs => return self.refused(active, config),
-                    Start::Unsent if active == number && config.rules.keeps(Rule::LearnIdentity) => {
+                    Start::Unsent if active == number && config.keeps(Rule::LearnIdentity) => {
                         return self.refused(active, config);
                     }
                     _ if active == number => return self.accepted(number),
@@ -228,7 +228,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
             Order::Running { number, left_at, .. } => {
                 let number = *number;
-                if config.datagrams && config.rules.keeps(Rule::LateReports) {
+                if config.datagrams && config.keeps(Rule::LateReports) {
                     // It may be an old one that was overtaken.
                     *left_at = (*left_at).min(now.saturating_add(LATEST_DATAGRAM));
                     if now < *left_at {

@@ -1,8 +1,6 @@
 use core::num::NonZeroU16;
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::numbering::{NumberSet, Numbering};
@@ -54,8 +52,9 @@ pub struct RobotConfig<'a> {
     /// End the active order when the PC's status names another one or none. The source calls it less safe than waiting for the
     /// PC to end it (thesis, section 11.2). False by default.
     pub end_foreign_order: bool,
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 /// The fields of a [`RobotConfig`] that the machine uses.
@@ -87,14 +86,15 @@ pub struct Config {
     pub refuse_repeated_start: bool,
     /// [`RobotConfig::end_foreign_order`]
     pub end_foreign_order: bool,
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules against wrong execution and deadlock; the model shows that each is needed.
     #[doc(hidden)]
-    pub enum Rule {
+    pub enum Rule for RobotConfig<'_>, Config {
         /// Messages after a failed one are dropped, also the order's end; corrupt bytes are a failed message.
         DestroyRest,
         /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
@@ -137,7 +137,8 @@ impl RobotConfig<'_> {
         status_period: Duration::from_secs(1),
         refuse_repeated_start: true,
         end_foreign_order: false,
-        rules: Rules::ALL,
+        #[cfg(feature = "model")]
+        rules: robot_session::Rules::ALL,
     };
 
     /// Over UDP.
@@ -184,6 +185,7 @@ impl RobotConfig<'_> {
             status_period: self.status_period,
             refuse_repeated_start: self.refuse_repeated_start,
             end_foreign_order: self.end_foreign_order,
+            #[cfg(feature = "model")]
             rules: self.rules,
         }
     }

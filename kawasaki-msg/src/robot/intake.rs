@@ -21,7 +21,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             let other = self.order.number() != order;
             return Action::Rejected(if other { Rejection::WrongOrder } else { Rejection::NotExpected });
         };
-        if *gap == Gap::Rest && config.rules.keeps(Rule::DestroyRest) {
+        if *gap == Gap::Rest && config.keeps(Rule::DestroyRest) {
             return Action::Discarded;
         }
         let next = numbering.next(self.queued);
@@ -62,7 +62,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     pub(super) fn failed(&mut self, why: Rejection, config: &Config) -> Action {
         if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
             let before = core::mem::replace(gap, Gap::Rest);
-            if before == Gap::Rest && config.rules.keeps(Rule::DestroyRest) {
+            if before == Gap::Rest && config.keeps(Rule::DestroyRest) {
                 return Action::Discarded;
             }
         }
@@ -85,7 +85,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         let is_old = match self.starts {
             Starts::Any => false,
-            Starts::New { ended, .. } => ended.contains(&order) && config.rules.keeps(Rule::NewStarts),
+            Starts::New { ended, .. } => ended.contains(&order) && config.keeps(Rule::NewStarts),
         };
         self.replies.status = true;
         let Order::Active { number, .. } = self.order else {
@@ -115,11 +115,11 @@ impl<const WORDS: usize> Machine<WORDS> {
         let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
         if now >= *ignored_until && !*drained {
             *drained = true;
-            if config.rules.keeps(Rule::DrainStarts) {
+            if config.keeps(Rule::DrainStarts) {
                 *ignored_until = now.saturating_add(config.exchange);
             }
         }
-        now < *ignored_until && config.rules.keeps(Rule::IgnoreStarts)
+        now < *ignored_until && config.keeps(Rule::IgnoreStarts)
     }
 
     pub(super) fn on_end(&mut self, order: u16, config: &Config) -> Action {
@@ -133,16 +133,16 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         let missing = Action::Rejected(Rejection::JobsMissing);
         match stage {
-            Stage::Intake { gap: Gap::Rest, .. } if config.rules.keeps(Rule::DestroyRest) => {
+            Stage::Intake { gap: Gap::Rest, .. } if config.keeps(Rule::DestroyRest) => {
                 return Action::Discarded;
             }
             Stage::Intake { gap: gap @ (Gap::Asked | Gap::EndOnce), .. }
-                if config.rules.keeps(Rule::EndFillsGap) =>
+                if config.keeps(Rule::EndFillsGap) =>
             {
                 // An answer to a packet that was overdue may have been sent before the request for the missing jobs was read.
                 match &mut self.link {
                     Link::Connected { unanswered: unanswered @ 1.., .. }
-                        if config.rules.keeps(Rule::CountUnanswered) =>
+                        if config.keeps(Rule::CountUnanswered) =>
                     {
                         *unanswered -= 1;
                     }
@@ -152,7 +152,7 @@ impl<const WORDS: usize> Machine<WORDS> {
                 }
                 return missing;
             }
-            Stage::Clearing { .. } if config.rules.keeps(Rule::GapAtConnection) => return missing,
+            Stage::Clearing { .. } if config.keeps(Rule::GapAtConnection) => return missing,
             Stage::Intake { .. } | Stage::Clearing { .. } | Stage::Alarm => {}
             Stage::Ending | Stage::Interrupted { .. } => return Action::Nothing,
         }

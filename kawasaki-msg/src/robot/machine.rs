@@ -221,7 +221,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
             // No time runs out without a connection: a pause may be over since.
             flow.end_pause(now);
-            if config.rules.keeps(Rule::GapAtConnection) {
+            if config.keeps(Rule::GapAtConnection) {
                 *gap = Gap::Rest;
             }
         }
@@ -235,7 +235,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             Link::Connected { .. } => true,
         };
         self.link = Link::Disconnected { connect_at: now.saturating_add(config.reconnect_delay) };
-        let is_step = config.rules.keeps(Rule::ClosingIsStep) && connected && self.executed == self.queued;
+        let is_step = config.keeps(Rule::ClosingIsStep) && connected && self.executed == self.queued;
         let Order::Active { stage: Stage::Intake { recovery, .. }, .. } = &mut self.order else {
             return Action::Nothing;
         };
@@ -321,7 +321,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         if !self.is_connected() {
             return None;
         }
-        if config.rules.keeps(Rule::DestroyRest) {
+        if config.keeps(Rule::DestroyRest) {
             self.answered()?;
             // The session reports the bytes themselves.
             self.failed(Rejection::Bad, config);
@@ -406,7 +406,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             Order::Active {
                 stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
                 ..
-            } if config.rules.keeps(Rule::SettledTwice) => {
+            } if config.keeps(Rule::SettledTwice) => {
                 *reported_at = (*reported_at).min(now.saturating_add(timing::CPU_CYCLE));
                 Action::Nothing
             }

@@ -95,7 +95,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
             if let Recovery::Resting { failures } = *recovery
                 && self.executed == self.queued
-                && config.rules.keeps(Rule::StepsByClock)
+                && config.keeps(Rule::StepsByClock)
             {
                 *recovery = Recovery::Waiting { failures, until: now.saturating_add(config.patience) };
             }

@@ -2,8 +2,6 @@
 
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 use crate::profile::Profile;
 use crate::timing;
@@ -28,13 +26,14 @@ pub struct ControllerConfig {
     /// it is off on such a line, each answer comes back as an instruction without parameters.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the controller's machine that are independent of settings.
-    pub enum Rule {
+    pub enum Rule for ControllerConfig {
         /// Bytes that are too few for a frame are not answered.
         IgnoreShort,
         /// Bytes without a head, after an error code, are the rest of what it answers.
@@ -59,7 +58,8 @@ impl Default for ControllerConfig {
             tick: timing::TICK,
             silence: Duration::from_millis(50),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

@@ -209,7 +209,7 @@ impl Machine for ControllerMachine {
             ) => {
                 let (work, is_answered) = match work {
                     // Behind the rest of a frame, less than a head may be more of it, and less than a frame the end of its tail.
-                    Is::Listening { rest: true } if config.rules.keeps(Rule::IgnoreRest) => {
+                    Is::Listening { rest: true } if config.keeps(Rule::IgnoreRest) => {
                         let begins = begun && bytes >= Fault::HEAD;
                         let is_enough = stretch.fault.is_none() || bytes >= Fault::ENOUGH;
                         (Is::Listening { rest: !begins }, begins && is_enough)
@@ -251,7 +251,7 @@ impl Machine for ControllerMachine {
                 Is::Listening { .. },
                 Line::Bytes(Stretch { fault: Some(fault @ Fault { is_answered: true, .. }), .. }),
                 On::Timeout,
-            ) if fault.is_enough() || !config.rules.keeps(Rule::IgnoreShort) => {
+            ) if fault.is_enough() || !config.keeps(Rule::IgnoreShort) => {
                 let (work, action) = answer(Answer::Error(fault.refusal));
                 (work, Line::Silent, action)
             }
@@ -348,7 +348,7 @@ impl ControllerMachine {
     /// Whether a good frame is taken. Not behind corrupt bytes, before the line is silent: it may be out of the middle of another
     /// frame. A few bytes of noise are none.
     pub fn trusts(&self, config: &ControllerConfig) -> bool {
-        !self.line.fault().is_some_and(|fault| fault.is_enough()) || !config.rules.keeps(Rule::TrustSilence)
+        !self.line.fault().is_some_and(|fault| fault.is_enough()) || !config.keeps(Rule::TrustSilence)
     }
 
     /// The answer that is to be put on the line. It waits while the rest of a frame may come.

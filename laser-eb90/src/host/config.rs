@@ -2,8 +2,6 @@
 
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 use crate::frame::Frame;
 use crate::profile::Profile;
@@ -70,13 +68,14 @@ pub struct HostConfig {
     /// a frame with more than one command word shows it: an answer has nothing else. That is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the host's machine that are independent of settings.
-    pub enum Rule {
+    pub enum Rule for HostConfig {
         /// The first frame of a connection waits until frames of an earlier host have been answered.
         DrainFirst,
         /// An echo confirms, also after an error code.
@@ -118,7 +117,8 @@ impl HostConfig {
             backoff: ms(100),
             full_timeout: ms(60_000),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 

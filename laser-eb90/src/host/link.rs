@@ -228,7 +228,7 @@ impl Sent {
         match refusal {
             // No command word is an error code as well.
             Some(refusal) => self.refused(now, refusal, config),
-            None if word == self.batch.word || !config.rules.keeps(Rule::CompareWord) => {
+            None if word == self.batch.word || !config.keeps(Rule::CompareWord) => {
                 self.batch.done(self.tries, now)
             }
             None => self.batch.other_word(word, self.settled_if_taken(now, config)),
@@ -247,7 +247,7 @@ impl Sent {
             Refusal::BadChecksum | Refusal::BadFrame => (self.may_resend(config), settled),
             // The same again would be refused again, or executed again.
             Refusal::UnknownCommand | Refusal::BadBatch | Refusal::BadParameters => {
-                (!config.rules.keeps(Rule::FinalCodes) && self.may_resend(config), settled)
+                (!config.keeps(Rule::FinalCodes) && self.may_resend(config), settled)
             }
         };
         if again {
@@ -255,11 +255,11 @@ impl Sent {
         }
         match refusal {
             // The error code refers to the last transmission alone.
-            _ if self.tries.unanswered > 0 && config.rules.keeps(Rule::UnansweredIsUnknown) => {
+            _ if self.tries.unanswered > 0 && config.keeps(Rule::UnansweredIsUnknown) => {
                 batch.unknown(UnknownReason::Silence, settled)
             }
             Refusal::BadParameters
-                if batch.class == Class::Immediate && config.rules.keeps(Rule::FailedIsUnknown) =>
+                if batch.class == Class::Immediate && config.keeps(Rule::FailedIsUnknown) =>
             {
                 batch.unknown(UnknownReason::ExecutionFailed, settled)
             }
@@ -290,7 +290,7 @@ impl Sent {
 
     /// When whatever this transmission can cause has come, if the controller has taken the frame, or may take it.
     fn settled_if_taken(&self, now: Duration, config: &HostConfig) -> Duration {
-        let outlast = config.rules.keeps(Rule::OutlastExecution);
+        let outlast = config.keeps(Rule::OutlastExecution);
         let over = if outlast { self.executed_by } else { self.received_by };
         now.max(over).saturating_add(config.settle)
     }

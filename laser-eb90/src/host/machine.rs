@@ -77,8 +77,7 @@ impl Machine for HostMachine {
         let (link, action) = match (&self.link, input) {
             (link, On::Connected) => {
                 let (quiet_until, held, action) = link.disconnect(now, config);
-                let drain =
-                    if config.rules.keeps(Rule::DrainFirst) { config.drain() } else { Duration::ZERO };
+                let drain = if config.keeps(Rule::DrainFirst) { config.drain() } else { Duration::ZERO };
                 let quiet_until = quiet_until.max(now.saturating_add(drain));
                 (if held { Is::Held { quiet_until } } else { Is::Idle { quiet_until } }, action)
             }
@@ -113,7 +112,7 @@ impl Machine for HostMachine {
                 Is::Resending { batch, tries, not_before: until } | Is::AwaitingRest { batch, tries, until },
                 On::Answer { word, refusal },
             ) => match refusal {
-                _ if word == batch.word && config.rules.keeps(Rule::ConfirmLate) => batch.done(*tries, now),
+                _ if word == batch.word && config.keeps(Rule::ConfirmLate) => batch.done(*tries, now),
                 None => batch.other_word(word, (*until).max(now.saturating_add(config.settle))),
                 // The same corruption is answered a second time.
                 Some(_) => return Ok(Nothing),

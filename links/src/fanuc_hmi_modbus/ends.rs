@@ -52,7 +52,7 @@ impl<const N: usize> Owner for Client<N> {
     }];
 
     fn new(given: Given, rules: Rules<client::Rule>) -> Result<Self> {
-        Ok(Self::new(ClientConfig { rules, ..client_config(given)? })?)
+        Ok(Self::new(client_config(given)?.with_rules(rules))?)
     }
 
     fn shows(&self, event: &ClientEvent) -> Option<(&'static str, String)> {
@@ -74,7 +74,7 @@ impl<const N: usize> Owner for Server<Tables, N> {
             "rtu" => ServerConfig::rtu(1, baud),
             _ => ServerConfig::rtu_over_tcp(1),
         };
-        let made = given.configure(ServerConfig { rules, ..made })?;
+        let made = given.configure(made.with_rules(rules))?;
         Ok(Self::new(made, Tables::new())?)
     }
 }

@@ -21,7 +21,7 @@ impl Owner for Host {
     }];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
-        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
+        let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 
@@ -45,7 +45,7 @@ impl Owner for Ball {
     ];
 
     fn new(given: Given, rules: Rules<ball::Rule>) -> Result<Self> {
-        let made = given.configure(BallConfig { rules, ..BallConfig::default() })?;
+        let made = given.configure(BallConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }

@@ -47,7 +47,7 @@ impl Owner for Host {
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
         let baud = given.0.get("baud").map(u32::deserialize).transpose()?;
         let made = HostConfig::at_baud(baud.unwrap_or(laser_eb90::timing::BAUD));
-        let made = given.configure(HostConfig { rules, ..made })?;
+        let made = given.configure(made.with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 
@@ -97,7 +97,7 @@ impl Owner for Robot {
 
     fn new(mut given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
         let room = given.take("queue")?.unwrap_or(QUEUE);
-        let made = given.configure(ControllerConfig { rules, ..ControllerConfig::default() })?;
+        let made = given.configure(ControllerConfig::default().with_rules(rules))?;
         let (writer, motion) = robot_work_queue::boxed(room, MAX_NUMBER)?;
         Ok(Self { controller: Controller::new(made, writer)?, motion, taken: Vec::new() })
     }

@@ -36,7 +36,7 @@ impl Owner for Central<PlatformPose> {
     }];
 
     fn new(given: Given, rules: Rules<central::Rule>) -> Result<Self> {
-        let made = given.configure(CentralConfig { rules, ..CentralConfig::DEFAULT })?;
+        let made = given.configure(CentralConfig::DEFAULT.with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }
@@ -69,7 +69,7 @@ impl Owner for Device<PlatformPose> {
     }];
 
     fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
-        let made = given.configure(DeviceConfig { rules, ..DeviceConfig::DEFAULT })?;
+        let made = given.configure(DeviceConfig::DEFAULT.with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }

@@ -27,7 +27,7 @@ impl Owner for Host {
     ];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
-        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
+        let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }
@@ -51,7 +51,7 @@ impl Owner for Controller {
     ];
 
     fn new(given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
-        let made = given.configure(ControllerConfig { rules, ..ControllerConfig::default() })?;
+        let made = given.configure(ControllerConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }

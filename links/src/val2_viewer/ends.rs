@@ -25,7 +25,7 @@ impl Owner for Host {
     ];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
-        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
+        let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }
@@ -40,7 +40,7 @@ impl Owner for Workstation {
         &[Once { begins: By::Sent, ends: &[By::Event("pose"), By::Event("missed")], room: Room::Most(1) }];
 
     fn new(given: Given, rules: Rules<workstation::Rule>) -> Result<Self> {
-        let made = given.configure(WorkstationConfig { rules, ..WorkstationConfig::default() })?;
+        let made = given.configure(WorkstationConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 
@@ -21,13 +19,14 @@ pub struct CentralConfig {
     /// The distance from the target that counts as arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the machine that are independent of other settings.
-    pub enum Rule {
+    pub enum Rule for CentralConfig {
         /// A device has arrived only with its servo motors on.
         ServoOn,
         /// A command that was sent and not answered is unknown.
@@ -51,7 +50,8 @@ impl CentralConfig {
         timeout: Duration::from_secs(1),
         settle: Duration::from_millis(100),
         tolerance: 10,
-        rules: Rules::ALL,
+        #[cfg(feature = "model")]
+        rules: robot_session::Rules::ALL,
     };
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {

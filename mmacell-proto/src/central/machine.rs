@@ -181,12 +181,12 @@ impl<P: Pose> Machine for CentralMachine<P> {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
-            (&L::Awaiting { command, .. }, I::Abort) if !config.rules.keeps(Rule::AbortEnds) => {
+            (&L::Awaiting { command, .. }, I::Abort) if !config.keeps(Rule::AbortEnds) => {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
             (L::Awaiting { .. }, I::Abort) => A::Report(self.end(Closing::Aborted, config)),
-            (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.rules.keeps(Rule::StrayEnds) => A::Nothing,
+            (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.keeps(Rule::StrayEnds) => A::Nothing,
             // The next one could be taken for another command's.
             (L::Idle | L::Sending { .. }, I::Reply(_)) => A::Report(self.end(Closing::Mismatch, config)),
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error)) => {
@@ -270,7 +270,7 @@ impl<P: Pose> CentralMachine<P> {
 
     fn open(&mut self, config: &CentralConfig) {
         self.link = CentralLink::Idle;
-        if config.rules.keeps(Rule::ForgetMotion) {
+        if config.keeps(Rule::ForgetMotion) {
             self.motion = Motion::NONE;
         }
     }
@@ -278,7 +278,7 @@ impl<P: Pose> CentralMachine<P> {
     fn end(&mut self, reason: Closing, config: &CentralConfig) -> Event<P> {
         let unfinished = match self.link {
             CentralLink::Sending { command } => Unfinished::NotSent(command),
-            CentralLink::Awaiting { command, .. } if config.rules.keeps(Rule::UnknownWhenSent) => {
+            CentralLink::Awaiting { command, .. } if config.keeps(Rule::UnknownWhenSent) => {
                 Unfinished::Unknown(command)
             }
             CentralLink::Awaiting { command, .. } => Unfinished::NotSent(command),
@@ -334,9 +334,7 @@ impl<P: Pose> CentralMachine<P> {
             (Command::Move { mode: Mode::Relative, .. } | Command::Reset, _) => {
                 Motion::Starting { target: Target::Unknown, believed_from }
             }
-            (Command::Stop | Command::Servo { on: false }, motion)
-                if !config.rules.keeps(Rule::ForgetTarget) =>
-            {
+            (Command::Stop | Command::Servo { on: false }, motion) if !config.keeps(Rule::ForgetTarget) => {
                 motion
             }
             (Command::Stop | Command::Servo { on: false }, Motion::Rest { pose, .. }) => {
@@ -402,7 +400,7 @@ impl<P> Motion<P> {
 impl<P: Pose> Target<P> {
     /// What it means that a device is at rest.
     fn judge(self, status: &Status<P>, config: &CentralConfig) -> Progress {
-        let servo = status.servo || !config.rules.keeps(Rule::ServoOn);
+        let servo = status.servo || !config.keeps(Rule::ServoOn);
         match self {
             Self::None => Progress::Still,
             Self::Unknown | Self::At(_) if !servo => Progress::Missed(Miss::ServoOff),

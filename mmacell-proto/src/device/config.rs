@@ -1,5 +1,3 @@
-use robot_session::Rules;
-
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::message::ErrorCode;
@@ -15,13 +13,14 @@ pub struct DeviceConfig {
     /// now. Any but 0 that fits its field. Default: [`ErrorCode::Generic`], 1.
     pub refusal: ErrorCode,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the machine that are independent of other settings.
-    pub enum Rule {
+    pub enum Rule for DeviceConfig {
         /// A new connection takes the place of the one before, and gets none of its replies.
         TakeOver,
         /// The owner accepts the order that is pending, and no other.
@@ -41,7 +40,8 @@ impl DeviceConfig {
         accepts: Dialect::STRICT,
         writes: Dialect::STRICT,
         refusal: ErrorCode::Generic,
-        rules: Rules::ALL,
+        #[cfg(feature = "model")]
+        rules: robot_session::Rules::ALL,
     };
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {

@@ -172,7 +172,7 @@ impl<P: Pose> Machine for DeviceMachine<P> {
                 A::Left
             }
             (&L::Asked { order }, I::Accept(accepted))
-                if order == *accepted || !config.rules.keeps(Rule::AcceptPending) =>
+                if order == *accepted || !config.keeps(Rule::AcceptPending) =>
             {
                 self.accept(order, config)
             }
@@ -181,7 +181,7 @@ impl<P: Pose> Machine for DeviceMachine<P> {
                 A::Nothing
             }
             (L::Answering { .. } | L::Leaving | L::Asked { .. }, I::Connected)
-                if !config.rules.keeps(Rule::TakeOver) =>
+                if !config.keeps(Rule::TakeOver) =>
             {
                 A::Nothing
             }
@@ -323,7 +323,7 @@ impl<P: Pose> DeviceMachine<P> {
         let possible = self.axes.after(order, config);
         let axes = match possible {
             Some(axes) => axes,
-            None if config.rules.keeps(Rule::AcceptPossible) => {
+            None if config.keeps(Rule::AcceptPossible) => {
                 return self.reject(Rejection::NotNow { state: self.axes.name() }, config);
             }
             None => Axes::Moving,
@@ -363,10 +363,10 @@ impl Axes {
                 Self::Off
             }
             (Self::Still, Order::Move { .. }) => Self::Moving,
-            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.rules.keeps(Rule::OneMotion) => {
+            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => {
                 Self::Moving
             }
-            (Self::Off, Order::Move { .. }) if !config.rules.keeps(Rule::ServoFirst) => Self::Moving,
+            (Self::Off, Order::Move { .. }) if !config.keeps(Rule::ServoFirst) => Self::Moving,
             (Self::Off | Self::Moving | Self::Stopping, Order::Move { .. }) => return None,
             (Self::Off | Self::Still | Self::Fault { .. }, Order::Stop)
             | (Self::Fault { .. }, Order::Servo { on: false }) => self,

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 /// How the latch arms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LatchConfig {
@@ -19,13 +17,14 @@ pub struct LatchConfig {
     /// How long the controller may take to report the end of ALTER when no message is answered any more. Default: 0.15 s.
     pub farewell: Duration,
     /// The rules of the latch, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the latch, without which an arm would move without a hand, or stop without a reason shown.
-    pub enum Rule {
+    pub enum Rule for LatchConfig {
         /// The hand has to rest before it moves the arm.
         Rest,
         /// A push restarts the rest.
@@ -85,7 +84,8 @@ impl Default for LatchConfig {
             hold_to_run: false,
             end_within: Duration::from_millis(1500),
             farewell: Duration::from_millis(150),
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

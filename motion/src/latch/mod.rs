@@ -153,7 +153,7 @@ impl Latch {
 
     /// Takes an input, each of which may come at any time.
     pub fn on(&mut self, now: Duration, input: LatchInput, config: &LatchConfig) -> LatchAction {
-        let (before, keeps) = (*self, |rule| config.rules.keeps(rule));
+        let (before, keeps) = (*self, |rule| config.keeps(rule));
         if input == LatchInput::Timeout || keeps(Rule::TimeFirst) {
             self.expire(now, config);
         }
@@ -194,7 +194,7 @@ impl Latch {
 
     fn after(self, now: Duration, input: LatchInput, config: &LatchConfig) -> Self {
         use LatchInput as On;
-        let keeps = |rule| config.rules.keeps(rule);
+        let keeps = |rule| config.keeps(rule);
         match (self, input) {
             (Self::Ended, _) => Self::Ended,
             (Self::Off(_), On::End) => Self::Ended,
@@ -276,7 +276,7 @@ impl Latch {
         fresh_until: Duration,
         config: &LatchConfig,
     ) -> Self {
-        let keeps = |rule| config.rules.keeps(rule);
+        let keeps = |rule| config.keeps(rule);
         if is_due(fresh_until, now) && keeps(Rule::OldOnArrival) {
             return match self {
                 Self::Disarmed(cause) => Self::Disarmed(cause),
@@ -310,7 +310,7 @@ impl Latch {
 
     fn expire(&mut self, now: Duration, config: &LatchConfig) {
         *self = match *self {
-            Self::Armed { fresh_until } if is_due(fresh_until, now) && !config.rules.keeps(Rule::Expire) => {
+            Self::Armed { fresh_until } if is_due(fresh_until, now) && !config.keeps(Rule::Expire) => {
                 Self::Armed { fresh_until: Duration::MAX }
             }
             Self::Resting { fresh_until, .. }
@@ -321,7 +321,7 @@ impl Latch {
                 Self::Disarmed(Cause::OldValues)
             }
             Self::Resting { fresh_until, rested_at, .. }
-                if is_due(rested_at, now) && !config.rules.keeps(Rule::ByValues) =>
+                if is_due(rested_at, now) && !config.keeps(Rule::ByValues) =>
             {
                 Self::Armed { fresh_until }
             }
@@ -369,7 +369,7 @@ impl Machine for Latch {
     /// The arm follows the hand's last values so long as it is due, and else comes to rest.
     fn transmit(&self, now: Duration, config: &LatchConfig) -> Option<HandValues> {
         let is_armed = match self {
-            Self::Armed { .. } if !config.rules.keeps(Rule::FreshInUse) => true,
+            Self::Armed { .. } if !config.keeps(Rule::FreshInUse) => true,
             _ => self.is_armed(now),
         };
         is_armed.then_some(HandValues)

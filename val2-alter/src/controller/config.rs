@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Rules, Unexpected};
+use robot_session::Unexpected;
 
 use crate::error::ConfigError;
 use crate::framing::Framing;
@@ -31,13 +31,14 @@ pub struct ControllerConfig {
     /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
     pub gap: Option<Duration>,
     /// The rules that its machine keeps.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// A rule of the controller's machine that the model takes out to show what it is needed for.
-    pub enum Rule {
+    pub enum Rule for ControllerConfig {
         /// An interruption is in one message at least.
         ReportInterruption,
         /// What arrives while the message is still on the line is no answer to it.
@@ -80,7 +81,8 @@ impl Default for ControllerConfig {
             attempts: 3,
             unselected: Unselected::default(),
             gap: Some(Duration::from_millis(4)),
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

@@ -58,7 +58,7 @@ impl Machine for ControllerMachine {
             (Is::On(alter), On::Return) => match &mut alter.progress {
                 Progress::Interrupted { returned: returned @ false, .. } => {
                     *returned = true;
-                    if !config.rules.keeps(Rule::ReportInterruption) {
+                    if !config.keeps(Rule::ReportInterruption) {
                         alter.progress = Progress::Running;
                     }
                 }
@@ -223,7 +223,7 @@ impl Alter {
     fn is_awaited(&self, now: Duration, config: &ControllerConfig) -> bool {
         match self.turn {
             Turn::Controller => false,
-            Turn::Host { opens, .. } => now >= opens || !config.rules.keeps(Rule::AfterRequest),
+            Turn::Host { opens, .. } => now >= opens || !config.keeps(Rule::AfterRequest),
         }
     }
 
@@ -267,7 +267,7 @@ impl Alter {
     ) -> Action {
         let awaited = self.is_awaited(now, config);
         if !awaited {
-            if config.rules.keeps(Rule::FirstReply) || self.progress != Progress::Running {
+            if config.keeps(Rule::FirstReply) || self.progress != Progress::Running {
                 return Action::Stray;
             }
         } else if matches!(self.progress, Progress::Starting { .. } | Progress::Ending) {
@@ -281,10 +281,10 @@ impl Alter {
             (self.turn, self.error) = (Turn::Controller, ErrorCode::None);
         }
         let running = self.progress == Progress::Running;
-        let moves = running || !config.rules.keeps(Rule::RestInterrupted);
+        let moves = running || !config.keeps(Rule::RestInterrupted);
         let taken = if moves && config.mode.uses_inputs() { Taken::Moves } else { Taken::Rests };
         // The subroutine runs already; a second exception does not start it again.
-        if exception == Exception::None || !running && config.rules.keeps(Rule::OneSubroutine) {
+        if exception == Exception::None || !running && config.keeps(Rule::OneSubroutine) {
             return Action::Take(taken, None);
         }
         let handling = if config.subroutine {
@@ -306,7 +306,7 @@ impl Alter {
             Progress::Starting { .. } => Action::BadStart(code, self.try_again(code, config)),
             // "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet" (§3.3.3)
             Progress::Running | Progress::Interrupted { .. }
-                if code == ErrorCode::Timeout && config.rules.keeps(Rule::EndOnMissing) =>
+                if code == ErrorCode::Timeout && config.keeps(Rule::EndOnMissing) =>
             {
                 self.progress = Progress::Ending;
                 Action::Missing
@@ -318,7 +318,7 @@ impl Alter {
     fn try_again(&mut self, code: ErrorCode, config: &ControllerConfig) -> Option<StartOutcome> {
         self.error = code;
         let Progress::Starting { attempts } = self.progress else { return None };
-        let enough = attempts >= config.attempts || !config.rules.keeps(Rule::Attempts);
+        let enough = attempts >= config.attempts || !config.keeps(Rule::Attempts);
         enough.then_some(StartOutcome::GaveUp)
     }
 }

@@ -31,20 +31,18 @@ impl Active {
         if self.settles_at.is_some() {
             self.keep_late(now, phase, error, config);
         } else {
-            let uncertain = error != ErrorCode::None && config.rules.keeps(Rule::WordsUntilRead);
+            let uncertain = error != ErrorCode::None && config.keeps(Rule::WordsUntilRead);
             self.kept = if uncertain { self.kept | self.sent } else { self.sent };
             self.sent = self.kept;
         }
         let judged = Judged { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
-                if error == ErrorCode::None && (self.kept == 0 || !config.rules.keeps(Rule::ZerosRead)) =>
+                if error == ErrorCode::None && (self.kept == 0 || !config.keeps(Rule::ZerosRead)) =>
             {
                 return Action::Stopped(judged);
             }
-            (Stage::Stopping { .. }, _) => {
-                Stage::Stopping { zeros_sent: !config.rules.keeps(Rule::ZerosRead) }
-            }
+            (Stage::Stopping { .. }, _) => Stage::Stopping { zeros_sent: !config.keeps(Rule::ZerosRead) },
             (_, MotionPhase::Running) => Stage::Running,
             (_, MotionPhase::Interrupted) => Stage::Interrupted,
         };
@@ -65,7 +63,7 @@ impl Active {
     fn keep_late(&mut self, now: Duration, phase: MotionPhase, error: ErrorCode, config: &HostConfig) {
         self.kept |= self.sent;
         let is_interrupted = phase == MotionPhase::Interrupted || self.stage == Stage::Interrupted;
-        if is_interrupted && config.rules.keeps(Rule::WordsInterrupted) {
+        if is_interrupted && config.keeps(Rule::WordsInterrupted) {
             self.sent = self.kept;
         } else if error == ErrorCode::None && self.settles_at.is_some_and(|at| is_due(at, now)) {
             (self.kept, self.sent) = (self.sent, 0);
@@ -78,7 +76,7 @@ impl Active {
     #[cold]
     fn follows(&self, lost_at: Duration, config: &HostConfig) -> bool {
         config.is_in_time() && self.in_sequence && self.is_next(lost_at, config)
-            || !config.rules.keeps(Rule::Rejected)
+            || !config.keeps(Rule::Rejected)
     }
 
     /// Whether no message was lost since the one before. The time when it counts as lost tells when it came.
@@ -100,14 +98,14 @@ impl Active {
             Pending::Sent(exception) => (exception, self.in_sequence, true),
             Pending::Unread { exception, in_sequence } => (exception, in_sequence, false),
         };
-        let follows = in_sequence && self.is_next(lost_at, config) || !config.rules.keeps(Rule::InSequence);
-        let outcome = if !config.is_in_time() && config.rules.keeps(Rule::InTime) {
+        let follows = in_sequence && self.is_next(lost_at, config) || !config.keeps(Rule::InSequence);
+        let outcome = if !config.is_in_time() && config.keeps(Rule::InTime) {
             Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
         } else if is_first && error == ErrorCode::None {
-            config.rules.keeps(Rule::SendOnce).then_some(ExceptionOutcome::Done)
+            config.keeps(Rule::SendOnce).then_some(ExceptionOutcome::Done)
         } else if phase == MotionPhase::Interrupted {
             Some(ExceptionOutcome::Unknown(UnknownReason::Unclear))
-        } else if is_first && config.rules.keeps(Rule::Unread) {
+        } else if is_first && config.keeps(Rule::Unread) {
             self.exception = Pending::Unread { exception, in_sequence: follows };
             return None;
         } else if !follows {
@@ -128,9 +126,8 @@ impl Active {
         // It is unknown whether a controller keeps the words that come while its subroutine runs. An exception that was not read may
         // come late and have started it since the message.
         let is_interrupted =
-            request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted);
-        let is_unread =
-            matches!(self.exception, Pending::Unread { .. }) && config.rules.keeps(Rule::WordsUnread);
+            request.phase == MotionPhase::Interrupted && config.keeps(Rule::WordsInterrupted);
+        let is_unread = matches!(self.exception, Pending::Unread { .. }) && config.keeps(Rule::WordsUnread);
         if is_interrupted || is_unread {
             self.kept |= self.sent;
             self.sent = self.kept;
@@ -171,7 +168,7 @@ impl Active {
     pub(super) fn to_send(&self, config: &HostConfig) -> Exception {
         match self.exception {
             Pending::Unsent(exception)
-                if self.stage == Stage::Running || !config.rules.keeps(Rule::NotInterrupted) =>
+                if self.stage == Stage::Running || !config.keeps(Rule::NotInterrupted) =>
             {
                 exception
             }
@@ -184,10 +181,10 @@ impl Active {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
             Stage::Running => match self.target {
-                Target::Fresh { until } if !is_due(until, now) || !config.rules.keeps(Rule::FreshInUse) => {
+                Target::Fresh { until } if !is_due(until, now) || !config.keeps(Rule::FreshInUse) => {
                     Course::Target
                 }
-                Target::Stale if !config.rules.keeps(Rule::Stale) => Course::Target,
+                Target::Stale if !config.keeps(Rule::Stale) => Course::Target,
                 Target::Unset | Target::Fresh { .. } | Target::Stale if is_offset => Course::Hold,
                 Target::Unset | Target::Fresh { .. } | Target::Stale => Course::Zero,
             },
@@ -206,7 +203,7 @@ impl Active {
         config: &HostConfig,
     ) -> Option<(u8, u8)> {
         let len = draft.words.iter().fold(usize::from(draft.bare), |len, word| len + usize::from(*word));
-        if due.fits(now, len, config.reserve, config) || !config.rules.keeps(Rule::Late) {
+        if due.fits(now, len, config.reserve, config) || !config.keeps(Rule::Late) {
             return Some((ALL, 0));
         }
         self.select_some(now, draft, due, config)
@@ -222,7 +219,7 @@ impl Active {
                 + words.map(|(_, len)| usize::from(*len)).sum::<usize>();
             due.fits(now, len, reserve, config)
         };
-        let mut select = if config.rules.keeps(Rule::WordsKept) { self.kept } else { draft.moving };
+        let mut select = if config.keeps(Rule::WordsKept) { self.kept } else { draft.moving };
         if !fits(select, Duration::ZERO) {
             return None;
         }

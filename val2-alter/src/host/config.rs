@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Rules, Unexpected};
+use robot_session::Unexpected;
 
 use crate::error::{ConfigError, DecodeError};
 use crate::framing::Framing;
@@ -49,13 +49,14 @@ pub struct HostConfig {
     /// [`HostEvent::Rejected`] with a timeout that it may be for replies. Default: 10 ms.
     pub max_delay: Duration,
     /// The rules that its machine keeps.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// A rule of the host's machine, which the model can disable to show that it is needed.
-    pub enum Rule {
+    pub enum Rule for HostConfig {
         /// Only the configured mode is accepted.
         Mode,
         /// A word counts as zero only when the zero was read.
@@ -107,7 +108,7 @@ impl HostConfig {
 
     /// The same while ALTER runs.
     pub(super) fn lost_from(&self, now: Duration) -> Duration {
-        if self.rules.keeps(Rule::Lost) { self.lost_at(now) } else { Duration::MAX }
+        if self.keeps(Rule::Lost) { self.lost_at(now) } else { Duration::MAX }
     }
 
     /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the
@@ -157,7 +158,8 @@ impl Default for HostConfig {
             target_timeout: Duration::from_millis(200),
             reserve: Duration::from_millis(1),
             max_delay: Duration::from_millis(10),
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

@@ -68,7 +68,7 @@ impl Machine for HostMachine {
             On::Motion { phase, error, len } => match &mut self.phase {
                 Is::Active(active) => {
                     let action = active.motion(now, phase, error, len, config);
-                    if matches!(action, Action::Stopped(_)) && config.rules.keeps(Rule::Silent) {
+                    if matches!(action, Action::Stopped(_)) && config.keeps(Rule::Silent) {
                         self.phase = Is::Silent { lost_at: config.lost_at(now) };
                     }
                     return Ok(action);
@@ -230,7 +230,7 @@ impl HostMachine {
             HostPhase::Active(active) => active.select(now, draft, active.request?.due, config),
             HostPhase::Starting { answer, .. } | HostPhase::Repeating { answer: Some(answer), .. } => {
                 let fits = answer.fits(now, draft.bare.into(), Duration::ZERO, config);
-                (fits || !config.rules.keeps(Rule::Late)).then_some((0, 0))
+                (fits || !config.keeps(Rule::Late)).then_some((0, 0))
             }
             HostPhase::Disconnected
             | HostPhase::Idle
@@ -244,11 +244,11 @@ impl HostMachine {
         // The start message again: the answer to the one before was not read.
         let again = matches!(&self.phase, HostPhase::Active(active) if active.stage == Stage::Accepted);
         let action = match self.over(LostReason::Restart, missed) {
-            lost @ Action::Lost { .. } if config.rules.keeps(Rule::Restart) && !again => lost,
+            lost @ Action::Lost { .. } if config.keeps(Rule::Restart) && !again => lost,
             _ if missed => Action::Missed,
             _ => Action::Nothing,
         };
-        let is_expected = is_expected || !config.rules.keeps(Rule::Mode);
+        let is_expected = is_expected || !config.keeps(Rule::Mode);
         self.phase = HostPhase::Starting { is_expected, answer: Due::start(now, config) };
         action
     }
@@ -270,8 +270,7 @@ impl HostMachine {
     /// Nachricht wiederholt" (§3.3.1). A corrupt standard message has no such answer: the controller's timeout is its answer.
     fn ask_again(&mut self, now: Duration, asked: u8, config: &HostConfig) {
         if self.policy == Policy::Accept {
-            let forget_at =
-                if config.rules.keeps(Rule::Forget) { config.lost_at(now) } else { Duration::MAX };
+            let forget_at = if config.keeps(Rule::Forget) { config.lost_at(now) } else { Duration::MAX };
             let answer = Some(Due::start(now, config));
             self.phase = HostPhase::Repeating { asked: asked.saturating_add(1), answer, forget_at };
         }
@@ -291,7 +290,7 @@ impl HostMachine {
         }
         match code {
             StartCode::Accept => {
-                let is_late = !config.is_in_time() && config.rules.keeps(Rule::WordsLate);
+                let is_late = !config.is_in_time() && config.keeps(Rule::WordsLate);
                 self.phase = HostPhase::Active(Active {
                     stage: Stage::Accepted,
                     request: None,
@@ -364,7 +363,7 @@ impl HostMachine {
             }
             HostPhase::Active(active) => {
                 if !matches!(active.stage, Stage::Stopping { .. }) {
-                    active.stage = Stage::Stopping { zeros_sent: !config.rules.keeps(Rule::ZerosRead) };
+                    active.stage = Stage::Stopping { zeros_sent: !config.keeps(Rule::ZerosRead) };
                 }
                 if let Pending::Unsent(exception) = active.exception {
                     active.exception = Pending::None;

@@ -1,6 +1,6 @@
 use core::time::Duration;
 
-use robot_session::{Encode as _, Rules};
+use robot_session::Encode as _;
 
 use crate::error::ConfigError;
 use crate::message::PosePacket;
@@ -36,13 +36,14 @@ pub struct HostConfig {
     /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the host's machine.
-    pub enum Rule {
+    pub enum Rule for HostConfig {
         /// The first packet of a connection waits for all accumulated requests.
         DrainFirst,
         /// Between two packets there is an interval.
@@ -87,7 +88,8 @@ impl Default for HostConfig {
             max_hold: Duration::from_secs(5),
             format: |packet, out| packet.encode(out).ok(),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

@@ -126,7 +126,7 @@ impl HostMachine {
     }
 
     fn forget_hold(&mut self, config: &HostConfig) {
-        if config.rules.keeps(Rule::ForgetHold) {
+        if config.keeps(Rule::ForgetHold) {
             self.flow = Flow::Free;
         }
     }
@@ -146,14 +146,13 @@ impl Machine for HostMachine {
         match (self.link, input) {
             (link, Input::Connected) => {
                 self.forget_hold(config);
-                let interval =
-                    if config.rules.keeps(Rule::DrainFirst) { config.interval } else { Duration::ZERO };
+                let interval = if config.keeps(Rule::DrainFirst) { config.interval } else { Duration::ZERO };
                 let from = now.saturating_add(interval);
-                let is_kept = matches!(link, Link::Asked { .. }) && !config.rules.keeps(Rule::ForgetRequest);
+                let is_kept = matches!(link, Link::Asked { .. }) && !config.keeps(Rule::ForgetRequest);
                 self.link = if is_kept { Link::Asked { from } } else { Link::Ready { from } };
                 Ok(Action::Nothing)
             }
-            (Link::Asked { .. }, Input::Disconnected) if !config.rules.keeps(Rule::ForgetRequest) => {
+            (Link::Asked { .. }, Input::Disconnected) if !config.keeps(Rule::ForgetRequest) => {
                 Ok(Action::Nothing)
             }
             (_, Input::Disconnected) => {
@@ -163,7 +162,7 @@ impl Machine for HostMachine {
             }
             (_, Input::Timeout) => Ok(self.expire(now)),
             (_, Input::Pose) => {
-                let max_age = if config.rules.keeps(Rule::Expire) { config.max_age } else { Duration::MAX };
+                let max_age = if config.keeps(Rule::Expire) { config.max_age } else { Duration::MAX };
                 self.pose = Pose::Known { until: now.saturating_add(max_age) };
                 Ok(Action::Nothing)
             }
@@ -173,20 +172,20 @@ impl Machine for HostMachine {
             }
             (Link::Asked { .. }, Input::Enquiry) => Ok(Action::Ignore),
             (Link::Ready { .. } | Link::Asked { .. }, Input::Xoff) => {
-                let most = if config.rules.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
-                if config.rules.keeps(Rule::Hold) {
-                    self.flow.hold(now.saturating_add(most), config.rules.keeps(Rule::Prolong));
+                let most = if config.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
+                if config.keeps(Rule::Hold) {
+                    self.flow.hold(now.saturating_add(most), config.keeps(Rule::Prolong));
                 }
                 Ok(Action::Nothing)
             }
             (Link::Ready { .. } | Link::Asked { .. }, Input::Xon) => {
-                if config.rules.keeps(Rule::Resume) {
+                if config.keeps(Rule::Resume) {
                     self.flow = Flow::Free;
                 }
                 Ok(Action::Nothing)
             }
             (Link::Asked { .. }, Input::Sent | Input::Unsendable) if self.transmits(now) => {
-                let interval = if config.rules.keeps(Rule::Pace) { config.interval } else { Duration::ZERO };
+                let interval = if config.keeps(Rule::Pace) { config.interval } else { Duration::ZERO };
                 self.link = Link::Ready { from: now.saturating_add(interval) };
                 Ok(if input == Input::Sent { Action::Sent } else { Action::Unsendable })
             }

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 use crate::timing;
 
@@ -23,13 +21,14 @@ pub struct WorkstationConfig {
     /// request that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the workstation's machine.
-    pub enum Rule {
+    pub enum Rule for WorkstationConfig {
         /// It asks again only after an answer.
         Credit,
         /// It asks again after a pause.
@@ -86,7 +85,8 @@ impl Default for WorkstationConfig {
             stale_after: Duration::from_millis(1500),
             max_hold: Duration::from_secs(5),
             echo: false,
-            rules: Rules::ALL,
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
         }
     }
 }

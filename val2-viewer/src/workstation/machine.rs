@@ -213,17 +213,17 @@ impl WorkstationMachine {
             return Action::Nothing;
         };
         if let Self::Connected(display) = &mut to {
-            if !config.rules.keeps(Rule::AskFirst) {
+            if !config.keeps(Rule::AskFirst) {
                 display.request = was.request;
             }
-            if !config.rules.keeps(Rule::ForgetHold) {
+            if !config.keeps(Rule::ForgetHold) {
                 display.flow = was.flow;
             }
         }
         *self = to;
         let missed = matches!(was.request, Request::Waiting { .. });
         let stale = matches!(was.picture, Picture::Live { .. });
-        if (missed || stale) && config.rules.keeps(Rule::ReportEnd) {
+        if (missed || stale) && config.keeps(Rule::ReportEnd) {
             Action::Closed { missed, stale }
         } else {
             Action::Nothing
@@ -239,7 +239,7 @@ impl Display {
     }
 
     fn wait(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
-        let reports = config.rules.keeps(Rule::ReportOverdue);
+        let reports = config.keeps(Rule::ReportOverdue);
         let most = if reports { config.stale_after } else { Duration::MAX };
         self.request = Request::Waiting {
             again_from: now.saturating_add(config.pause),
@@ -255,10 +255,10 @@ impl Display {
                 return Action::Nothing;
             }
             Request::Waiting { again_from, .. } => (again_from, true),
-            Request::Overdue { again_from } => (again_from, !config.rules.keeps(Rule::MissOnce)),
+            Request::Overdue { again_from } => (again_from, !config.keeps(Rule::MissOnce)),
         };
-        let is_again = is_due(*again_from, now) && config.rules.keeps(Rule::AskAgain);
-        if !is_again && config.rules.keeps(Rule::Credit) {
+        let is_again = is_due(*again_from, now) && config.keeps(Rule::AskAgain);
+        if !is_again && config.keeps(Rule::Credit) {
             *again_from = now.saturating_add(config.pause);
             return Action::Nothing;
         }
@@ -269,7 +269,7 @@ impl Display {
     fn pose(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
         match self.request {
             Request::Waiting { .. } => {
-                let last = if config.rules.keeps(Rule::Expire) { config.stale_after } else { Duration::MAX };
+                let last = if config.keeps(Rule::Expire) { config.stale_after } else { Duration::MAX };
                 self.request = Request::Allowed;
                 self.picture = Picture::Live { until: now.saturating_add(last) };
                 Action::Pose
@@ -284,7 +284,7 @@ impl Display {
 
     fn corrupt(&mut self, line: bool, config: &WorkstationConfig) -> Action {
         let rule = if line { Rule::CorruptIsAnswer } else { Rule::NoiseIsNoAnswer };
-        let is_answer = line == config.rules.keeps(rule);
+        let is_answer = line == config.keeps(rule);
         match self.request {
             Request::Waiting { .. } if is_answer => {
                 self.request = Request::Allowed;
@@ -302,21 +302,21 @@ impl Display {
 
     /// An answer has come too late, and another request may be sent.
     fn is_alive(&mut self, config: &WorkstationConfig) {
-        if config.rules.keeps(Rule::LateIsAlive) {
+        if config.keeps(Rule::LateIsAlive) {
             self.request = Request::Allowed;
         }
     }
 
     fn hold(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
-        let most = if config.rules.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
-        if config.rules.keeps(Rule::Hold) {
-            self.flow.hold(now.saturating_add(most), config.rules.keeps(Rule::Prolong));
+        let most = if config.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
+        if config.keeps(Rule::Hold) {
+            self.flow.hold(now.saturating_add(most), config.keeps(Rule::Prolong));
         }
         Action::Nothing
     }
 
     fn resume(&mut self, config: &WorkstationConfig) -> Action {
-        if config.rules.keeps(Rule::Resume) {
+        if config.keeps(Rule::Resume) {
             self.flow = Flow::Free;
         }
         Action::Nothing

@@ -7,13 +7,20 @@ use crate::host::HostConfig;
 
 impl Configure for HostConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
-        let Self { timeout, rules: _ } = self;
+        let Self {
+            timeout,
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
         fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
     }
 }
 
 impl Configure for DeviceConfig {
     fn configure(&mut self, _: &mut impl Fields) {
-        let Self { rules: _ } = self;
+        let Self {
+            #[cfg(feature = "model")]
+                rules: _,
+        } = self;
     }
 }

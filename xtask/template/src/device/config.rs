@@ -1,16 +1,15 @@
-use robot_session::Rules;
-
 /// How the device answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceConfig {
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the device's machine.
-    pub enum Rule {
+    pub enum Rule for DeviceConfig {
         /// A request of one connection is not answered on the next.
         ForgetRequest,
     }

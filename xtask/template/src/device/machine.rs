@@ -80,7 +80,7 @@ impl Machine for DeviceMachine {
         let (to, action) = match (*self, input) {
             (state, Input::Timeout) => (state, Action::Nothing),
             (state @ (Self::Asked { .. } | Self::Replying { .. }), Input::Connected)
-                if !config.rules.keeps(Rule::ForgetRequest) =>
+                if !config.keeps(Rule::ForgetRequest) =>
             {
                 (state, Action::Nothing)
             }

@@ -1,7 +1,5 @@
 use core::time::Duration;
 
-use robot_session::Rules;
-
 use crate::error::ConfigError;
 
 /// How the host asks.
@@ -10,13 +8,14 @@ pub struct HostConfig {
     /// How long a reply may take, above 0. Default: 1 s. [`Duration::MAX`]: no limit.
     pub timeout: Duration,
     /// The rules of the machine, all of which are kept.
+    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: Rules<Rule>,
+    pub rules: robot_session::Rules<Rule>,
 }
 
 robot_session::rules! {
     /// The rules of the host's machine.
-    pub enum Rule {
+    pub enum Rule for HostConfig {
         /// The value of another register is no reply.
         MatchRegister,
     }
@@ -30,6 +29,10 @@ impl HostConfig {
 
 impl Default for HostConfig {
     fn default() -> Self {
-        Self { timeout: Duration::from_secs(1), rules: Rules::ALL }
+        Self {
+            timeout: Duration::from_secs(1),
+            #[cfg(feature = "model")]
+            rules: robot_session::Rules::ALL,
+        }
     }
 }

@@ -106,7 +106,7 @@ impl Machine for HostMachine {
                 Ok(Action::Sent)
             }
             (Self::Waiting { register, .. }, Input::Value { register: found })
-                if found == register || !config.rules.keeps(Rule::MatchRegister) =>
+                if found == register || !config.keeps(Rule::MatchRegister) =>
             {
                 *self = Self::Idle;
                 Ok(Action::Report { register: found })

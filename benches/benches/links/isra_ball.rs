@@ -17,7 +17,7 @@ const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0
 pub(super) const LINK: Link = Link {
     name: "isra-ball",
     counts: &[
-        Count::op("decode a packet", decode).goal(40.0).timed_bytes("decode", Timing::OURS, Packet::LEN),
+        Count::op("decode a packet", decode).goal(45.0).timed_bytes("decode", Timing::OURS, Packet::LEN),
         Count::op("… by hand", decode_by_hand).timed_bytes("decode", Timing::BY_HAND, Packet::LEN),
         Count::op("decode a packet from the stream", stream),
         Count::op("host: poll, receive the packet", poll).timed("host", Timing::OURS),

@@ -10,7 +10,7 @@ use crate::text::{Read, expect, fail, is_letter};
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Attribute {
     /// Its name: `OWNER`; `SPEICHERGR.` on controllers set to German.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_name))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_name))]
     pub name: String,
     /// Its value.
     pub value: AttributeValue,
@@ -22,10 +22,12 @@ pub struct Attribute {
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum AttributeValue {
     /// `= text;`, with its quotes where it has them.
-    Text(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_text))] String),
+    Text(
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_text))] String,
+    ),
     /// `: NAME = text, NAME = text;`, as `TCD` has it.
     List(
-        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::attribute_list))]
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_list))]
         Vec<(String, String)>,
     ),
 }

@@ -8,7 +8,8 @@ use crate::check::Surroundings;
 use crate::complete::{self, Completion};
 use crate::entry::{self, Entry};
 use crate::error::DecodeError;
-use crate::finding::{self, Finding};
+use crate::finding::Finding;
+use crate::inspect;
 use crate::instruction::Instruction;
 use crate::parts::{Parts, at};
 use crate::position::Position;
@@ -111,7 +112,7 @@ impl Document {
     /// The same where other programs, macros, instructions or the file's name are known: a call of a program that is not there is a
     /// finding, and so is another name of the file; the name of a macro or an instruction is not.
     pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
-        finding::find(&self.text, &self.parts, rules, around)
+        inspect::find(&self.text, &self.parts, rules, around)
     }
 
     /// What may stand at a byte of the text, in an editor: instructions, registers, options, labels, positions.
@@ -144,7 +145,7 @@ impl Document {
     /// # Ok::<(), fanuc_ls::DecodeError>(())
     /// ```
     pub fn entries(&self, rules: &Rules) -> Vec<Entry<'_>> {
-        entry::find(&self.text, &self.parts, finding::layout(&self.text, &self.parts, rules))
+        entry::find(&self.text, &self.parts, inspect::layout(&self.text, &self.parts, rules))
     }
 
     /// The program's name.

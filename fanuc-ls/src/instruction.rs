@@ -15,7 +15,7 @@ pub enum Instruction {
     /// A line with nothing in it.
     Empty,
     /// `!` and what follows it, a leading space included.
-    Comment(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::comment))] String),
+    Comment(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::comment))] String),
     /// `UFRAME_NUM=`: the user frame of what follows.
     UserFrame(u16),
     /// `UTOOL_NUM=`: the tool frame of what follows.
@@ -23,10 +23,10 @@ pub enum Instruction {
     /// A motion.
     Motion(Motion),
     /// Any other instruction as it stands, without the spaces around it.
-    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::statement))] String),
+    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::statement))] String),
     /// A line of the block that belongs to the motion above it (`TB`, `TA`), to the letter: it has a number of its own,
     /// or none, and at least five spaces before it.
-    Nested(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::nested))] String),
+    Nested(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::nested))] String),
 }
 
 impl Instruction {

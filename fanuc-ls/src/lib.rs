@@ -22,6 +22,7 @@ mod error;
 mod expression;
 mod finding;
 mod grammar;
+mod inspect;
 mod instruction;
 mod layout;
 mod mistake;
@@ -36,6 +37,7 @@ mod rewrite;
 mod spec;
 mod statement;
 mod text;
+mod view;
 
 pub use attribute::{Attribute, AttributeValue};
 pub use builder::Builder;

@@ -179,7 +179,7 @@ pub enum Target {
         /// Its number.
         number: u32,
         /// Its name, if it has one. Not quoted here; in `/POS` it is.
-        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
         name: Option<String>,
     },
     /// `PR[3]` or `PR[3:name]`: a position register.
@@ -187,11 +187,11 @@ pub enum Target {
         /// Its number.
         number: u32,
         /// Its name, if it has one.
-        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
         name: Option<String>,
     },
     /// Another one as it stands, such as `P[R[1]]` or `PR[GP1:3]`.
-    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::target))] String),
+    Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::target))] String),
 }
 
 impl Target {
@@ -415,10 +415,10 @@ pub enum Termination {
     /// `FINE`: stops at the target.
     Fine,
     /// `CNT0` to `CNT100`: passes by the target; what exactly the number does is not published.
-    Continuous(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))] u8),
+    Continuous(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::percent))] u8),
     /// `CNT R[1]`: the number is in a register, given as it stands.
     ContinuousRegister(
-        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::register))] String,
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::register))] String,
     ),
 }
 

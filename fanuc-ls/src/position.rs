@@ -14,10 +14,10 @@ pub struct Position {
     /// Its number.
     pub number: u32,
     /// Its name, without the quotes that it has in `/POS`.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub name: Option<String>,
     /// Where each motion group stands. Most cells have one, `GP1`.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::groups))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<1, 2, _>))]
     pub groups: Vec<Group>,
 }
 
@@ -118,7 +118,7 @@ pub struct Group {
     /// Which of the arm's solutions a Cartesian position means. None for joints.
     pub configuration: Option<Configuration>,
     /// The coordinates, in their order.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::axes))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<1, 9, _>))]
     pub axes: Vec<Axis>,
 }
 
@@ -239,11 +239,11 @@ impl Group {
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Configuration {
     /// `CONFIG`; controllers set to German say `KONFIG`.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::keyword))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::keyword))]
     pub keyword: String,
     /// N or F (wrist not flipped, flipped), U or D (elbow up, down), T or B (arm in front, behind), and the turns of
     /// three joints.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::solution))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::solution))]
     pub text: String,
 }
 
@@ -263,7 +263,7 @@ pub struct Axis {
     pub name: AxisName,
     /// Its value; None when it was never taught (`********`). Written with three decimals, as controllers do, or with as
     /// many as it has.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::coordinate))]
     pub value: Option<f64>,
     /// Its unit.
     pub unit: AxisUnit,
@@ -335,9 +335,9 @@ pub enum AxisName {
     RP,
     RR,
     /// `J1` to `J9`.
-    J(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::digit))] u8),
+    J(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::digit))] u8),
     /// `E1` to `E9`: an axis of an external drive.
-    E(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::digit))] u8),
+    E(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::digit))] u8),
 }
 
 impl AxisName {

@@ -21,21 +21,21 @@ use crate::text::{Fault, push_number, word};
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Program {
     /// The name, which is also the file's.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::word))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::word))]
     pub name: String,
     /// What stands behind the name, such as `Macro`.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::name))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub kind: Option<String>,
     /// `/ATTR`, in its order. None when there is no such section.
     pub attributes: Option<Vec<Attribute>>,
     /// `/APPL`, its lines as they stand. None when there is no such section.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::application))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::application))]
     pub application: Option<Vec<String>>,
     /// `/MN`, in its order.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::instructions))]
     pub instructions: Vec<Instruction>,
     /// `/POS`, in its order.
-    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::positions))]
+    #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<0, 8, _>))]
     pub positions: Vec<Position>,
 }
 

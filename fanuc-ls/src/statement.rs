@@ -1,6 +1,6 @@
 use crate::error::Reason;
 use crate::instruction::Instruction;
-use crate::text::{Fault, after_blanks, digits, indent, plain_number};
+use crate::text::{Fault, after_blanks, digits, indent, line_number};
 
 /// A statement of `/MN` as it is in the text: its number, its instruction and what closes it.
 ///
@@ -79,11 +79,6 @@ impl<'a> Statement<'a> {
             None => Err(Fault { at: start, reason: Reason::LineNumber }),
         }
     }
-}
-
-/// The number of a statement, the same ones on every machine.
-pub(crate) fn line_number(digits: &str) -> Option<usize> {
-    plain_number::<u32>(digits)?.try_into().ok()
 }
 
 /// What is before the `;` that closes an instruction, and what follows it on its line.

@@ -9,7 +9,6 @@ use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Parser};
 
 use crate::error::Reason;
-use crate::statement::line_number;
 
 /// What is still to be read, and what was read.
 pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
@@ -141,6 +140,12 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
 pub(crate) fn plain_number<N: core::str::FromStr>(text: &str) -> Option<N> {
     // Only the first may be something else than a digit for `parse`.
     if text.starts_with(|first: char| first.is_ascii_digit()) { text.parse().ok() } else { None }
+}
+
+/// The number of a statement, the same ones on every machine.
+#[inline]
+pub(crate) fn line_number(digits: &str) -> Option<usize> {
+    plain_number::<u32>(digits)?.try_into().ok()
 }
 
 /// A decimal number; the zero before the point may be missing, the point as well.

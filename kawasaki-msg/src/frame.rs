@@ -4,6 +4,9 @@ use crate::error::DecodeError;
 use crate::number;
 use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 
+/// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
+pub(crate) const MAX_LEN: usize = 4096;
+
 /// The offsets of a message's parts from its `<` on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Frame {

@@ -1,7 +1,7 @@
 //! `<name$header$…$length#field$field$…#>`
 
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, Progress};
+use crate::frame::{Frame, MAX_LEN, Progress};
 use crate::value::{Charset, START, Value, Values};
 use crate::writer::Writer;
 
@@ -31,7 +31,7 @@ pub struct Message<'a> {
 
 impl<'a> Message<'a> {
     /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
-    pub const MAX_LEN: usize = 4096;
+    pub const MAX_LEN: usize = MAX_LEN;
 
     /// Reads the message that begins with the first byte, and says how many bytes it took. `None` means that more bytes
     /// are needed; [`Self::MAX_LEN`] bytes are always enough.

@@ -1,7 +1,7 @@
 //! Writes one message.
 
 use crate::error::EncodeError;
-use crate::message::Message;
+use crate::frame::MAX_LEN;
 use crate::number;
 use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
 
@@ -92,7 +92,7 @@ impl<'o> Writer<'o> {
     pub fn finish(mut self) -> Result<usize, EncodeError> {
         self.end();
         let Self { length, ref out, .. } = self;
-        match (self.error, Message::MAX_LEN, out.len()) {
+        match (self.error, MAX_LEN, out.len()) {
             (Some(error), ..) => Err(error),
             (_, limit, _) if length > limit => Err(EncodeError::TooLong { length, limit }),
             (.., available) if length > available => {

@@ -14,6 +14,7 @@ pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod link;
 pub mod mmacell_proto;
+mod parts;
 pub mod reference;
 pub mod settings;
 pub mod shadow;

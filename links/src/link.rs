@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
-use crate::explain::{Part, Read};
+use crate::parts::{Part, Read};
 use crate::settings::{Refused, Setting};
 use crate::shadow::MakeShadow;
 

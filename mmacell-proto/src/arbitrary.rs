@@ -2,14 +2,7 @@
 
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
-use crate::message::ErrorCode;
 use crate::pose::NoPose;
-use crate::units::Length;
-
-pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<i32> {
-    let most = Length::MAX.um();
-    u.int_in_range(-most..=most)
-}
 
 pub(crate) fn percent(u: &mut Unstructured<'_>) -> Result<u8> {
     u.int_in_range(0..=100)
@@ -18,18 +11,6 @@ pub(crate) fn percent(u: &mut Unstructured<'_>) -> Result<u8> {
 /// One of the few numbers that cameras, grippers and errors have, or any of 16 bits.
 pub(crate) fn integer(u: &mut Unstructured<'_>) -> Result<i32> {
     if u.arbitrary()? { u.int_in_range(0..=3) } else { u.arbitrary::<i16>().map(Into::into) }
-}
-
-/// The number of an error reply: not 0.
-pub(crate) fn failure(u: &mut Unstructured<'_>) -> Result<ErrorCode> {
-    let error = u.arbitrary()?;
-    Ok(if error == ErrorCode::None { ErrorCode::Generic } else { error })
-}
-
-impl<'a> Arbitrary<'a> for ErrorCode {
-    fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
-        integer(u).map(Into::into)
-    }
 }
 
 /// Always an error: a message with such a pose does not exist.

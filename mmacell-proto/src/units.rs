@@ -12,7 +12,7 @@
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub struct Length(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))] i32);
+pub struct Length(#[cfg_attr(feature = "arbitrary", arbitrary(with = coordinate))] i32);
 
 impl Length {
     /// The largest length that fits its field; the smallest is its negative.
@@ -51,7 +51,7 @@ impl Length {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-pub struct Angle(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::coordinate))] i32);
+pub struct Angle(#[cfg_attr(feature = "arbitrary", arbitrary(with = coordinate))] i32);
 
 impl Angle {
     /// The largest angle that fits its field; the smallest is its negative.
@@ -77,6 +77,13 @@ impl Angle {
     pub fn rad(self) -> f64 {
         f64::from(self.0) / 10_000.0
     }
+}
+
+/// A number that fits its field.
+#[cfg(feature = "arbitrary")]
+fn coordinate(u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<i32> {
+    let most = Length::MAX.um();
+    u.int_in_range(-most..=most)
 }
 
 /// Not a number becomes the smallest `i32`, never 0: a robot must not move to its origin because a sum went wrong.

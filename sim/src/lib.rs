@@ -20,8 +20,8 @@ mod peer;
 mod pty;
 #[cfg(feature = "puma")]
 pub mod puma;
-mod remote;
 mod running;
+mod settings;
 mod simulator;
 #[cfg(feature = "viewer")]
 pub mod viewer;
@@ -29,7 +29,7 @@ pub mod viewer;
 #[cfg(feature = "ball")]
 pub use ball::TeachBall;
 pub use bench::{Bench, Wire};
-pub use device::{Device, Error, Executed, Notes, Settings};
+pub use device::{Device, Error, Executed, Notes};
 #[cfg(feature = "fanuc")]
 pub use fanuc::Fanuc;
 pub use faults::{Fault, Faults, Script};
@@ -42,9 +42,9 @@ pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
-pub use remote::{Indexed, Remote};
 pub use robot_session;
 pub use running::Running;
-pub use simulator::{Simulator, Told};
+pub use settings::Settings;
+pub use simulator::{Indexed, Remote, Simulator, Told};
 #[cfg(feature = "viewer")]
 pub use viewer::Viewer;

@@ -5,7 +5,8 @@ use core::time::Duration;
 
 use robot_session::Session;
 
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// Any session as a device: for a link of your own, or an end that is not among the devices. What it reports is what it tells, and what it
 /// has "executed".

@@ -14,8 +14,7 @@ use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait
 
 use crate::device::{Device, Error, Executed};
 use crate::faults::Faults;
-use crate::remote::Remote;
-use crate::simulator::{Simulator, Told};
+use crate::simulator::{Remote, Simulator, Told};
 
 /// How often a fault that was asked for, a new connection and the end are looked for.
 const LOOK: Duration = Duration::from_millis(5);

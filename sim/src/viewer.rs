@@ -6,7 +6,8 @@ use robot_session::{End as _, Session as _};
 use val2_viewer::workstation::machine::WorkstationMachine;
 use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
 
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// A workstation's settings.
 #[derive(Debug, Clone, Copy)]

@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod circles;
 mod new_link;
 
 use std::collections::BTreeSet;
@@ -27,6 +28,8 @@ enum Task {
         /// These packages instead
         packages: Vec<String>,
     },
+    /// Fails if two files of a crate import each other
+    Circles,
     /// Makes a link: a crate with a codec of lines and two ends to replace, its row in the table, vectors and a specification
     NewLink {
         /// The crate's name, such as `acme-feeder`
@@ -72,6 +75,7 @@ fn run(task: Task) -> Result<()> {
     let workspace = Workspace(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."));
     match task {
         Task::Check { packages } => workspace.check(packages),
+        Task::Circles => workspace.circles(&workspace.members()?),
         Task::NewLink { name } => {
             new_link::make(&workspace.0, &name)?;
             workspace.cargo(["fmt", "-p", &name, "-p", "cellwire-links"])
@@ -100,6 +104,7 @@ impl Workspace {
         let (packages, has_data) =
             if packages.is_empty() { self.changed(&members)? } else { (packages, false) };
         self.cargo(["fmt", "--all", "--check"])?;
+        self.circles(&members)?;
         if has_data || packages.iter().any(|package| package == "benches") {
             // The pages have figures of benches/results.json, the reference what the code does.
             self.cargo(["run", "-q", "-p", "reference", "--", "check"])?;
@@ -124,6 +129,15 @@ impl Workspace {
             self.cargo(["run", "-q", "-p", "reference", "--", "check", link])?;
         }
         println!("checked in {:.0} s", begin.elapsed().as_secs_f64());
+        Ok(())
+    }
+
+    fn circles(&self, members: &[(String, String)]) -> Result<()> {
+        let mut pairs = Vec::new();
+        for (folder, _) in members {
+            pairs.extend(circles::pairs(&self.0, folder)?);
+        }
+        ensure!(pairs.is_empty(), "{}", pairs.join("\n"));
         Ok(())
     }
 

@@ -2,6 +2,7 @@
 //! behind a motion. Whatever does not fit is a [`Mistake`] at its place.
 
 mod expression;
+mod instruction;
 mod operation;
 mod options;
 mod outside;
@@ -11,12 +12,13 @@ use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Parser};
 
 use crate::mistake::{Expected, Mistake};
+use crate::operation::Operation;
 use crate::text::decimal_prefix;
 
 pub(crate) use expression::item;
-pub(crate) use operation::{in_capitals, operation};
-pub(crate) use options::{option, options};
-pub(crate) use table::{OPTIONS, Place, ROWS};
+pub(crate) use instruction::{in_capitals, operation};
+pub(crate) use options::{OPTIONS, option, options};
+pub(crate) use table::{Place, ROWS};
 
 /// What is still to be read, and what was read.
 pub(crate) type Parsed<'a, T> = IResult<&'a str, T, Trouble<'a>>;
@@ -47,6 +49,12 @@ impl<'a> ParseError<&'a str> for Trouble<'a> {
     fn append(_: &'a str, _: ErrorKind, other: Self) -> Self {
         other
     }
+}
+
+/// Reads an instruction that is part of another, or of an option of a motion. The table names the parsers of its rows, some of which read
+/// such an instruction by the table again: they do so here.
+fn simple(input: &str) -> Parsed<'_, Operation> {
+    instruction::instruction(input, Place::Anywhere)
 }
 
 /// It is something else: another alternative may fit.

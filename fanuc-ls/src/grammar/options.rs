@@ -1,11 +1,68 @@
 //! The words behind a motion.
 
 use super::expression::{index, item};
-use super::operation::{is_near, label_of, simple};
-use super::table::{Choice, OPTIONS};
-use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fail, sign};
+use super::instruction::is_near;
+use super::operation::label_of;
+use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fail, sign, simple};
 use crate::expression::ItemKind;
 use crate::mistake::{Expected, Mistake};
+
+/// A word behind a motion, and what follows it.
+pub(crate) struct Choice {
+    pub(crate) words: &'static [&'static str],
+    pub(crate) form: fn(&str) -> Parsed<'_, ()>,
+}
+
+const fn choice(words: &'static [&'static str], form: fn(&str) -> Parsed<'_, ()>) -> Choice {
+    Choice { words, form }
+}
+
+/// What may follow the speed and the termination of a motion.
+pub(crate) static OPTIONS: &[Choice] = &[
+    choice(&["FINE"], nothing),
+    choice(&["ACC"], |input| amount(input, 0.0, 500.0)),
+    choice(&["CD"], |input| amount(input, 0.0, 1000.0)),
+    choice(&["CR"], corner),
+    choice(&["CTV"], |input| optional_amount(input, -100.0, 100.0)),
+    choice(&["PSPD"], |input| amount(input, 0.0, 500.0)),
+    choice(&["AP_LD"], |input| amount(input, 0.0, 100_000.0)),
+    choice(&["RT_LD"], |input| amount(input, 0.0, 100_000.0)),
+    choice(&["RampTo"], |input| amount(input, 0.0, 100_000.0)),
+    choice(&["Ind.EV"], |input| amount(input, 0.0, 100.0)),
+    choice(&["EV"], |input| amount(input, 0.0, 100.0)),
+    choice(&["Skip", "Interrupt"], skip),
+    choice(&["SkipJump"], skip),
+    choice(&["Offset"], optional_register),
+    choice(&["Tool_Offset", "WKZ_Offset"], optional_register),
+    choice(&["VOFFSET"], optional_register),
+    choice(&["TB", "TIME BEFORE", "ZEIT VOR"], action),
+    choice(&["TA", "TIME AFTER", "ZEIT NACH"], action),
+    choice(&["DB", "DISTANCE BEFORE", "WEG VOR"], action),
+    choice(&["DA", "DISTANCE AFTER"], action),
+    choice(&["PTH"], nothing),
+    choice(&["ALIM"], |input| optional_amount(input, 0.0, 100_000.0)),
+    choice(&["FPLIN"], nothing),
+    choice(&["ORNT_BASE"], to_end),
+    choice(&["TA_REF"], to_end),
+    choice(&["COORD"], coordinated),
+    choice(&["INC"], nothing),
+    choice(&["Wjnt"], nothing),
+    choice(&["RTCP"], nothing),
+    choice(&["MROT"], nothing),
+    choice(&["BREAK"], nothing),
+    choice(&["COND"], nothing),
+    choice(&["CALL"], to_end),
+    choice(&["Arc Start"], bracketed),
+    choice(&["Arc End"], bracketed),
+    choice(&["Weld Start"], bracketed),
+    choice(&["Weld End"], bracketed),
+    choice(&["Weave"], to_end),
+    choice(&["Search"], bracketed),
+    choice(&["SPOT"], bracketed),
+    choice(&["PRESSURE"], bracketed),
+    choice(&["Touch"], bracketed),
+    choice(&["TC"], to_end),
+];
 
 /// Reads the options of a motion; what is wrong with the first that does not fit.
 pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
@@ -62,8 +119,12 @@ fn begins<'a>(input: &'a str, words: &'static str) -> Option<&'a str> {
     (is_register || !rest.starts_with(|c: char| c.is_alphabetic() || c == '_')).then_some(rest)
 }
 
+fn nothing(input: &str) -> Parsed<'_, ()> {
+    Ok((input, ()))
+}
+
 /// A number within a range, or a register; a percent sign may follow.
-pub(super) fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
+fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     let rest = match number(input) {
         Ok((rest, value)) if (low..=high).contains(&value) => rest,
         Ok(_) => return fail(input, Mistake::range(low, high)),
@@ -73,7 +134,7 @@ pub(super) fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
 }
 
 /// The same, or nothing: `CTV`, `CTV50`.
-pub(super) fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
+fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     match number(input).is_ok() || item(input).is_ok() {
         true => amount(input, low, high),
         false => Ok((input, ())),
@@ -81,7 +142,7 @@ pub(super) fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()
 }
 
 /// `CR5`, or with a second distance `CR5,10`.
-pub(super) fn corner(input: &str) -> Parsed<'_, ()> {
+fn corner(input: &str) -> Parsed<'_, ()> {
     let (rest, ()) = amount(input, 0.0, 1000.0)?;
     match next(rest, sign(",")).filter(|after| number(after).is_ok()) {
         Some(after) => amount(after, 0.0, 1000.0),
@@ -90,7 +151,7 @@ pub(super) fn corner(input: &str) -> Parsed<'_, ()> {
 }
 
 /// `Skip,LBL[1]`, and what it keeps: `,PR[1]=LPOS`.
-pub(super) fn skip(input: &str) -> Parsed<'_, ()> {
+fn skip(input: &str) -> Parsed<'_, ()> {
     let (rest, ()) = or_fail(input, Expected::Comma, sign(","))?;
     let (rest, _) = label_of(rest)?;
     let Some(after) = next(rest, sign(",")).filter(|after| blank(after).starts_with("PR")) else {
@@ -100,7 +161,7 @@ pub(super) fn skip(input: &str) -> Parsed<'_, ()> {
 }
 
 /// `Offset`, `Offset,PR[1]`.
-pub(super) fn optional_register(input: &str) -> Parsed<'_, ()> {
+fn optional_register(input: &str) -> Parsed<'_, ()> {
     let Some(after) = next(input, sign(",")) else { return Ok((input, ())) };
     let (rest, register) = match after.trim_start().get(..2) {
         // A post-processor's comma before the next option.
@@ -116,14 +177,14 @@ pub(super) fn optional_register(input: &str) -> Parsed<'_, ()> {
 }
 
 /// `COORD`, `COORD[1]`, `COORD[R[1]]`.
-pub(super) fn coordinated(input: &str) -> Parsed<'_, ()> {
+fn coordinated(input: &str) -> Parsed<'_, ()> {
     let Some(rest) = next(input, sign("[")) else { return Ok((input, ())) };
     let (rest, _) = index(rest, 4)?;
     or_fail(rest, Expected::Bracket, sign("]"))
 }
 
 /// `TB .50sec,CALL A`: a time or a way, and what is done there.
-pub(super) fn action(input: &str) -> Parsed<'_, ()> {
+fn action(input: &str) -> Parsed<'_, ()> {
     let (mut rest, ()) = amount(input, -100_000.0, 100_000.0)?;
     let units = ["sec", "sek", "mm"];
     match units.iter().find_map(|unit| next(rest, keyword(unit))) {
@@ -139,7 +200,7 @@ pub(super) fn action(input: &str) -> Parsed<'_, ()> {
 }
 
 /// `Arc Start[1]`, of another equipment `Arc Start E2[1]`: what an application has in brackets.
-pub(super) fn bracketed(input: &str) -> Parsed<'_, ()> {
+fn bracketed(input: &str) -> Parsed<'_, ()> {
     let equipment =
         blank(input).strip_prefix('E').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
     let (rest, ()) = or_fail(equipment.unwrap_or(input), Expected::Bracket, sign("["))?;
@@ -159,6 +220,6 @@ pub(super) fn bracketed(input: &str) -> Parsed<'_, ()> {
 }
 
 /// What an application has up to the end.
-pub(super) fn to_end(_: &str) -> Parsed<'_, ()> {
+fn to_end(_: &str) -> Parsed<'_, ()> {
     Ok(("", ()))
 }

@@ -4,9 +4,6 @@ use super::Parsed;
 use super::operation::{
     assign_to, call, case, count, decide, jump, label, message, monitor, otherwise, run, select, wait, when,
 };
-use super::options::{
-    action, amount, bracketed, coordinated, corner, optional_amount, optional_register, skip, to_end,
-};
 use super::outside::{enable, receive, send};
 use crate::operation::Operation;
 
@@ -172,65 +169,4 @@ pub(crate) static ROWS: &[Row] = &[
     row(&["SS"], Text, Anywhere),
     row(&["SE"], Text, Anywhere),
     row(&["DISPENSE"], Text, Anywhere),
-];
-
-/// A word behind a motion, and what follows it.
-pub(crate) struct Choice {
-    pub(crate) words: &'static [&'static str],
-    pub(crate) form: fn(&str) -> Parsed<'_, ()>,
-}
-
-const fn choice(words: &'static [&'static str], form: fn(&str) -> Parsed<'_, ()>) -> Choice {
-    Choice { words, form }
-}
-
-fn nothing(input: &str) -> Parsed<'_, ()> {
-    Ok((input, ()))
-}
-
-/// What may follow the speed and the termination of a motion.
-pub(crate) static OPTIONS: &[Choice] = &[
-    choice(&["FINE"], nothing),
-    choice(&["ACC"], |input| amount(input, 0.0, 500.0)),
-    choice(&["CD"], |input| amount(input, 0.0, 1000.0)),
-    choice(&["CR"], corner),
-    choice(&["CTV"], |input| optional_amount(input, -100.0, 100.0)),
-    choice(&["PSPD"], |input| amount(input, 0.0, 500.0)),
-    choice(&["AP_LD"], |input| amount(input, 0.0, 100_000.0)),
-    choice(&["RT_LD"], |input| amount(input, 0.0, 100_000.0)),
-    choice(&["RampTo"], |input| amount(input, 0.0, 100_000.0)),
-    choice(&["Ind.EV"], |input| amount(input, 0.0, 100.0)),
-    choice(&["EV"], |input| amount(input, 0.0, 100.0)),
-    choice(&["Skip", "Interrupt"], skip),
-    choice(&["SkipJump"], skip),
-    choice(&["Offset"], optional_register),
-    choice(&["Tool_Offset", "WKZ_Offset"], optional_register),
-    choice(&["VOFFSET"], optional_register),
-    choice(&["TB", "TIME BEFORE", "ZEIT VOR"], action),
-    choice(&["TA", "TIME AFTER", "ZEIT NACH"], action),
-    choice(&["DB", "DISTANCE BEFORE", "WEG VOR"], action),
-    choice(&["DA", "DISTANCE AFTER"], action),
-    choice(&["PTH"], nothing),
-    choice(&["ALIM"], |input| optional_amount(input, 0.0, 100_000.0)),
-    choice(&["FPLIN"], nothing),
-    choice(&["ORNT_BASE"], to_end),
-    choice(&["TA_REF"], to_end),
-    choice(&["COORD"], coordinated),
-    choice(&["INC"], nothing),
-    choice(&["Wjnt"], nothing),
-    choice(&["RTCP"], nothing),
-    choice(&["MROT"], nothing),
-    choice(&["BREAK"], nothing),
-    choice(&["COND"], nothing),
-    choice(&["CALL"], to_end),
-    choice(&["Arc Start"], bracketed),
-    choice(&["Arc End"], bracketed),
-    choice(&["Weld Start"], bracketed),
-    choice(&["Weld End"], bracketed),
-    choice(&["Weave"], to_end),
-    choice(&["Search"], bracketed),
-    choice(&["SPOT"], bracketed),
-    choice(&["PRESSURE"], bracketed),
-    choice(&["Touch"], bracketed),
-    choice(&["TC"], to_end),
 ];

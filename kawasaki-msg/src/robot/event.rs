@@ -53,3 +53,6 @@ pub enum RobotEvent {
     /// A call that is invalid in this state; nothing has changed.
     Unexpected(Unexpected),
 }
+
+/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
+pub(super) const OF_ORDER: usize = 5;

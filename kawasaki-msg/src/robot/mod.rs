@@ -5,6 +5,7 @@ mod event;
 mod intake;
 pub mod machine;
 mod reading;
+mod received;
 mod session;
 mod state;
 mod transmit;

@@ -1,75 +1,14 @@
-//! How a robot reads a single message.
+//! Accepts or rejects a message that a robot has read.
 
 use robot_work_queue::Wake;
 
-use super::event::RobotEvent;
+use super::event::{OF_ORDER, RobotEvent};
 use super::session::Robot;
 use super::state::Rejection;
 use crate::content::{FromPc, phase};
-use crate::dialect::Dialect;
 use crate::error::MessageError;
-use crate::job::{Job, Work};
-use crate::message::Message;
-use crate::params::Params;
+use crate::job::Work;
 use crate::role::{Field, Role};
-
-/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
-pub(super) const OF_ORDER: usize = 5;
-
-/// The message that was read last.
-#[derive(Debug)]
-pub(super) struct Received<W> {
-    role: Role,
-    params: Params,
-    /// A job's own fields.
-    work: W,
-    /// Why the last message that cannot be used, or the job in it, cannot be.
-    error: Option<MessageError>,
-}
-
-impl<W: Work> Received<W> {
-    pub(super) fn new() -> Self {
-        Self { role: Role::Filler, params: Params::default(), work: W::default(), error: None }
-    }
-
-    pub(super) fn number(&self, field: Field) -> u16 {
-        self.params.number(field).unwrap_or(0)
-    }
-
-    pub(super) fn job(&self) -> Job<W> {
-        Job { order: self.number(Field::Order), number: self.number(Field::Number), work: self.work }
-    }
-
-    /// Reads a message, in the order that is active.
-    #[inline(always)]
-    pub(super) fn read(
-        &mut self,
-        dialect: &Dialect<'_>,
-        ranges: &W::Ranges,
-        active: u16,
-        message: &Message<'_>,
-    ) -> FromPc {
-        let (entry, own) = match dialect.read_values(message, &mut self.params) {
-            Ok(read) => read,
-            Err(error) => {
-                (self.role, self.params, self.error) = (Role::Filler, Params::default(), Some(error));
-                return FromPc::Unusable;
-            }
-        };
-        self.role = entry.role;
-        dialect.complete(entry.role, &mut self.params, active);
-        // A command's own fields are the application's.
-        let Some(own) = own.filter(|_| entry.role == Role::Job) else {
-            return FromPc::read(entry.role, &self.params);
-        };
-        let read = entry.read_work(message, own, ranges, &mut self.work);
-        let good = read.is_ok();
-        if let Err(error) = read {
-            self.error = Some(error);
-        }
-        FromPc::Job { order: self.number(Field::Order), number: self.number(Field::Number), good }
-    }
-}
 
 impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, MESSAGE, WORDS, R> {
     /// Whether there is space for what a message brings; reports what does not concern the machine.

@@ -4,8 +4,8 @@ use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpecte
 use robot_work_queue::{NoWake, Wake};
 
 use super::config::{Acks, RobotConfig};
-use super::event::RobotEvent;
-use super::reading::{OF_ORDER, Received};
+use super::event::{OF_ORDER, RobotEvent};
+use super::received::Received;
 use super::state::{Action, Due, Input, Machine, RecoveryStep, Report, Sent};
 use crate::content::FromRobot;
 use crate::decoder::Decoder;

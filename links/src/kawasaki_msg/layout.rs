@@ -9,7 +9,7 @@ use kawasaki_msg::{
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::codec::written;
+use super::bytes::written;
 use crate::settings::Refused;
 
 /// The most fields of a job.

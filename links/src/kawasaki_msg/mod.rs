@@ -1,5 +1,6 @@
 //! kawasaki-msg: its row of the table, its codec and its configurations.
 
+mod bytes;
 mod codec;
 mod ends;
 pub mod layout;

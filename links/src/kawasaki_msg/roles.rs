@@ -5,7 +5,7 @@ use kawasaki_msg::{Decoder, Dialect, Field, Message, Params};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::codec::written;
+use super::bytes::written;
 use super::plant::{field_name, role_name};
 use crate::codec::{self, EncodeError, Kind, error, message};
 
@@ -76,7 +76,7 @@ impl codec::Messages for Roles {
 
     #[cfg(feature = "arbitrary")]
     fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
-        let wire = super::codec::arbitrary_of(self.0, u)?;
+        let wire = super::bytes::arbitrary_of(self.0, u)?;
         let mut json = Vec::new();
         if let Ok(Some((message, _))) = Message::decode(&wire, self.0.charset()) {
             self.show(message, &mut json);

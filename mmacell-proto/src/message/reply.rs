@@ -25,7 +25,7 @@ pub enum Reply<P> {
     /// `ER`: not done.
     Error {
         /// Why; never [`ErrorCode::None`].
-        #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::failure))]
+        #[cfg_attr(feature = "arbitrary", arbitrary(with = failure))]
         error: ErrorCode,
     },
     /// `OK` and the answer to `STA`.
@@ -215,4 +215,18 @@ fn read_error(reader: &mut Reader<'_>) -> Result<ErrorCode, DecodeError> {
         ErrorCode::None => Err(DecodeError::ErrorZero),
         error => Ok(error),
     }
+}
+
+#[cfg(feature = "arbitrary")]
+impl<'a> arbitrary::Arbitrary<'a> for ErrorCode {
+    fn arbitrary(u: &mut arbitrary::Unstructured<'a>) -> arbitrary::Result<Self> {
+        crate::arbitrary::integer(u).map(Into::into)
+    }
+}
+
+/// The number of an error reply: not 0.
+#[cfg(feature = "arbitrary")]
+fn failure(u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<ErrorCode> {
+    let error = u.arbitrary()?;
+    Ok(if error == ErrorCode::None { ErrorCode::Generic } else { error })
 }

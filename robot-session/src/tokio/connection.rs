@@ -18,12 +18,12 @@ use ::tokio::io::{AsyncRead, AsyncWrite};
 use ::tokio::sync::futures::Notified;
 use ::tokio::sync::mpsc;
 
+use super::Waker;
 use super::driver::{Port, Written};
 use super::polled::Polled;
-use super::shared::Shared;
-use super::task::{Over, Served};
+use super::served::Served;
+use super::service::Service;
 use super::timer::Timer;
-use super::{Service, Waker};
 use crate::left::Left;
 use crate::turn::{Outgoing, Passed, take};
 use crate::{Ended, Session as _, is_due, now};
@@ -64,7 +64,6 @@ pub(super) struct Inputs<'a, 'w, S: Service, O> {
     pub(super) calls: &'a mut mpsc::Receiver<S::Call>,
     pub(super) woken: Pin<&'a mut Notified<'w>>,
     pub(super) waker: &'w Waker,
-    pub(super) shared: &'a Shared<S>,
 }
 
 /// The result of a wait.
@@ -79,6 +78,18 @@ pub(super) enum Waited {
     Passed(Passed),
     /// The time is over.
     Time,
+}
+
+/// Why a connection is over.
+pub(super) enum Over {
+    /// The task is to end.
+    Stopped,
+    /// Another one replaces it.
+    Replaced,
+    /// The port has failed, or the state could not be stored.
+    Lost(io::Error),
+    /// The service has ended it.
+    Unusable(io::Error),
 }
 
 /// The work that a caller leaves to the task.
@@ -200,9 +211,6 @@ impl<S: Service> Connection<S> {
                 return Poll::Ready(Waited::Over(over));
             }
             polls.over.set_pending();
-        }
-        if inputs.shared.is_finished() {
-            return Poll::Ready(Waited::Over(Over::Stopped));
         }
         let mut is_called = false;
         while polls.calls.is_due() && served.has_room() {

@@ -3,6 +3,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::{Context, Waker};
 use std::boxed::Box;
+use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use ::tokio::runtime;
@@ -10,7 +11,7 @@ use ::tokio::sync::{mpsc, watch};
 use ::tokio::task::try_id;
 
 use super::connection::Connection;
-use super::{Link, Service};
+use super::service::Service;
 
 /// The state that the handles and their task share.
 ///
@@ -39,6 +40,20 @@ struct Contents<S: Service> {
 pub(super) struct Unrun<S: Service> {
     pub(super) calls: mpsc::Receiver<S::Call>,
     pub(super) link: LinkState,
+}
+
+/// The state of a [`Handle`](super::Handle)'s connection.
+#[derive(Debug, Clone, Default)]
+pub enum Link {
+    /// The first one is being made.
+    #[default]
+    Connecting,
+    /// There is one. It shows nothing of the device behind it: that it runs is shown by its first reply.
+    Connected,
+    /// The last attempt has failed, or the last connection is lost, for this reason. Another attempt follows.
+    Failed(Arc<io::Error>),
+    /// The task has ended, and no connection follows: it was shut down, its future was dropped, or it has panicked.
+    Ended,
 }
 
 /// The state of the connection, as the handles see it. When it is dropped, the task has ended.

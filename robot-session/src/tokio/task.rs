@@ -15,10 +15,10 @@ use ::tokio::select;
 use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
-use super::connection::{Connection, Inputs, Waited};
-use super::shared::{LinkState, Shared, Unrun};
-use super::{Connector, Handle, Link, Reports, Service, Waker};
-use crate::left::Left;
+use super::connection::{Connection, Inputs, Over, Waited};
+use super::served::Served;
+use super::shared::{Link, LinkState, Shared, Unrun};
+use super::{Connector, Handle, Reports, Service, Waker};
 use crate::{STALL, Session, is_due, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
@@ -122,30 +122,6 @@ async fn connect<C: Connector>(connector: &mut C, pause: Duration) -> io::Result
         sleep(pause).await;
     }
     Ok(transport)
-}
-
-/// Why a connection is over.
-pub(super) enum Over {
-    /// The task is to end.
-    Stopped,
-    /// Another one replaces it.
-    Replaced,
-    /// The port has failed, or the state could not be stored.
-    Lost(io::Error),
-    /// The service has ended it.
-    Unusable(io::Error),
-}
-
-/// A session, and who gets its events.
-pub(super) struct Served<S: Service> {
-    /// Boxed: what a task returns is moved whenever it is polled.
-    pub(super) session: Box<S::Session>,
-    pub(super) service: S,
-    events: broadcast::Sender<S::Event>,
-    /// Why the connection is unusable.
-    reconnect: Option<io::Error>,
-    /// The service has got events since its state was stored.
-    pub(super) has_reported: bool,
 }
 
 impl<S: Service, C: Connector> Task<S, C> {
@@ -279,7 +255,7 @@ async fn serve<S: Service>(
             }
             Err(error) => return (connection, Over::Unusable(error)),
         }
-        let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker, shared };
+        let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker };
         let mut awake = Some(connection);
         let waited;
         (connection, waited) = poll_fn(|context| {
@@ -293,6 +269,9 @@ async fn serve<S: Service>(
                     connection
                 }
             };
+            if shared.is_finished() {
+                return Poll::Ready((connection, Waited::Over(Over::Stopped)));
+            }
             match connection.poll(context, &mut inputs) {
                 Poll::Ready(waited) => Poll::Ready((connection, waited)),
                 Poll::Pending => {
@@ -345,42 +324,6 @@ impl Outage {
 }
 
 impl<S: Service> Served<S> {
-    pub(super) fn has_room(&self) -> bool {
-        self.service.has_room(&self.session)
-    }
-
-    /// Before a wait: reports events, and puts the bytes to be sent into `out`.
-    pub(super) fn prepare(&mut self, left: &mut Left, out: &mut [u8], now: Duration) -> io::Result<()> {
-        let Self { session, service, events, reconnect, has_reported } = self;
-        let each = |session: &mut S::Session, event| {
-            *has_reported = true;
-            service.event(session, event, &mut Reports { events, reconnect });
-            reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
-        };
-        match left.prepare(&mut **session, out, || now, each) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(error) => Err(error),
-        }
-    }
-
-    /// Returns the time at which session or service are to be called at the latest.
-    pub(super) fn due(&self, left: &Left, now: Duration) -> Option<Duration> {
-        left.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
-    }
-
-    fn call(&mut self, call: S::Call) {
-        self.service.call(&mut self.session, now(), call);
-    }
-
-    /// Reports every event, where there is no connection that it could end.
-    pub(super) fn report(&mut self) {
-        let Self { session, service, events, reconnect, .. } = self;
-        while let Some(event) = session.poll_event() {
-            service.event(session, event, &mut Reports { events, reconnect });
-        }
-        self.reconnect = None;
-    }
-
     /// Refuses the calls that wait for a connection. Returns whether there were any.
     fn refuse_waiting(&mut self, inbox: &mut Inbox<S>, why: &Arc<io::Error>) -> bool {
         let mut has_refused = false;

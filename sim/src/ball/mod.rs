@@ -8,7 +8,8 @@ use core::time::Duration;
 use isra_ball::{Ball, BallConfig, BallEvent, Keys, timing};
 
 pub use self::hand::{Grip, PERIOD, grip};
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);

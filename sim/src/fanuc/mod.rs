@@ -17,7 +17,8 @@ pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};
 pub use self::faults::{NoFault, TelemetryFault, TelemetryFaults};
 pub use self::tables::Tables;
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// A FANUC controller's settings. Its robot goes around a circle; one with another robot is made by [`FanucController::new`].
 #[derive(Debug, Clone, Default)]

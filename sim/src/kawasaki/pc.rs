@@ -7,7 +7,8 @@ use std::sync::Arc;
 use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
 use robot_session::End as _;
 
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and [`PcEvent::OutcomeUnknown`].
 #[derive(Debug, Clone)]

@@ -8,7 +8,8 @@ use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, Work};
 use robot_session::Session as _;
 use robot_work_queue::{Reader, boxed};
 
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// How long a job takes.
 pub type TimeOf<W> = Arc<dyn Fn(&W) -> Duration + Send + Sync>;

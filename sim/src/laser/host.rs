@@ -6,7 +6,8 @@ use std::sync::Arc;
 use laser_eb90::{Host, HostConfig, HostEvent, SessionError};
 use robot_session::Session as _;
 
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// A host's settings. What it "executes" are the outcomes of what it sends: [`HostEvent::Done`], `Answer`, `Refused` and `Unknown`.
 #[derive(Debug, Clone)]

@@ -11,7 +11,8 @@ use laser_eb90::{
 use robot_work_queue::{Reader, boxed};
 
 pub use self::host::{Computer, LaserHost};
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// Executes nothing until [`GO_ON`].
 pub const HALT: u16 = 0x0201;

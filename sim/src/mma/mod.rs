@@ -11,8 +11,9 @@ use mmacell_proto::{
 
 use self::axes::Axes;
 pub use self::axes::Simulated;
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
 use crate::faults::{Fault, Script};
+use crate::settings::Settings;
 use crate::simulator::Simulator;
 
 /// The robot's settings.

@@ -21,7 +21,8 @@ pub use self::incident::Incident;
 pub use self::layout::{Layout, Order};
 pub use self::port::Port;
 pub use self::pose::Pose;
-use crate::device::{Device, Error, Notes, Settings};
+use crate::device::{Device, Error, Notes};
+use crate::settings::Settings;
 
 /// The cycles of a motion segment of the program.
 const SEGMENT: u64 = 36;

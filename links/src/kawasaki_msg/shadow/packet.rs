@@ -6,7 +6,7 @@ use kawasaki_msg::{Dialect, Message, Params, Role};
 use serde_json::Value;
 
 use super::ROBOT;
-use crate::kawasaki_msg::codec::written;
+use crate::kawasaki_msg::bytes::written;
 use crate::kawasaki_msg::plant::{field_name, role_name};
 use crate::shadow::Report;
 

@@ -15,7 +15,9 @@ use robot_session::Machine as _;
 use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending};
 use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
 
-use super::any_robot::{CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window};
+use super::any_robot::{
+    AnyController, CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window, Word,
+};
 use super::setup::{FRESH, TICK};
 use super::world::{
     DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, STALE, WORDS, ZEROS,
@@ -91,63 +93,6 @@ pub(super) const ANYTHING: Terms = Terms {
         EXPECTED,
     ],
 };
-
-/// A controller of which only this is known.
-#[derive(Debug, Clone, Copy)]
-pub struct AnyController {
-    /// The host's configuration.
-    pub config: HostConfig,
-    /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
-    /// faults is open.
-    pub keeps_rules: bool,
-    /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
-    pub takes_late: bool,
-    /// Ticks: how late a reply may be. From a cycle on, two are on the line; then no exception is sent.
-    pub delay: u8,
-}
-
-/// What happens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
-    /// The controller sends a message.
-    Say(Frame),
-    /// It is lost.
-    Lose,
-    /// The host reads it, or what was one.
-    Read {
-        /// It is none any more.
-        corrupt: bool,
-    },
-    /// The answer arrives.
-    Arrive {
-        /// It is none any more.
-        corrupt: bool,
-        /// The controller uses it also where it need not.
-        takes: bool,
-    },
-    /// The controller interrupts ALTER by itself.
-    Interrupt,
-    /// The subroutine returns.
-    Return,
-    /// The controller loses its memory.
-    Restart,
-    /// A message comes of nobody knows whom.
-    Come(Frame),
-    /// Bytes come outside of any frame.
-    Noise,
-    /// The host answers with a word that is not zero.
-    Move,
-    /// It answers with a zero, or without the word, and another axis moves.
-    Brake,
-    /// The caller has a target.
-    Target,
-    /// The caller has an exception.
-    Ask,
-    /// The caller stops.
-    Stop,
-    /// The caller accepts ALTER again.
-    Accept,
-}
 
 const FRAMES: [Frame; 8] = [
     Frame::Start { is_expected: true },

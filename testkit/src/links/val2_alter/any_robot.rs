@@ -1,9 +1,8 @@
-//! What is known of a controller that is not ours, and of what its host must do.
+//! A controller that is not ours: what is assumed and known of it, and what may happen.
 
 use val2_alter::host::machine::Outcome;
-use val2_alter::{ErrorCode, ExceptionOutcome, MotionPhase};
+use val2_alter::{ErrorCode, ExceptionOutcome, HostConfig, MotionPhase};
 
-use super::any_controller::{AnyController, Word};
 use super::world::{DONE, NOT_DONE, ONCE, OUTCOME, WORDS};
 
 /// Ticks of a cycle, and of the window within it that a whole reply can end in.
@@ -14,6 +13,64 @@ pub(super) const DELAY: u8 = 1;
 
 pub(super) const RUNNING: MotionPhase = MotionPhase::Running;
 pub(super) const INTERRUPTION: MotionPhase = MotionPhase::Interrupted;
+
+/// A controller of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyController {
+    /// The host's configuration.
+    pub config: HostConfig,
+    /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
+    /// faults is open.
+    pub keeps_rules: bool,
+    /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
+    pub takes_late: bool,
+    /// Ticks: how late a reply may be. From a cycle on, two are on the line; then no exception is sent.
+    pub delay: u8,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The controller sends a message.
+    Say(Frame),
+    /// It is lost.
+    Lose,
+    /// The host reads it, or what was one.
+    Read {
+        /// It is none any more.
+        corrupt: bool,
+    },
+    /// The answer arrives.
+    Arrive {
+        /// It is none any more.
+        corrupt: bool,
+        /// The controller uses it also where it need not.
+        takes: bool,
+    },
+    /// The controller interrupts ALTER by itself.
+    Interrupt,
+    /// The subroutine returns.
+    Return,
+    /// The controller loses its memory.
+    Restart,
+    /// A message comes of nobody knows whom.
+    Come(Frame),
+    /// Bytes come outside of any frame.
+    Noise,
+    /// The host answers with a word that is not zero.
+    Move,
+    /// It answers with a zero, or without the word, and another axis moves.
+    Brake,
+    /// The caller has a target.
+    Target,
+    /// The caller has an exception.
+    Ask,
+    /// The caller stops.
+    Stop,
+    /// The caller accepts ALTER again.
+    Accept,
+}
+
 /// What is known of the controller, the line and the caller.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {

@@ -12,8 +12,8 @@ mod rules;
 mod setup;
 mod world;
 
-pub use any_controller::AnyController;
 pub use any_host::AnyHost;
+pub use any_robot::AnyController;
 pub use margins::margins;
 pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};

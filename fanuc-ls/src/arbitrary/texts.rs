@@ -1,4 +1,4 @@
-//! Values that can be written by the default [`Rules`](crate::Rules), and are read again as the same.
+//! Texts, numbers and lists.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -7,55 +7,10 @@ use core::ops::RangeInclusive;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 
-use crate::instruction::Instruction;
-use crate::motion::{Motion, MotionKind, Speed, SpeedUnit};
-use crate::position::{Axis, Group, Position};
-
 const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_";
 const WORD: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789";
 /// A byte is the character of that number.
 const PHRASE: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789  .+-*/()<>!?\xE9\xFC";
-
-impl<'a> Arbitrary<'a> for Speed {
-    fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
-        Ok(match u.int_in_range(0..=3u8)? {
-            0 => Self::Register { register: register(u)?, unit: u.arbitrary()? },
-            1 => Self::Named(text(u, b"abcdefghijklmnopqrstuvwxyz_", 1..=12)?),
-            form => {
-                let unit: SpeedUnit = u.arbitrary()?;
-                let most = if unit == SpeedUnit::Percent { 100 } else { 100_000 };
-                let value = if form == 2 {
-                    u.int_in_range(1..=most)?.into()
-                } else {
-                    f64::from(u.int_in_range(1..=1000 * most)?) / 1000.0
-                };
-                Self::Fixed { value, unit }
-            }
-        })
-    }
-}
-
-impl<'a> Arbitrary<'a> for Motion {
-    fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
-        let speed: Speed = u.arbitrary()?;
-        let mut kind: MotionKind = u.arbitrary()?;
-        match speed.unit() {
-            Some(unit) if !unit.fits(kind) && unit == SpeedUnit::Percent => kind = MotionKind::Joint,
-            Some(unit) if !unit.fits(kind) => kind = MotionKind::Linear,
-            _ => {}
-        }
-        let is_circular = kind == MotionKind::Circular;
-        Ok(Self {
-            kind,
-            via: if is_circular { Some(u.arbitrary()?) } else { None },
-            via_options: if is_circular { options(u, 1)? } else { String::new() },
-            target: u.arbitrary()?,
-            speed,
-            termination: u.arbitrary()?,
-            options: options(u, 3)?,
-        })
-    }
-}
 
 /// A word that does not begin with a digit.
 pub(crate) fn word(u: &mut Unstructured<'_>) -> Result<String> {
@@ -90,27 +45,6 @@ pub(crate) fn application(u: &mut Unstructured<'_>) -> Result<Option<Vec<String>
     } else {
         Ok(None)
     }
-}
-
-/// The first one is not a line of a block: there is no motion above it.
-pub(crate) fn instructions(u: &mut Unstructured<'_>) -> Result<Vec<Instruction>> {
-    let mut instructions: Vec<_> = list(u, 0..=32)?;
-    if let Some(first @ Instruction::Nested(_)) = instructions.first_mut() {
-        *first = Instruction::Empty;
-    }
-    Ok(instructions)
-}
-
-pub(crate) fn positions(u: &mut Unstructured<'_>) -> Result<Vec<Position>> {
-    list(u, 0..=8)
-}
-
-pub(crate) fn groups(u: &mut Unstructured<'_>) -> Result<Vec<Group>> {
-    list(u, 1..=2)
-}
-
-pub(crate) fn axes(u: &mut Unstructured<'_>) -> Result<Vec<Axis>> {
-    list(u, 1..=9)
 }
 
 /// One line or two, with a blank before it or not.
@@ -188,7 +122,7 @@ pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<Option<f64>> {
     })
 }
 
-fn options(u: &mut Unstructured<'_>, most: usize) -> Result<String> {
+pub(crate) fn options(u: &mut Unstructured<'_>, most: usize) -> Result<String> {
     let option = |u: &mut Unstructured<'_>| {
         let number: u8 = u.arbitrary()?;
         Ok(match number % 4 {
@@ -207,10 +141,13 @@ fn phrase(u: &mut Unstructured<'_>) -> Result<String> {
     Ok((text(u, LETTERS, 1..=1)? + &text(u, PHRASE, 0..=15)?).trim_end().to_string())
 }
 
-fn text(u: &mut Unstructured<'_>, of: &[u8], length: RangeInclusive<usize>) -> Result<String> {
+pub(crate) fn text(u: &mut Unstructured<'_>, of: &[u8], length: RangeInclusive<usize>) -> Result<String> {
     (0..u.int_in_range(length)?).map(|_| u.choose(of).map(|byte| char::from(*byte))).collect()
 }
 
-fn list<'a, T: Arbitrary<'a>>(u: &mut Unstructured<'a>, length: RangeInclusive<usize>) -> Result<Vec<T>> {
-    (0..u.int_in_range(length)?).map(|_| u.arbitrary()).collect()
+/// A list of this many values.
+pub(crate) fn list<'a, const LEAST: usize, const MOST: usize, T: Arbitrary<'a>>(
+    u: &mut Unstructured<'a>,
+) -> Result<Vec<T>> {
+    (0..u.int_in_range(LEAST..=MOST)?).map(|_| u.arbitrary()).collect()
 }

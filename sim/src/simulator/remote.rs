@@ -7,9 +7,9 @@ use std::collections::VecDeque;
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::Simulator;
 use crate::device::{Device, Executed};
 use crate::faults::Faults;
-use crate::simulator::Simulator;
 
 /// The number of executed commands that are stored for [`Remote::executed`].
 const STORED: usize = 10_000;
@@ -43,7 +43,7 @@ struct Stored<W> {
 }
 
 impl<D: Device> Remote<D> {
-    pub(crate) fn new(faults: Faults) -> Self {
+    pub(super) fn new(faults: Faults) -> Self {
         let executed = Mutex::new(Stored { total: 0, last: VecDeque::new() });
         let (is_called, calls) = (AtomicBool::new(false), Mutex::default());
         Self(Arc::new(Inner { faults, is_called, calls, executed }))
@@ -84,7 +84,7 @@ impl<D: Device> Remote<D> {
     }
 
     /// Stores executed commands.
-    pub(crate) fn store<'a>(&self, executed: impl Iterator<Item = &'a Executed<D::Work>>)
+    pub(super) fn store<'a>(&self, executed: impl Iterator<Item = &'a Executed<D::Work>>)
     where
         D::Work: 'a,
     {
@@ -99,12 +99,12 @@ impl<D: Device> Remote<D> {
     }
 
     /// Whether a call waits.
-    pub(crate) fn is_called(&self) -> bool {
+    pub(super) fn is_called(&self) -> bool {
         self.0.is_called.load(Ordering::Acquire)
     }
 
     /// The next call.
-    pub(crate) fn next(&self) -> Option<Call<D>> {
+    pub(super) fn next(&self) -> Option<Call<D>> {
         loop {
             let mut calls = lock(&self.0.calls);
             let next = calls.pop_front();

@@ -1,5 +1,8 @@
 //! A device with its faults, as a session.
 
+// A simulator holds its `Remote`, and the calls of a remote take the simulator.
+mod remote;
+
 use core::time::Duration;
 use std::collections::VecDeque;
 
@@ -7,7 +10,8 @@ use robot_session::Session;
 
 use crate::device::{Device, Executed, Notes};
 use crate::faults::{Fault, Faults};
-use crate::remote::Remote;
+
+pub use remote::{Indexed, Remote};
 
 /// A device with its faults: a [`Session`], which any driver runs.
 ///

@@ -1,0 +1,62 @@
+//! A session in a task, with its service.
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::boxed::Box;
+use std::io;
+
+use ::tokio::sync::broadcast;
+
+use super::service::{Reports, Service};
+use crate::left::Left;
+use crate::{Session as _, now};
+
+/// A session, its service, and the channel of its events.
+pub(super) struct Served<S: Service> {
+    /// Boxed: what a task returns is moved whenever it is polled.
+    pub(super) session: Box<S::Session>,
+    pub(super) service: S,
+    pub(super) events: broadcast::Sender<S::Event>,
+    /// Why the connection is unusable.
+    pub(super) reconnect: Option<io::Error>,
+    /// The service has got events since its state was stored.
+    pub(super) has_reported: bool,
+}
+
+impl<S: Service> Served<S> {
+    pub(super) fn has_room(&self) -> bool {
+        self.service.has_room(&self.session)
+    }
+
+    /// Before a wait: reports events, and puts the bytes to be sent into `out`.
+    pub(super) fn prepare(&mut self, left: &mut Left, out: &mut [u8], now: Duration) -> io::Result<()> {
+        let Self { session, service, events, reconnect, has_reported } = self;
+        let each = |session: &mut S::Session, event| {
+            *has_reported = true;
+            service.event(session, event, &mut Reports { events, reconnect });
+            reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+        };
+        match left.prepare(&mut **session, out, || now, each) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(error) => Err(error),
+        }
+    }
+
+    /// Returns the time at which session or service are to be called at the latest.
+    pub(super) fn due(&self, left: &Left, now: Duration) -> Option<Duration> {
+        left.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
+    }
+
+    pub(super) fn call(&mut self, call: S::Call) {
+        self.service.call(&mut self.session, now(), call);
+    }
+
+    /// Reports every event, where there is no connection that it could end.
+    pub(super) fn report(&mut self) {
+        let Self { session, service, events, reconnect, .. } = self;
+        while let Some(event) = session.poll_event() {
+            service.event(session, event, &mut Reports { events, reconnect });
+        }
+        self.reconnect = None;
+    }
+}

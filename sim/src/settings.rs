@@ -1,0 +1,82 @@
+use std::net::ToSocketAddrs;
+
+use robot_session::Session;
+
+use crate::bench::Bench;
+use crate::device::{Device, Error};
+use crate::running::Running;
+use crate::simulator::Simulator;
+
+/// The settings of a device, from which it is made.
+pub trait Settings: Clone {
+    /// What they are settings of.
+    type Device: Device;
+
+    /// The device, just switched on.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn device(&self) -> Result<Self::Device, Error>;
+
+    /// The device, with its faults, for a loop of the caller's own.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn simulator(&self) -> Result<Simulator<Self::Device>, Error> {
+        Ok(Simulator::new(self.device()?))
+    }
+
+    /// The device and a session that talks to it, on a virtual clock.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    fn bench<S: Session>(&self, session: S) -> Result<Bench<S, Self::Device>, Error> {
+        Ok(Bench::new(session, self.simulator()?))
+    }
+
+    /// The device behind a TCP address, in a thread: with port 0 at any that is free.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    fn listen(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::listen(self.simulator()?, address)
+    }
+
+    /// The device as a TCP client, in a thread: a robot that connects to its PC.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    fn connect(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::connect(self.simulator()?, address)
+    }
+
+    /// The device on a pseudo-terminal, in a thread: [`Running::path`] is opened as a serial port.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    #[cfg(unix)]
+    fn pty(&self) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::pty(self.simulator()?)
+    }
+
+    /// The device on a serial port of this machine, in a thread.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or the system's.
+    #[cfg(feature = "serialport")]
+    fn port(&self, path: &str, baud: u32) -> Result<Running<Self::Device>, Error>
+    where
+        Self::Device: Send + 'static,
+    {
+        Running::port(self.simulator()?, path, baud)
+    }
+}

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::is_due;
+use robot_session::end::is_due;
 
 use crate::framing::Framing;
 

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::vec;
 use std::vec::Vec;
 
-use robot_session::End as _;
+use robot_session::end::End as _;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, Service, Task};
 
 use crate::block::TelemetryBlock;

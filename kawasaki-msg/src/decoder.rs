@@ -1,6 +1,6 @@
 //! A stream of bytes in, messages out, whatever the reads and the string elements cut.
 
-use robot_session::StreamBuffer;
+use robot_session::end::StreamBuffer;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, Progress};

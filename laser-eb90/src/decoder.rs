@@ -1,6 +1,6 @@
 //! Bytes in, frames out; resynchronises after corruption.
 
-use robot_session::StreamBuffer;
+use robot_session::end::StreamBuffer;
 
 use crate::error::DecodeError;
 use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};

@@ -24,7 +24,7 @@ use std::io;
 use std::sync::Arc;
 use std::vec::Vec;
 
-use robot_session::End as _;
+use robot_session::end::End as _;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Reply, Reports, Service, Task};
 
 use crate::error::{ConfigError, EncodeError, SessionError};

@@ -6,7 +6,8 @@ use core::time::Duration;
 use std::any::Any;
 
 use anyhow::{Context, Result, ensure};
-use robot_session::{End as _, EventOf, Machine, Rule, Rules, Session};
+use robot_session::Session;
+use robot_session::end::{End as _, EventOf, Machine, Rule, Rules};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -104,7 +105,7 @@ pub trait End {
     #[cfg(feature = "model")]
     fn machine(&self) -> &dyn Any;
 
-    /// `moves` of [`robot_session::Core`].
+    /// `moves` of [`robot_session::end::Core`].
     #[cfg(feature = "model")]
     fn moves(&mut self) -> &mut dyn Any;
 }
@@ -118,9 +119,9 @@ pub(crate) type Call<O> = (&'static str, fn(&mut O, Duration, &Value) -> Called)
 /// A session with what its user has beside it, such as the other end of its queue.
 pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// The session.
-    type End: robot_session::End<
+    type End: robot_session::end::End<
             Machine: 'static,
-            Events: robot_session::Events<Event: Serialize>,
+            Events: robot_session::end::Events<Event: Serialize>,
             Statistics: Serialize,
         >;
     /// The rules of its machine.

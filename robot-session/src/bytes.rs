@@ -2,7 +2,8 @@
 
 use core::convert::Infallible;
 
-use crate::{Decoder, StreamBuffer};
+use crate::buffer::StreamBuffer;
+use crate::decoder::Decoder;
 
 /// A decoder for which every byte is a frame.
 #[derive(Debug, Clone, Default)]

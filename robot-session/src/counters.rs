@@ -41,7 +41,7 @@ macro_rules! counters {
             pub dropped_notices: u64,
         }
 
-        impl $crate::Counters for $counters {
+        impl $crate::end::Counters for $counters {
             fn unexpected(&mut self) -> &mut u64 {
                 &mut self.unexpected
             }

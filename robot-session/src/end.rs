@@ -1,9 +1,15 @@
-//! The session of every end: one loop for all links.
+//! For authors of a link: what an end consists of, and the session of every end, one loop for all links.
 
 use core::time::Duration;
 
-use crate::event::Events;
-use crate::{Counters, Decoder, Expiry, Input, Machine, Session, Unexpected};
+pub use crate::buffer::StreamBuffer;
+pub use crate::bytes::ByteDecoder;
+pub use crate::counters::Counters;
+pub use crate::echo::Echo;
+pub use crate::event::{EventQueue, Events};
+pub use crate::machine::{Expiry, Input, Machine, is_due};
+pub use crate::rules::{Rule, Rules};
+use crate::{Decoder, Session, Unexpected};
 
 /// The parts of every end.
 #[derive(Debug, Clone)]
@@ -400,27 +406,27 @@ fn read_held<E: End>(end: &mut E, now: Duration) {
     }
 }
 
-/// The accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`, and the event of an [`Unexpected`].
+/// The accessors of an [`End`](crate::end::End) whose [`Core`](crate::end::Core) is its field `core`, and the event of an [`Unexpected`].
 #[macro_export]
 macro_rules! core {
     ($unexpected:path) => {
         #[inline(always)]
-        fn core(&self) -> &$crate::CoreOf<Self> {
+        fn core(&self) -> &$crate::end::CoreOf<Self> {
             &self.core
         }
 
         #[inline(always)]
-        fn core_mut(&mut self) -> &mut $crate::CoreOf<Self> {
+        fn core_mut(&mut self) -> &mut $crate::end::CoreOf<Self> {
             &mut self.core
         }
 
-        fn unexpected(unexpected: $crate::Unexpected) -> $crate::EventOf<Self> {
+        fn unexpected(unexpected: $crate::Unexpected) -> $crate::end::EventOf<Self> {
             $unexpected(unexpected)
         }
     };
 }
 
-/// What an [`End`](crate::End) does with its field `echo`, an [`Echo`](crate::Echo), and the event of an [`EchoError`](crate::EchoError).
+/// What an [`End`](crate::end::End) does with its field `echo`, an [`Echo`](crate::end::Echo), and the event of an [`EchoError`](crate::EchoError).
 #[macro_export]
 macro_rules! echo {
     ($event:path) => {
@@ -437,7 +443,7 @@ macro_rules! echo {
                     // The beginning of what has come back is in it.
                     $crate::Decoder::clear(&mut self.core.decoder);
                 }
-                $crate::Events::push_notice(&mut self.core.events, $event(error));
+                $crate::end::Events::push_notice(&mut self.core.events, $event(error));
             }
             rest
         }

@@ -18,7 +18,7 @@ pub mod embedded_io;
 #[cfg(feature = "embedded-io-async")]
 pub mod embedded_io_async;
 mod encode;
-mod end;
+pub mod end;
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
 mod ended;
 mod event;
@@ -46,18 +46,11 @@ mod unexpected;
 #[cfg(feature = "std")]
 mod wait;
 
-pub use buffer::StreamBuffer;
-pub use bytes::ByteDecoder;
-pub use counters::Counters;
 pub use decoder::Decoder;
-pub use echo::{Echo, EchoError};
+pub use echo::EchoError;
 pub use encode::Encode;
-pub use end::{ActionOf, ConfigOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
 pub use ended::{Ended, STALL};
-pub use event::{EventQueue, Events};
-pub use machine::{Expiry, Input, Machine, is_due};
-pub use rules::{Rule, Rules};
 #[cfg(feature = "serialport")]
 pub use serial::Serial;
 #[cfg(feature = "serialport")]

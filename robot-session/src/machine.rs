@@ -105,7 +105,7 @@ pub trait Input: Clone + Debug {
     fn name(&self) -> &'static str;
 }
 
-/// Implements [`Input`](trait@crate::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and with those that
+/// Implements [`Input`](trait@crate::end::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and with those that
 /// are listed. The name of an input is that of its variant, or the one after `as`.
 ///
 /// ```
@@ -119,12 +119,12 @@ pub trait Input: Clone + Debug {
 /// }
 /// robot_session::inputs!(Input: Sent, Packet { fresh: true } as "Packet(fresh)", Packet { fresh: false } as "Packet(old)");
 ///
-/// assert_eq!(robot_session::Input::name(&Input::Packet { fresh: true }), "Packet(fresh)");
+/// assert_eq!(robot_session::end::Input::name(&Input::Packet { fresh: true }), "Packet(fresh)");
 /// ```
 #[macro_export]
 macro_rules! inputs {
     ($input:ident $(<$parameter:ident $(: $bound:path)?>)?: $($variant:ident $({ $($field:tt)* } as $name:literal)?),* $(,)?) => {
-        impl $(<$parameter $(: $bound)?>)? $crate::Input for $input $(<$parameter>)? {
+        impl $(<$parameter $(: $bound)?>)? $crate::end::Input for $input $(<$parameter>)? {
             const CONNECTED: Self = Self::Connected;
             const DISCONNECTED: Self = Self::Disconnected;
             const TIMEOUT: Self = Self::Timeout;

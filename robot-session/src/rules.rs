@@ -73,7 +73,7 @@ macro_rules! rules {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum $name { $($(#[$doc])* $rule,)* }
 
-        impl $crate::Rule for $name {
+        impl $crate::end::Rule for $name {
             const ALL: &'static [Self] = &[$(Self::$rule),*];
         }
 
@@ -98,7 +98,7 @@ macro_rules! rules {
             #[cfg(feature = "model")]
             #[doc(hidden)]
             #[must_use]
-            pub fn with_rules(mut self, rules: $crate::Rules<$name>) -> Self {
+            pub fn with_rules(mut self, rules: $crate::end::Rules<$name>) -> Self {
                 self.rules = rules;
                 self
             }
@@ -107,7 +107,7 @@ macro_rules! rules {
             #[cfg(not(feature = "model"))]
             #[doc(hidden)]
             #[must_use]
-            pub fn with_rules(self, _rules: $crate::Rules<$name>) -> Self {
+            pub fn with_rules(self, _rules: $crate::end::Rules<$name>) -> Self {
                 self
             }
         })+)?

@@ -20,7 +20,7 @@ use core::time::Duration;
 ///   are read in [`handle_timeout`](Self::handle_timeout). The code that changes such an input wakes the caller,
 ///   which then calls it. The drivers have a `waker`: a turn ends when it is used, and the next one calls `handle_timeout` at once.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
-///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
+///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see [`EventQueue`](crate::end::EventQueue).
 /// - **Statistics.** Counters, including one of inputs that the machine did not expect.
 pub trait Session {
     /// What the session reports: small and owned, so that a handler may call the session.

@@ -97,7 +97,7 @@ pub trait Fields {
     /// `true` or `false`.
     fn flag(&mut self, name: &str, about: Str, field: &mut bool);
 
-    /// The field `echo`: whether the line returns what is sent, see [`Echo`](crate::Echo).
+    /// The field `echo`: whether the line returns what is sent, see [`Echo`](crate::end::Echo).
     fn echo(&mut self, field: &mut bool) {
         let about = "the line returns what is sent, as adapters for two wires do: it is compared and dropped";
         self.flag("echo", about, field);

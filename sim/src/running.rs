@@ -147,7 +147,7 @@ impl<D: Device> Running<D> {
     ///
     /// ```
     /// # #[cfg(feature = "fanuc")] {
-    /// # use cellwire_sim::{Device as _, Fanuc, Settings as _, robot_session::End as _};
+    /// # use cellwire_sim::{Device as _, Fanuc, Settings as _, robot_session::end::End as _};
     /// # use fanuc_hmi_modbus::Signal;
     /// let sim = Fanuc::default().listen("127.0.0.1:0").unwrap();
     /// sim.call(|fanuc| fanuc.device().controller().tables_mut().set_signal(Signal::Di(1), 1));

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{End as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::End as _;
 use val2_viewer::workstation::machine::WorkstationMachine;
 use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
 

@@ -19,10 +19,11 @@ use std::io;
 use std::sync::Arc;
 use std::vec::Vec;
 
+use robot_session::end::End as _;
+use robot_session::now;
 use robot_session::tokio::{
     self as session, Closed, Connector, Handle, Reply, Reports, Service, Task, watch,
 };
-use robot_session::{End as _, now};
 
 use crate::error::{ConfigError, SessionError};
 use crate::host::{ExceptionOutcome, Host, HostConfig, HostEvent, HostState, Policy};

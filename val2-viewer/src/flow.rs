@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::is_due;
+use robot_session::end::is_due;
 
 /// Lets an end send again, ASCII DC1.
 pub const XON: u8 = 0x11;

@@ -1,7 +1,7 @@
 //! Both ends.
 
 use anyhow::Result;
-use robot_session::Rules;
+use robot_session::end::Rules;
 use serde::Deserialize as _;
 use toy_link::{Device, DeviceConfig, Host, HostConfig, device, host};
 

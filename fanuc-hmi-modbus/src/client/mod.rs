@@ -11,7 +11,8 @@ mod places;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, Echo, Encode as _, End, EventQueue, Room};
+use robot_session::Encode as _;
+use robot_session::end::{Core, Echo, End, EventQueue, Room};
 
 pub use config::ClientConfig;
 #[doc(hidden)]

@@ -27,7 +27,7 @@ pub struct ServerConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -82,7 +82,7 @@ impl ServerConfig {
             frame_timeout: Duration::from_millis(50),
             echo: false,
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 

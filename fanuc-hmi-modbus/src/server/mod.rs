@@ -9,7 +9,7 @@ mod replies;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, Echo, End, EventQueue, Room};
 
 #[doc(hidden)]
 pub use config::Rule;

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use crate::common::{Bank, MS, bytes, connected, read, rtu, sent, tcp, transmitted};
-use fanuc_hmi_modbus::robot_session::{EchoError, End as _, Session as _};
+use fanuc_hmi_modbus::robot_session::end::End as _;
+use fanuc_hmi_modbus::robot_session::{EchoError, Session as _};
 use fanuc_hmi_modbus::{
     Bits, Client, ClientConfig, ClientEvent, ConfigError, Exception, Failure, Reply, Request, Server,
     ServerConfig, ServerEvent, Words,

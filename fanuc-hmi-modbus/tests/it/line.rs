@@ -4,7 +4,8 @@
 use core::time::Duration;
 
 use crate::common::{Bank, MS, bytes, transmitted};
-use fanuc_hmi_modbus::robot_session::{End as _, Session as _};
+use fanuc_hmi_modbus::robot_session::Session as _;
+use fanuc_hmi_modbus::robot_session::end::End as _;
 use fanuc_hmi_modbus::timing::transmission_time;
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, DecodeError, Failure, Framing, Reply, Request, Server, ServerConfig,

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use crate::common::{Bank, MS, bytes, read, transmitted};
-use fanuc_hmi_modbus::robot_session::{Decoder as _, End, Session as _};
+use fanuc_hmi_modbus::robot_session::end::End;
+use fanuc_hmi_modbus::robot_session::{Decoder as _, Session as _};
 use fanuc_hmi_modbus::{DecodeError, Request, Server, ServerConfig, ServerEvent};
 
 fn server(config: ServerConfig) -> Server<Bank, 2> {

@@ -10,7 +10,8 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::thread;
 
 use crate::common::{Bank, MS, bytes, read, transmitted};
-use fanuc_hmi_modbus::robot_session::{End as _, Ended, Session, drive};
+use fanuc_hmi_modbus::robot_session::end::End as _;
+use fanuc_hmi_modbus::robot_session::{Ended, Session, drive};
 use fanuc_hmi_modbus::{
     ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
     Words, WordsMut, function, limit, serve,

@@ -16,7 +16,7 @@ pub struct BallConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {

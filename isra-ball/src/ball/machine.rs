@@ -5,7 +5,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Expiry, Machine, Unexpected};
+use robot_session::Unexpected;
+use robot_session::end::{Expiry, Machine};
 
 use super::config::{BallConfig, Rule};
 

@@ -5,9 +5,8 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{
-    ByteDecoder, Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected,
-};
+use robot_session::end::{ByteDecoder, Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::{Decoder as _, EchoError, Unexpected};
 
 pub use config::BallConfig;
 #[doc(hidden)]

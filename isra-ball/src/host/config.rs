@@ -30,7 +30,7 @@ pub struct HostConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -106,7 +106,7 @@ impl Default for HostConfig {
             max_age: Duration::from_millis(150),
             echo: false,
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 }

@@ -37,7 +37,7 @@ pub struct PcConfig<'a> {
     pub end_when_done: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 /// The fields of a [`PcConfig`] that the machine uses, and which messages of the robot have an answer in the table.
@@ -65,7 +65,7 @@ pub struct Config {
     pub answers_status: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -103,7 +103,7 @@ impl PcConfig<'_> {
         start_retries: 10,
         end_when_done: true,
         #[cfg(feature = "model")]
-        rules: robot_session::Rules::ALL,
+        rules: robot_session::end::Rules::ALL,
     };
 
     /// Over UDP.

@@ -54,7 +54,7 @@ pub struct RobotConfig<'a> {
     pub end_foreign_order: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 /// The fields of a [`RobotConfig`] that the machine uses.
@@ -88,7 +88,7 @@ pub struct Config {
     pub end_foreign_order: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -138,7 +138,7 @@ impl RobotConfig<'_> {
         refuse_repeated_start: true,
         end_foreign_order: false,
         #[cfg(feature = "model")]
-        rules: robot_session::Rules::ALL,
+        rules: robot_session::end::Rules::ALL,
     };
 
     /// Over UDP.

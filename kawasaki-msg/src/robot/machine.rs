@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Expiry, Unexpected, is_due};
+use robot_session::Unexpected;
+use robot_session::end::{Expiry, is_due};
 
 pub use super::config::Config;
 use super::config::{Acks, Rule};
@@ -14,7 +15,7 @@ use crate::content::FromPc;
 use crate::phase::Phase;
 use crate::timing;
 
-impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
+impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
     const END: &'static str = "robot";
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;

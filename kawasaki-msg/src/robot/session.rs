@@ -1,6 +1,7 @@
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::{Decoder as _, Unexpected};
 use robot_work_queue::{NoWake, Wake};
 
 use super::config::{Acks, RobotConfig};

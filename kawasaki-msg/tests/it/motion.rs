@@ -7,7 +7,8 @@ use core::time::Duration;
 use std::rc::Rc;
 
 use kawasaki_msg::motion::{JobQueue, Motion, boxed, boxed_with};
-use kawasaki_msg::robot_session::{End as _, Session as _};
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::robot_session::end::End as _;
 use kawasaki_msg::robot_work_queue::{NoWake, Wake};
 use kawasaki_msg::{Acks, Line, Robot, RobotConfig, RobotEvent};
 

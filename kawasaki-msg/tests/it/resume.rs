@@ -183,7 +183,7 @@ fn what_no_order_can_be_is_refused() {
 /// The machine is as that of a PC whose connection was lost: the model has explored all that follows.
 #[test]
 fn the_state_is_that_after_a_lost_connection() {
-    use kawasaki_msg::robot_session::Machine as _;
+    use kawasaki_msg::robot_session::end::Machine as _;
     use pc::machine::{Input, Machine, Sent};
     let config = PcConfig { max_number: 63, ..PcConfig::TCP }.machine();
     let now = Duration::from_secs(1);

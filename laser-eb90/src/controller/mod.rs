@@ -6,9 +6,8 @@ mod verdict;
 
 use core::time::Duration;
 
-use robot_session::{
-    Core, Decoder as _, Echo, EchoError, Encode as _, End, EventQueue, Machine as _, Room, Unexpected,
-};
+use robot_session::end::{Core, Echo, End, EventQueue, Machine as _, Room};
+use robot_session::{Decoder as _, EchoError, Encode as _, Unexpected};
 use robot_work_queue::{NoWake, Wake, Writer};
 
 pub use self::config::ControllerConfig;

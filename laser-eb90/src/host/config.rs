@@ -70,7 +70,7 @@ pub struct HostConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -118,7 +118,7 @@ impl HostConfig {
             full_timeout: ms(60_000),
             echo: false,
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 

@@ -7,9 +7,8 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{
-    Core, CoreOf, Decoder as _, Echo, EchoError, Encode as _, End, EventQueue, Room, Unexpected,
-};
+use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::{Decoder as _, EchoError, Encode as _, Unexpected};
 
 use self::buffers::{Buffer, Buffers};
 pub use self::config::HostConfig;

@@ -1,7 +1,8 @@
 //! The controller's end by itself.
 
 use crate::common::{CUT, Cut, MS, STOP, WHERE, controller, cut, echo, frame};
-use laser_eb90::robot_session::{End as _, Machine as _, Session as _, Unexpected};
+use laser_eb90::robot_session::end::{End as _, Machine as _};
+use laser_eb90::robot_session::{Session as _, Unexpected};
 use laser_eb90::{Class, Controller, ControllerConfig, ControllerEvent, Frame, Refusal, SessionError};
 
 /// §2: "对于立即执行指令,先执行该指令,然后才返回应答": executed first, then answered, however long it takes.

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use crate::common::{CUT, MS, READY, STOP, WHERE, cut, echo, encoded, host, write_cut};
-use laser_eb90::robot_session::{EchoError, End as _, Machine as _, Session as _, Unexpected};
+use laser_eb90::robot_session::end::{End as _, Machine as _};
+use laser_eb90::robot_session::{EchoError, Session as _, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
     SessionError, UnknownReason, timing,

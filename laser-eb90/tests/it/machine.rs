@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use laser_eb90::host::machine::{Batch, HostLink, HostMachine, Input};
-use laser_eb90::robot_session::{Machine as _, Unexpected};
+use laser_eb90::robot_session::Unexpected;
+use laser_eb90::robot_session::end::Machine as _;
 use laser_eb90::{Class, HostConfig, Refusal};
 
 const WORD: u16 = 0x0101;

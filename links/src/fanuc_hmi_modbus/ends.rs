@@ -5,7 +5,7 @@ use fanuc_hmi_modbus::{
     Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, PduBuf, Registers, Server,
     ServerConfig, Words, WordsMut, client, server,
 };
-use robot_session::Rules;
+use robot_session::end::Rules;
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
 

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use isra_ball::{Ball, BallConfig, ENQ, Host, HostConfig, HostEvent, Keys, ball, host};
-use robot_session::Rules;
+use robot_session::end::Rules;
 use serde::Deserialize;
 
 use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use kawasaki_msg::{
     Dialect, Job, JobSource, LargePc, LargeRobot, PcConfig, RobotConfig, Supply, Takeover, Text, pc, robot,
 };
-use robot_session::Rules;
+use robot_session::end::Rules;
 use robot_work_queue::Reader;
 use serde::Deserialize;
 use serde_json::{Map, Value};

@@ -7,7 +7,7 @@ use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, EncodeError, Host, HostConfig, HostEvent, Instruction,
     Item, Payload, Refusal, controller, host,
 };
-use robot_session::Rules;
+use robot_session::end::Rules;
 use robot_work_queue::Reader;
 use serde::Deserialize as _;
 use serde_json::Value;

@@ -5,7 +5,7 @@ use mmacell_proto::device::machine::DeviceLink;
 use mmacell_proto::{
     Central, CentralConfig, Command, Device, DeviceConfig, ErrorCode, Order, PlatformPose, central, device,
 };
-use robot_session::{End as _, Rules};
+use robot_session::end::{End as _, Rules};
 use serde::Deserialize as _;
 
 use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};

@@ -21,7 +21,7 @@ pub struct CentralConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -51,7 +51,7 @@ impl CentralConfig {
         settle: Duration::from_millis(100),
         tolerance: 10,
         #[cfg(feature = "model")]
-        rules: robot_session::Rules::ALL,
+        rules: robot_session::end::Rules::ALL,
     };
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {

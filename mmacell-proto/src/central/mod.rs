@@ -6,7 +6,8 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room};
+use robot_session::end::{Core, End, EventQueue, Room};
+use robot_session::{Decoder as _, Encode as _};
 
 pub use self::config::CentralConfig;
 #[doc(hidden)]

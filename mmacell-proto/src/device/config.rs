@@ -15,7 +15,7 @@ pub struct DeviceConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -41,7 +41,7 @@ impl DeviceConfig {
         writes: Dialect::STRICT,
         refusal: ErrorCode::Generic,
         #[cfg(feature = "model")]
-        rules: robot_session::Rules::ALL,
+        rules: robot_session::end::Rules::ALL,
     };
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {

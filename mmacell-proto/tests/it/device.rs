@@ -11,7 +11,8 @@ use crate::common::{
     HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send,
 };
 use mmacell_proto::device::machine::Axes;
-use mmacell_proto::robot_session::{End as _, Ended, Session, drive};
+use mmacell_proto::robot_session::end::End as _;
+use mmacell_proto::robot_session::{Ended, Session, drive};
 use mmacell_proto::{
     CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
     DeviceEvent as Event, Dialect, EncodeError, ErrorCode, Line, NoPose, Order, PlatformPose, Progress,

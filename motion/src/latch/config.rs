@@ -19,7 +19,7 @@ pub struct LatchConfig {
     /// The rules of the latch, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -85,7 +85,7 @@ impl Default for LatchConfig {
             end_within: Duration::from_millis(1500),
             farewell: Duration::from_millis(150),
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 }

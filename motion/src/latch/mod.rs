@@ -20,7 +20,8 @@ mod config;
 
 use core::time::Duration;
 
-use robot_session::{Expiry, Machine, Unexpected, is_due};
+use robot_session::Unexpected;
+use robot_session::end::{Expiry, Machine, is_due};
 
 pub use config::LatchConfig;
 #[doc(hidden)]

@@ -25,8 +25,9 @@ use super::served::Served;
 use super::service::Service;
 use super::timer::Timer;
 use crate::left::Left;
+use crate::machine::is_due;
 use crate::turn::{Outgoing, Passed, take};
-use crate::{Ended, Session as _, is_due, now};
+use crate::{Ended, Session as _, now};
 
 /// The longest time that a connection which is over waits for the state to be stored.
 const LAST_KEEP: Duration = Duration::from_secs(1);

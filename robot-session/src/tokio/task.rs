@@ -19,7 +19,8 @@ use super::connection::{Connection, Inputs, Over, Waited};
 use super::served::Served;
 use super::shared::{Link, LinkState, Shared, Unrun};
 use super::{Connector, Handle, Reports, Service, Waker};
-use crate::{STALL, Session, is_due, now};
+use crate::machine::is_due;
+use crate::{STALL, Session, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
 const CALLS: usize = 16;

@@ -8,7 +8,8 @@ use std::panic::catch_unwind;
 use crate::common::{Asker, Event, Line, Lines, TooLong};
 use arbitrary::{Arbitrary as _, Unstructured};
 use robot_session::contract::{self, Rng, Script, Subject};
-use robot_session::{Decoder, EventQueue, Session};
+use robot_session::end::EventQueue;
+use robot_session::{Decoder, Session};
 
 /// What a broken decoder does wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]

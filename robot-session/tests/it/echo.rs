@@ -1,6 +1,7 @@
 //! A line that returns what is sent is found out however its bytes arrive.
 
-use robot_session::{Echo, EchoError};
+use robot_session::EchoError;
+use robot_session::end::Echo;
 
 const SENT: [u8; 6] = [1, 1, 2, 1, 1, 3];
 

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use crate::common::echo::{Echo, EchoEvent, EchoMachine, EchoStatistics, Input};
-use robot_session::{End as _, Rules, Session as _, Step, Steps, Unexpected};
+use robot_session::end::{End as _, Rules};
+use robot_session::{Session as _, Step, Steps, Unexpected};
 
 /// What it sends and reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {

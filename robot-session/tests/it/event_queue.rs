@@ -1,6 +1,6 @@
 //! Outcomes are never dropped, of too many notices the oldest is, and the order stays.
 
-use robot_session::EventQueue;
+use robot_session::end::EventQueue;
 
 /// What the queue is to do, in the plainest way.
 #[derive(Default)]

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Exception, Registers, Server, ServerConfig, ServerEvent, Table, WordOrder, Words, WordsMut,
 };
-use robot_session::End as _;
+use robot_session::end::End as _;
 
 pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};

@@ -5,7 +5,7 @@ use core::time::Duration;
 use std::sync::Arc;
 
 use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
-use robot_session::End as _;
+use robot_session::end::End as _;
 
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{End as _, Session};
+use robot_session::Session;
+use robot_session::end::End as _;
 use val2_alter::timing::transmission_time;
 use val2_alter::{Controller, ControllerEvent, ControllerStatistics, ErrorCode};
 

@@ -154,7 +154,7 @@ program!("mmacell-task-task", {
 
 // What a decoder holds of its stream.
 program!("robot-session-buffer", {
-    let mut buffer = robot_session::StreamBuffer::<256>::new();
+    let mut buffer = robot_session::end::StreamBuffer::<256>::new();
     let used = black_box(&mut buffer);
     black_box(used.push(black_box(&[])));
     black_box(used.bytes());
@@ -165,7 +165,7 @@ program!("robot-session-buffer", {
 
 // A queue of events.
 program!("robot-session-queue", {
-    let mut queue = robot_session::EventQueue::<u64, 16>::new();
+    let mut queue = robot_session::end::EventQueue::<u64, 16>::new();
     let used = black_box(&mut queue);
     let _ = black_box(used.push_outcome(1));
     used.push_notice(2);

@@ -4,7 +4,7 @@ use core::fmt::Debug;
 use core::hash::Hash;
 use core::time::Duration;
 
-use robot_session::{Expiry, Input as _, Machine};
+use robot_session::end::{Expiry, Input as _, Machine};
 
 use super::machine::{Drawn, Edge, age, drive};
 use super::pair::{Setting, Terms};
@@ -48,7 +48,7 @@ pub trait Peer {
     /// What a word is to the end, if anything.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
-    /// What is held is given up as corrupt, before [`Input::TIMEOUT`](robot_session::Input::TIMEOUT): see [`Machine::cuts`].
+    /// What is held is given up as corrupt, before [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
     fn cut(&self, _known: &mut Self::Known) {}
 
     /// What else the same bytes are to the end, one after the other, after what was heard or given up.

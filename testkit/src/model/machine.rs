@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Input as _, Machine, Unexpected};
+use robot_session::Unexpected;
+use robot_session::end::{Input as _, Machine};
 
 /// A machine that the model explores, and draws.
 pub trait Drawn: Machine {

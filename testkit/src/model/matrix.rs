@@ -3,7 +3,7 @@
 use core::fmt::Debug;
 use core::time::Duration;
 
-use robot_session::{Expiry, Input as _, Machine};
+use robot_session::end::{Expiry, Input as _, Machine};
 
 /// The time of the table.
 pub const NOW: Duration = Duration::from_secs(1);

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use mmacell_proto::robot_session::{End as _, Session as _};
+use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::robot_session::end::End as _;
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose,
     Order, PlatformPose, Pose, RobotPose, VACUUM,

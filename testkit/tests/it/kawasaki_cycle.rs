@@ -4,7 +4,8 @@
 use core::time::Duration;
 
 use crate::kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
-use kawasaki_msg::robot_session::{End as _, Session as _};
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::robot_session::end::End as _;
 use kawasaki_msg::{
     Dialect, Entry, Field, MessageError, Pc, PcConfig, PcEvent, Phase, Robot, RobotConfig, RobotEvent, Role,
     SessionError, Supply,

@@ -1,4 +1,4 @@
-//! What `robot_session::Machine` says of times, for every machine; and their sizes.
+//! What `robot_session::end::Machine` says of times, for every machine; and their sizes.
 #![allow(missing_docs)]
 
 #[test]

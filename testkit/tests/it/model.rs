@@ -4,7 +4,8 @@
 use core::time::Duration;
 use std::collections::BTreeSet;
 
-use robot_session::{Expiry, Machine, Unexpected};
+use robot_session::Unexpected;
+use robot_session::end::{Expiry, Machine};
 use testkit::model::{
     DEADLOCK, Drawn, Edge, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
     check_or_write, drive, explore, explore_whole, mermaid, trace,

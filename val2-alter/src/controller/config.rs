@@ -33,7 +33,7 @@ pub struct ControllerConfig {
     /// The rules that its machine keeps.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -82,7 +82,7 @@ impl Default for ControllerConfig {
             unselected: Unselected::default(),
             gap: Some(Duration::from_millis(4)),
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Expiry, Machine, Unexpected, is_due};
+use robot_session::Unexpected;
+use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{ControllerConfig, Rule};
 pub use super::input::{Action, Handling, Input, Outgoing, StartOutcome, Taken};

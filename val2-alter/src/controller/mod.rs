@@ -11,7 +11,8 @@ pub use config::{ControllerConfig, ControllerEvent, ControllerStatistics, Unsele
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End as _, EventQueue, Room};
+use robot_session::Decoder as _;
+use robot_session::end::{Core, CoreOf, End as _, EventQueue, Room};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
@@ -179,7 +180,7 @@ impl Controller {
     }
 }
 
-impl robot_session::End for Controller {
+impl robot_session::end::End for Controller {
     type Machine = ControllerMachine;
     type Decoder = Decoder<HostMessage>;
     type Events = EventQueue<ControllerEvent, 16>;

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::is_due;
+use robot_session::end::is_due;
 
 use super::config::{ExceptionOutcome, HostConfig, Rule, UnknownReason};
 use super::due::Due;

@@ -51,7 +51,7 @@ pub struct HostConfig {
     /// The rules that its machine keeps.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -159,7 +159,7 @@ impl Default for HostConfig {
             reserve: Duration::from_millis(1),
             max_delay: Duration::from_millis(10),
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 }

@@ -15,7 +15,8 @@ pub use config::{
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room};
+use robot_session::Decoder as _;
+use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, End as _, Machine as _, Session};
+use robot_session::end::{End as _, Machine as _};
+use robot_session::{Decoder as _, Encode as _, Session};
 use val2_alter::host::machine::{Answer, Course, Draft, HostMachine, Input};
 use val2_alter::{
     ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,

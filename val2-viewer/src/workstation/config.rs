@@ -23,7 +23,7 @@ pub struct WorkstationConfig {
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub rules: robot_session::Rules<Rule>,
+    pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
@@ -86,7 +86,7 @@ impl Default for WorkstationConfig {
             max_hold: Duration::from_secs(5),
             echo: false,
             #[cfg(feature = "model")]
-            rules: robot_session::Rules::ALL,
+            rules: robot_session::end::Rules::ALL,
         }
     }
 }

@@ -6,7 +6,8 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, Echo, EchoError, End, EventQueue, Room, Unexpected};
+use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::{Decoder as _, EchoError, Unexpected};
 
 #[doc(hidden)]
 pub use config::Rule;

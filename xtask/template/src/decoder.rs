@@ -1,4 +1,4 @@
-use robot_session::StreamBuffer;
+use robot_session::end::StreamBuffer;
 
 use crate::error::DecodeError;
 use crate::message::Message;

@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use cellwire_motion::latch::{Latch, LatchAction, LatchConfig, LatchInput};
-use robot_session::{Decoder as _, Driver, EchoError, End as _, Machine as _, Session as _};
+use robot_session::end::{End as _, Machine as _};
+use robot_session::{Decoder as _, Driver, EchoError, Session as _};
 use val2_alter::{AXES, Decoder, Host, HostEvent, HostState, MotionPhase, RobotMessage, Transform};
 
 use super::config::TeleopConfig;

@@ -9,7 +9,8 @@ use anyhow::Result;
 use fanuc_hmi_modbus::{
     self as modbus, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Framing, Reply, Request,
 };
-use robot_session::{Driver, End as _, Ended, Session as _};
+use robot_session::end::End as _;
+use robot_session::{Driver, Ended, Session as _};
 
 use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;

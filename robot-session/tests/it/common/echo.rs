@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use robot_session::{
-    ByteDecoder, Core, CoreOf, Counters, Decoder as _, End, EventQueue, Expiry, Machine, Room, Unexpected,
-    is_due,
+use robot_session::end::{
+    ByteDecoder, Core, CoreOf, Counters, End, EventQueue, Expiry, Machine, Room, is_due,
 };
+use robot_session::{Decoder as _, Unexpected};
 
 /// What the end is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -6,7 +6,8 @@ pub mod echo;
 use core::time::Duration;
 use std::collections::VecDeque;
 
-use robot_session::{Decoder, Encode, EventQueue, Session};
+use robot_session::end::EventQueue;
+use robot_session::{Decoder, Encode, Session};
 
 const LONGEST: usize = 8;
 

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use testkit::links::{self, fanuc_hmi_modbus::rows, kawasaki_msg::rows as kawasaki};
 use testkit::model::Rows;
 
-type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::Machine>::Input)>>;
+type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::end::Machine>::Input)>>;
 
 /// What an end is called in the tables: where its configuration chooses the table, too.
 pub(super) struct Names {
@@ -69,13 +69,13 @@ fn cells<R: Rows<Machine: 'static>>(end: &mut dyn End) -> Vec<String> {
 fn cell<R: Rows>(
     machine: &R::Machine,
     at: Duration,
-    input: &<R::Machine as robot_session::Machine>::Input,
+    input: &<R::Machine as robot_session::end::Machine>::Input,
 ) -> Vec<String> {
     let column = R::column_at(machine, at, input);
     if column.is_empty() { Vec::new() } else { vec![format!("{}: {column}", R::row(machine, at))] }
 }
 
-fn reached<M: robot_session::Machine + 'static>(
+fn reached<M: robot_session::end::Machine + 'static>(
     end: &mut dyn End,
     cells: impl Fn(&M, Duration, &M::Input) -> Vec<String>,
 ) -> Vec<String> {

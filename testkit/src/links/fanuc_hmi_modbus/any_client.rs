@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::ServerConfig;
 use fanuc_hmi_modbus::server::machine::{Action, Due, Input, ServerLink, ServerMachine};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::{COLLISION, GIVEN_UP, OTHER_UNIT, TICK, UNIT};
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};

@@ -12,7 +12,7 @@ use fanuc_hmi_modbus::client::Rule as Client;
 use fanuc_hmi_modbus::server::Rule as Server;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
 pub use margins::margins;
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 pub use self::any_client::AnyClient;
 pub use self::any_server::AnyServer;

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::client::machine::{self as client, ClientLink, ClientMachine, Places, Stage};
 use fanuc_hmi_modbus::server::machine::{self as server, ServerMachine};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::{
     Act, COLLISION, COSTS, ENDED_TWICE, ENDS, FOREIGN_REPLY, Fate, Flags, Frame, GIVEN_UP, Job, Line,

@@ -8,7 +8,8 @@ use fanuc_hmi_modbus::{
     Client, ClientEvent, Exception, Failure, Frame, Registers, Reply, Request, Server, ServerEvent, Ticket,
     Words, WordsMut,
 };
-use robot_session::{Encode as _, End as _, Machine as _, Session as _};
+use robot_session::end::{End as _, Machine as _};
+use robot_session::{Encode as _, Session as _};
 
 use super::world::{Act, Fate, Job, Outcome, Setup, TICK, Verdict, World};
 use crate::model::{self, Refined, age};

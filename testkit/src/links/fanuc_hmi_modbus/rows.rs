@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::client::machine::{
 };
 use fanuc_hmi_modbus::server::machine::{self as server, Line, ServerLink, ServerMachine};
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig};
-use robot_session::{Input as _, Machine as _, is_due};
+use robot_session::end::{Input as _, Machine as _, is_due};
 
 use crate::model::{Drawn, NOW, Rows};
 

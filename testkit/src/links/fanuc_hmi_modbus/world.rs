@@ -5,7 +5,7 @@ use core::time::Duration;
 use fanuc_hmi_modbus::client::machine::ClientMachine;
 use fanuc_hmi_modbus::server::machine::ServerMachine;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 pub(super) const TICK: Duration = Duration::from_millis(10);
 pub(super) const UNIT: u8 = 1;

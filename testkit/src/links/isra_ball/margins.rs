@@ -4,7 +4,8 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
-use robot_session::{End as _, Machine as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::{End as _, Machine as _};
 
 use super::pair::{AGE, CLAIMED};
 use crate::model::{Margin, Step};

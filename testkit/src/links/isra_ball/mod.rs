@@ -14,7 +14,7 @@ pub use margins::margins;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, Setting, Table, at, both, draw};
 use any_ball::{ANSWERED, APART, DRAINED, MARKED, PROVED, WINDOW};

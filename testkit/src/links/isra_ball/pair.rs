@@ -8,7 +8,7 @@ use core::time::Duration;
 use crate::model::{Edge, Edges, System, age, drive};
 use isra_ball::ball::machine::{self as ball, BallMachine};
 use isra_ball::host::machine::{self as host, HostMachine};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::{Act, Exchange, Fate, LINE, Packet, State, TICK};
 

@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::{Ball, Host, HostEvent, Keys};
-use robot_session::{End as _, Machine as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::{End as _, Machine as _};
 
 use super::world::{Act, Exchange, Fate, State, TICK};
 use crate::model::{self, Refined, age};

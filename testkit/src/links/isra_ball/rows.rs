@@ -5,7 +5,7 @@ use core::time::Duration;
 use isra_ball::ball::machine::{self as ball, BallMachine};
 use isra_ball::host::machine::{self as host, HostMachine, Poll, Polling, Values};
 use isra_ball::{BallConfig, HostConfig};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use crate::model::{Drawn, NOW, Rows};
 

@@ -5,7 +5,7 @@ use core::time::Duration;
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::host::machine::HostMachine;
 use isra_ball::{BallConfig, HostConfig};
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 /// The time of a tick.
 pub const TICK: Duration = Duration::from_millis(5);

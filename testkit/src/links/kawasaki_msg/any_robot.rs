@@ -6,7 +6,7 @@ use kawasaki_msg::pc::machine::{
     Action, Config, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, Rest, Sent, Stage, Start,
 };
 use kawasaki_msg::{FromRobot, Phase, Status};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::machines::Pc;
 use super::pair::{NO_SPIN, ONE_OUTCOME, UNEXPECTED};

@@ -5,7 +5,7 @@ use core::time::Duration;
 use kawasaki_msg::FromRobot;
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine as robot;
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use crate::model::Drawn;
 

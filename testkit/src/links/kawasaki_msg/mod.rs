@@ -18,7 +18,7 @@ use kawasaki_msg::pc::Rule as PcRule;
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::Rule as RobotRule;
 use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 pub use any_pc::{AnyPc, Peer};
 pub use any_robot::AnyRobot;

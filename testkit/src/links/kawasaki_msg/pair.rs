@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine::{Cycle, Link, Order, Stage};

@@ -6,7 +6,8 @@ use std::rc::Rc;
 
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine::{self as robot, AckState, Link};
-use kawasaki_msg::robot_session::{Decoder as _, End as _, Machine as _, Session};
+use kawasaki_msg::robot_session::end::{End as _, Machine as _};
+use kawasaki_msg::robot_session::{Decoder as _, Session};
 use kawasaki_msg::{
     Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, LargePc, LargeRobot, Line, PcEvent, Point,
     RobotEvent, Supply,

@@ -5,7 +5,7 @@ use core::time::Duration;
 use kawasaki_msg::pc::machine::{Config, Input, Machine, Order, Rest, Sent};
 use kawasaki_msg::robot::machine as robot;
 use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use crate::model::{NOW, Rows};
 
@@ -151,7 +151,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             },
             Input::Ahead { .. } if machine.name() != "Active" => "",
             Input::Reported if machine.report().is_none() => "",
-            _ => robot_session::Input::name(input),
+            _ => robot_session::end::Input::name(input),
         };
         name.into()
     }
@@ -282,13 +282,13 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
                 FromPc::Job { good: false, .. } => "",
                 FromPc::Job { number, .. } if number != next => "Message(Job of another number)",
                 FromPc::Job { .. } if !room => "Message(Job, no room)",
-                _ => robot_session::Input::name(input),
+                _ => robot_session::end::Input::name(input),
             },
             On::ReadEnd { whole: false } => "ReadEnd(partial)",
             // Nothing is sent before it is due, and nothing reported that did not happen.
             On::Sent(_) if machine.transmit(now, &Self::config()).is_none() => "",
             On::Reported if machine.report().is_none() => "",
-            _ => robot_session::Input::name(input),
+            _ => robot_session::end::Input::name(input),
         };
         name.into()
     }

@@ -5,7 +5,7 @@ use core::time::Duration;
 use kawasaki_msg::pc::machine::{self as pc, Outcome, Rest};
 use kawasaki_msg::robot::machine::{self as robot, Cycle, Link, Order, RecoveryStep, Stage};
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::machines::{Pc, Robot, packet};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Input, Receiving, Work};
 use laser_eb90::{ControllerConfig, Refusal};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::CUT;
 use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};

@@ -15,7 +15,7 @@ pub use margins::margins;
 use laser_eb90::controller::Rule as ControllerRule;
 use laser_eb90::host::Rule as HostRule;
 use laser_eb90::{ControllerConfig, HostConfig};
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 use self::any_controller::AnyController;
 use self::any_host::AnyHost;

@@ -5,7 +5,7 @@ use core::time::Duration;
 use laser_eb90::Refusal;
 use laser_eb90::controller::machine::{ControllerMachine, Input as ControllerInput, Receiving, Work};
 use laser_eb90::host::machine::{HostLink, HostMachine, Input as HostInput};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::step::Step;
 use super::world::{Act, Fate, Faults, Found, Held, Job, Reported, Setup, World};

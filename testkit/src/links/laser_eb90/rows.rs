@@ -7,7 +7,7 @@ use laser_eb90::controller::machine::{
 };
 use laser_eb90::host::machine::{self as host, Batch, HostLink, HostMachine, Sent, Tries};
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use crate::model::{NOW, Rows};
 
@@ -195,7 +195,7 @@ impl Rows for Controller {
             On::Read { partial: false } => "Read, nothing left".into(),
             On::Read { partial: true } => "Read, a partial frame".into(),
             On::Executed(Err(_)) => "Executed, failed".into(),
-            _ => robot_session::Input::name(input).into(),
+            _ => robot_session::end::Input::name(input).into(),
         }
     }
 }

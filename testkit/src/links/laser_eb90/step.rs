@@ -5,7 +5,7 @@ use core::time::Duration;
 use laser_eb90::controller::machine::{Answer, ControllerMachine, Input as ControllerInput, Receiving};
 use laser_eb90::host::machine::{Action, HostLink, HostMachine, Input as HostInput, Outcome};
 use laser_eb90::{Class, Refusal};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::{Act, Content, Fate, Found, Held, Reply, Reported, Setup, Transmission, World};
 use crate::model::{Edges, age, drive};

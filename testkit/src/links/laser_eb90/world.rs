@@ -5,7 +5,7 @@ use core::time::Duration;
 use laser_eb90::controller::machine::{Answer, ControllerMachine};
 use laser_eb90::host::machine::HostMachine;
 use laser_eb90::{ControllerConfig, HostConfig, Refusal};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 /// An interpreted instruction and an immediate one.
 pub const CUT: u16 = 0x0101;

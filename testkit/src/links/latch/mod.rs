@@ -8,7 +8,7 @@ pub use margins::margins;
 pub use world::{Act, Operated, State, TICK};
 
 use cellwire_motion::latch::{LatchConfig, Rule};
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 use self::world::{ARMED, CONFIRMED, END, FRESH, HELD, OPEN, RESTED, RUNS, SHOWN, STOP, STOPPED};
 use crate::model::{Depth, Diagram, MustFail, Pair, Setting, Table, draw};

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use cellwire_motion::latch::{Cause, Latch, LatchConfig, LatchInput};
-use robot_session::{Machine as _, is_due};
+use robot_session::end::{Machine as _, is_due};
 
 use crate::model::{Drawn, NOW, Rows};
 
@@ -89,7 +89,7 @@ impl Rows for Operator {
     fn column(input: &LatchInput) -> String {
         match input {
             LatchInput::Hand { fresh_until, .. } if is_due(*fresh_until, NOW) => "Hand(old)".into(),
-            _ => robot_session::Input::name(input).into(),
+            _ => robot_session::end::Input::name(input).into(),
         }
     }
 }

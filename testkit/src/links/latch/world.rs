@@ -6,7 +6,7 @@
 use core::time::Duration;
 
 use cellwire_motion::latch::{Cause, Latch, LatchAction, LatchConfig, LatchInput};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use crate::model::{Edge, Edges, System, age, drive};
 

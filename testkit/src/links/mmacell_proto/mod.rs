@@ -15,7 +15,7 @@ use mmacell_proto::central::Rule as CentralRule;
 use mmacell_proto::device::Rule as DeviceRule;
 use mmacell_proto::{CentralConfig, DeviceConfig};
 
-use robot_session::Rules;
+use robot_session::end::Rules;
 
 pub use self::any_central::AnyCentral;
 pub use self::any_device::AnyDevice;

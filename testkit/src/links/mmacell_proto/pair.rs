@@ -8,7 +8,7 @@ use mmacell_proto::{
     CentralEvent, Closing, Command, DecodeError, DeviceEvent, ErrorCode, Miss, Mode, Order, Progress, Reply,
     Unfinished,
 };
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::world::{
     ARRIVED, Act, BETWEEN, DONE, EXPECTED, HOME, IN_FAULT, Job, NO_BREAK, NO_TARGET, NOT_DONE, NOT_MISSED,

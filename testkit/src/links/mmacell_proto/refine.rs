@@ -6,7 +6,8 @@ use mmacell_proto::central::machine::CentralLink;
 use mmacell_proto::{
     Central, CentralEvent, Command, Device, DeviceEvent, ErrorCode, Mode, Order, Reply, Unfinished,
 };
-use robot_session::{End as _, Machine as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::{End as _, Machine as _};
 
 use super::world::{Act, BETWEEN, HOME, Outcome, Pose, Setup, TICK, World, target};
 use crate::model::{self, Refined, age};

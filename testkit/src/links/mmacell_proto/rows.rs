@@ -7,7 +7,7 @@ use mmacell_proto::device::machine::{self as device, Axes, DeviceLink, DeviceMac
 use mmacell_proto::{
     CentralConfig, Command, DecodeError, DeviceConfig, ErrorCode, Mode, Order, PlatformPose, Reply, Status,
 };
-use robot_session::{Input as _, Machine as _};
+use robot_session::end::{Input as _, Machine as _};
 
 use crate::model::{Drawn, NOW, Rows};
 

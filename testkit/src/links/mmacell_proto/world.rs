@@ -5,7 +5,7 @@ use core::time::Duration;
 use mmacell_proto::central::machine::{CentralMachine, Motion, Target};
 use mmacell_proto::device::machine::DeviceMachine;
 use mmacell_proto::{CentralConfig, Command, DeviceConfig, ErrorCode, Order, PlatformPose, Reply};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 pub(super) const TICK: Duration = Duration::from_millis(50);
 pub(super) const HOME: PlatformPose = PlatformPose::ORIGIN;

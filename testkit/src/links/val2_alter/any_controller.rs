@@ -11,7 +11,7 @@
 
 use core::time::Duration;
 
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending};
 use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
 

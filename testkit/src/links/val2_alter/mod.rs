@@ -20,7 +20,7 @@ pub use setup::{Alter, TICK};
 pub use world::{Message, Reply, World};
 
 use crate::model::{Against, Depth, Diagram, MustFail, Pair, Setting, Table, at, both, draw};
-use robot_session::Rules;
+use robot_session::end::Rules;
 use val2_alter::{HostConfig, Mode, controller, host};
 
 use world::{

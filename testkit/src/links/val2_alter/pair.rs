@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine as _, Rules};
+use robot_session::end::{Machine as _, Rules};
 use val2_alter::controller::machine::{self as controller, ControllerMachine, ControllerPhase, Progress};
 use val2_alter::host::machine::{self as host, Answer, Course, HostMachine, HostPhase};
 use val2_alter::{AXES, ErrorCode, Exception, ExceptionOutcome, Policy, StartCode, timing};

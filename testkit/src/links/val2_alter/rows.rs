@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, is_due};
+use robot_session::end::{Machine, is_due};
 use val2_alter::controller::machine::{
     self as controller, ControllerMachine, ControllerPhase, Progress, Turn,
 };
@@ -164,7 +164,7 @@ impl Rows for Host {
             On::Exception { has_room: false, .. } => return String::new(),
             _ => "",
         };
-        format!("{}{more}", robot_session::Input::name(input))
+        format!("{}{more}", robot_session::end::Input::name(input))
     }
 }
 
@@ -334,6 +334,6 @@ impl Rows for Controller {
             On::Start { has_room: false } => return String::new(),
             _ => "",
         };
-        format!("{}{more}", robot_session::Input::name(input))
+        format!("{}{more}", robot_session::end::Input::name(input))
     }
 }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Rules;
+use robot_session::end::Rules;
 use val2_alter::controller::Rule;
 use val2_alter::{Accumulation, ControllerConfig, HostConfig, Limits, Mode};
 

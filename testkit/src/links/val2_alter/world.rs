@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 use val2_alter::controller::machine::{
     self as controller, ControllerMachine, ControllerPhase, Handling, Outgoing, Progress, StartOutcome,
     Taken, Turn,

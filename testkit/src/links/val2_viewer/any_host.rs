@@ -243,7 +243,7 @@ impl Peer for AnyHost {
 
     fn broken(&self, end: &WorkstationMachine, known: &Known, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
-        let is_due = robot_session::Machine::expires(end, Duration::ZERO);
+        let is_due = robot_session::end::Machine::expires(end, Duration::ZERO);
         if request(end).is_some_and(is_waiting) != known.open {
             broken.push(ONE_OUTCOME);
         }

@@ -14,7 +14,7 @@ pub use margins::margins;
 
 pub use world::{Act, Exchange, Fate, Packet, State, TICK};
 
-use robot_session::Rules;
+use robot_session::end::Rules;
 use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};
 
 pub use any_host::AnyHost;

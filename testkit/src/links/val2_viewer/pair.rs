@@ -4,7 +4,7 @@
 
 use core::time::Duration;
 
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 use val2_viewer::host::machine::{self as host, HostMachine};
 use val2_viewer::workstation::machine::{self as workstation, Display, Request, WorkstationMachine};
 

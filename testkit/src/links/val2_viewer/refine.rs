@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{End as _, Machine as _, Session};
+use robot_session::Session;
+use robot_session::end::{End as _, Machine as _};
 use val2_viewer::{ENQ, Host, HostEvent, PosePacket, Workstation, WorkstationEvent};
 
 use super::world::{Act, Exchange, Fate, State, TICK};

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 use val2_viewer::host::machine::{self as host, HostMachine, Link, Pose};
 use val2_viewer::workstation::machine::{self as workstation, Display, Picture, Request, WorkstationMachine};
 use val2_viewer::{Flow, HostConfig, WorkstationConfig};

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Rules;
+use robot_session::end::Rules;
 use val2_viewer::host::machine::HostMachine;
 use val2_viewer::workstation::machine::WorkstationMachine;
 use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};

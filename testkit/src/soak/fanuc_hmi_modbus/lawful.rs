@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{Exception, Frame, Reply, Request, Side};
-use robot_session::{Encode as _, End as _};
+use robot_session::Encode as _;
+use robot_session::end::End as _;
 
 use super::bank::Bank;
 use super::{Cell, MS, UNIT, Way};

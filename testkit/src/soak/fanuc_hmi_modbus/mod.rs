@@ -11,7 +11,8 @@ use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Reply, Request, Server, ServerConfig,
     Side, Ticket, Words,
 };
-use robot_session::{End as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::End as _;
 
 use self::any_client::AnyClient;
 use self::bank::{Asked, Bank, REFUSALS, Write, is_held};

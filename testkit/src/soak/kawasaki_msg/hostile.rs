@@ -2,7 +2,8 @@
 
 use core::fmt::Write as _;
 
-use kawasaki_msg::robot_session::{End as _, Session as _};
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::robot_session::end::End as _;
 
 use super::picture::Picture;
 use super::{Cell, LIMIT, MS, Mishap};

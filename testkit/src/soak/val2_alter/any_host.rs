@@ -5,7 +5,8 @@
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, End as _};
+use robot_session::Decoder as _;
+use robot_session::end::End as _;
 use val2_alter::timing;
 use val2_alter::{
     Decoder, ErrorCode, Exception, Frame, Framing, HostMessage, Message as _, MotionPhase, Reply,

@@ -6,7 +6,8 @@ mod hostile;
 
 use core::time::Duration;
 
-use robot_session::{End as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::End as _;
 use val2_alter::{
     Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError, ErrorCode,
     Exception, ExceptionOutcome, Frame, Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits,

@@ -9,7 +9,8 @@ mod peers;
 
 use core::time::Duration;
 
-use val2_viewer::robot_session::{End as _, Machine as _, Session as _};
+use val2_viewer::robot_session::Session as _;
+use val2_viewer::robot_session::end::{End as _, Machine as _};
 use val2_viewer::{
     DecodeError, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
     XOFF, XON,

@@ -6,7 +6,8 @@ use laser_eb90::controller::machine::Answer;
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, Host, HostConfig, HostEvent, Instruction, Item, Refusal,
 };
-use robot_session::{End as _, Machine as _, Session};
+use robot_session::Session;
+use robot_session::end::{End as _, Machine as _};
 use robot_work_queue::Reader as QueueReader;
 use testkit::links::laser_eb90::world::{
     Act, Content, Fate, Found, Reported, SWITCH, Setup, Transmission, World,

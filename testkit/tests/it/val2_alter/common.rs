@@ -3,7 +3,8 @@
 
 use core::time::Duration;
 
-use robot_session::{End as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::End as _;
 use testkit::link::{End as Side, Faults, Link};
 use testkit::turn;
 use val2_alter::{

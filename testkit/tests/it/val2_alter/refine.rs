@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use robot_session::{End as _, Machine as _, Session as _};
+use robot_session::Session as _;
+use robot_session::end::{End as _, Machine as _};
 use testkit::links::val2_alter::{Act, Alter, Fate, Message as Sent, Reply as Answer, TICK, World};
 use testkit::model::{Edge, Options, System, explore};
 use val2_alter::{

@@ -5,7 +5,8 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
+use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::{Decoder as _, Encode as _, Unexpected};
 
 pub use config::DeviceConfig;
 #[doc(hidden)]

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
-use robot_session::{Driver, End as _, Received, Sent, Session as _, Transport, Wait, now};
+use robot_session::end::End as _;
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
 
 use super::path::Cut;
 use super::tally::Known;

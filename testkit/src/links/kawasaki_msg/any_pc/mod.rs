@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use kawasaki_msg::robot::machine::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
 use kawasaki_msg::{FromPc, RobotConfig};
-use robot_session::Machine as _;
+use robot_session::end::Machine as _;
 
 use super::machines::{Robot, packet};
 use super::pair::{NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};

@@ -22,3 +22,5 @@ mod properties;
 mod server;
 #[cfg(feature = "serde")]
 mod shapes;
+#[cfg(feature = "tokio")]
+mod values;

@@ -399,9 +399,9 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
     let column = |row: &str, n: usize| row.split(',').nth(n).unwrap().parse::<f64>().unwrap();
     let mut fastest: f64 = 0.0;
     for row in table.lines().skip(1) {
-        let (x, y, z) = (column(row, 4), column(row, 5), column(row, 6));
+        let (x, y, z) = (column(row, 5), column(row, 6), column(row, 7));
         assert!((399.9..500.1).contains(&x) && (y + 50.0).abs() < 0.01 && (z - 150.0).abs() < 0.01, "{row}");
-        fastest = fastest.max(column(row, 21).abs());
+        fastest = fastest.max(column(row, 22).abs());
     }
     assert!((fastest - 200.0).abs() < 1.0, "{fastest} mm/s");
     // What cannot begin is refused, with a reason.

@@ -1,7 +1,7 @@
 //! Values wider than a register over the handle.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
-use std::net::Ipv4Addr;
+use core::net::Ipv4Addr;
 
 use crate::common::Bank;
 use fanuc_hmi_modbus::robot_session::tokio::{Tcp, serve};

@@ -255,7 +255,7 @@ fn every_command_of_a_link_takes_what_identify_writes() {
                 "simulate fanuc --listen nowhere",
                 "modbus send 127.0.0.1:1",
                 "modbus scan 127.0.0.1:1",
-                "modbus poll 127.0.0.1:1 coils:0",
+                "modbus poll 127.0.0.1:1 coils:0 --for 1ms",
                 "fanuc read 127.0.0.1:1 real --address 0",
                 "fanuc write 127.0.0.1:1 real 1.5 --address 0",
                 &format!("fanuc log 127.0.0.1:1 --for 1ms --csv {csv}"),

@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::robot_session::tokio::Tcp;
 use fanuc_hmi_modbus::tokio::{Error, client};
-use fanuc_hmi_modbus::{ClientConfig, WordOrder};
+use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -14,7 +14,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let (robot, task) = client(ClientConfig::tcp(), Tcp::new(address))?;
     tokio::spawn(task.run());
     loop {
-        match robot.read_telemetry(WordOrder::LowFirst).await {
+        match robot.read_telemetry(TelemetryBlock::ADDRESS, WordOrder::LowFirst).await {
             Ok(block) => println!("{block:?}"),
             Err(Error::Closed(closed)) => return Err(closed.into()),
             Err(error) => println!("{error}"),

@@ -4,7 +4,9 @@ pub use crate::error::TextError;
 
 /// The registers of one string register SR\[n\]: 80 characters. An assignment of more registers goes on with SR\[n + 1\].
 /// (From public notes; not verified on a controller.)
-pub const REGISTERS: u16 = 40;
+pub const REGISTERS: usize = 40;
+/// [`REGISTERS`] as the quantity of a request, or to count addresses.
+pub const QUANTITY: u16 = 40;
 
 /// Reads a string from registers, high byte first, up to the first NUL or the end; returns how many bytes it has.
 /// Bytes that do not fit `out`, two per register, are dropped.

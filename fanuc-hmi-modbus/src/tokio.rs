@@ -2,12 +2,12 @@
 //!
 //! ```no_run
 //! use fanuc_hmi_modbus::robot_session::tokio::Tcp;
-//! use fanuc_hmi_modbus::{ClientConfig, WordOrder};
+//! use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 //!
 //! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
 //! let (robot, task) = fanuc_hmi_modbus::tokio::client(ClientConfig::tcp(), Tcp::new("192.168.0.10:502"))?;
 //! tokio::spawn(task.run());
-//! let block = robot.read_telemetry(WordOrder::LowFirst).await?;
+//! let block = robot.read_telemetry(TelemetryBlock::ADDRESS, WordOrder::LowFirst).await?;
 //! robot.write_registers(100, &[1, 2, 3]).await?;
 //! # Ok(()) }
 //! ```
@@ -26,11 +26,11 @@ use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, 
 
 use crate::block::TelemetryBlock;
 use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
-use crate::error::{ConfigError, EncodeError, Mismatch, SessionError};
+use crate::error::{ConfigError, EncodeError, Mismatch, SessionError, TextError};
 use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
 use crate::position::PositionRegister;
 use crate::text;
-use crate::typed::{Number, WordOrder};
+use crate::typed::{Number, NumberError, WordOrder};
 
 /// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
 /// flight, the others wait, the oldest first.
@@ -103,6 +103,12 @@ pub enum Error {
     /// The caller's fault; nothing was sent.
     #[error(transparent)]
     Request(#[from] SessionError),
+    /// The registers cannot hold the number; nothing was sent.
+    #[error(transparent)]
+    Number(#[from] NumberError),
+    /// The registers cannot hold the string; nothing was sent.
+    #[error(transparent)]
+    Text(#[from] TextError),
     /// There is no connection, and the attempt to make one has failed; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
@@ -123,7 +129,11 @@ impl Error {
         match self {
             Self::Failed(failure) => failure.is_unknown(),
             Self::Closed(_) => true,
-            Self::Request(_) | Self::NotConnected(_) | Self::Exception(_) => false,
+            Self::Request(_)
+            | Self::Number(_)
+            | Self::Text(_)
+            | Self::NotConnected(_)
+            | Self::Exception(_) => false,
         }
     }
 }
@@ -182,14 +192,15 @@ impl Client {
         self.words(&Request::ReadInputRegisters { address, quantity }).await
     }
 
-    /// The telemetry block of the FANUC controller: 37 holding registers from address 0.
+    /// The telemetry block whose first holding register has this address: 37 registers. [`Assignment::TELEMETRY`](crate::Assignment::TELEMETRY)
+    /// has it at [`TelemetryBlock::ADDRESS`].
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn read_telemetry(&self, order: WordOrder) -> Result<TelemetryBlock, Error> {
-        let words = self.words(&TelemetryBlock::request()).await?;
-        TelemetryBlock::from_words(&Words::from(words.as_slice()), order)
-            .ok_or(misfit(&TelemetryBlock::request(), &words))
+    pub async fn read_telemetry(&self, address: u16, order: WordOrder) -> Result<TelemetryBlock, Error> {
+        let request = Request::ReadHoldingRegisters { address, quantity: TelemetryBlock::QUANTITY };
+        let words = self.words(&request).await?;
+        TelemetryBlock::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
     }
 
     /// The position register whose first holding register has this address: 50 registers.
@@ -218,7 +229,7 @@ impl Client {
     }
 
     /// The string, alarm or program name in these holding registers, two characters each, up to the first NUL: that of an assignment
-    /// with `$MULTIPLY` −1. A string register takes [`text::REGISTERS`]. Bytes that are not UTF-8 are read as Latin-1.
+    /// with `$MULTIPLY` −1. A string register takes [`text::QUANTITY`] registers. Bytes that are not UTF-8 are read as Latin-1.
     ///
     /// # Errors
     /// See [`Error`].
@@ -229,6 +240,27 @@ impl Client {
         bytes.truncate(length);
         Ok(String::from_utf8(bytes)
             .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()))
+    }
+
+    /// Writes a numeric variable in one request; the other arguments are those of [`read_number`](Self::read_number).
+    ///
+    /// # Errors
+    /// [`Error::Number`] if the registers cannot hold the value: nothing is sent. See [`Error`].
+    pub async fn write_number(&self, address: u16, number: Number, value: f64) -> Result<(), Error> {
+        let words = number.write(value)?;
+        let quantity = usize::from(number.kind.registers());
+        self.write_registers(address, words.get(..quantity).unwrap_or(&words)).await
+    }
+
+    /// Writes a string in one request: its bytes, then NULs up to the end of these registers. [`read_text`](Self::read_text) reads it.
+    ///
+    /// # Errors
+    /// [`Error::Text`] if the string is longer than two bytes per register, or has a NUL in it: nothing is sent. See [`Error`].
+    pub async fn write_text(&self, addresses: impl RangeBounds<u16>, text: &str) -> Result<(), Error> {
+        let (address, quantity) = run(&addresses);
+        let mut words = vec![0; quantity.into()];
+        text::write(text.as_bytes(), &mut words)?;
+        self.write_registers(address, &words).await
     }
 
     /// Writes a position register in one request.

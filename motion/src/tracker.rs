@@ -27,6 +27,8 @@ use super::orientation::Quaternion;
 #[derive(Debug, Clone)]
 pub struct Tracker {
     period: Duration,
+    /// The runs from one block to the next when no read is missed.
+    expected: u32,
     last: Option<Last>,
     counts: Counts,
 }
@@ -59,7 +61,7 @@ pub enum Observation {
 pub struct MotionSample {
     /// The time since the first block, by the life counter.
     pub time: Duration,
-    /// The runs since the block before that were not read.
+    /// The runs since the previous block that were not read and that the polling interval does not skip.
     pub missed: u32,
     /// X, Y, Z in mm.
     pub position: [f64; 3],
@@ -82,9 +84,9 @@ pub struct Counts {
     pub samples: u64,
     /// Blocks that were read twice.
     pub repeated: u64,
-    /// Times that runs were missed.
+    /// Times that runs were missed: more than half a polling interval beyond one.
     pub gaps: u64,
-    /// Runs that were missed.
+    /// Runs that were missed, without those that the polling interval skips.
     pub missed: u64,
     /// Restarts of the controller.
     pub restarts: u64,
@@ -98,7 +100,14 @@ impl Tracker {
 
     /// A tracker for a task that runs with this period, which is not zero.
     pub fn with_period(period: Duration) -> Self {
-        Self { period, last: None, counts: Counts::default() }
+        Self::with_polls(period, period)
+    }
+
+    /// A tracker for a task that runs with this period, which is not zero, and whose blocks are read at this interval.
+    pub fn with_polls(period: Duration, poll: Duration) -> Self {
+        let expected = poll.as_nanos().div_ceil(period.as_nanos().max(1)).max(1);
+        let expected = u32::try_from(expected).unwrap_or(u32::MAX);
+        Self { period, expected, last: None, counts: Counts::default() }
     }
 
     /// Takes the next block.
@@ -124,15 +133,17 @@ impl Tracker {
         let runs = last.runs + u64::from(step);
         self.last = Some(Last { runs, orientation, ..first });
         self.counts.samples += 1;
-        self.counts.gaps += u64::from(step > 1);
-        self.counts.missed += u64::from(step - 1);
+        let is_gap = 2 * u64::from(step) > 3 * u64::from(self.expected);
+        let missed = if is_gap { step - self.expected } else { 0 };
+        self.counts.gaps += u64::from(is_gap);
+        self.counts.missed += u64::from(missed);
 
         let seconds = f64::from(step) * self.period.as_secs_f64();
         let rotation = last.orientation.rotation_to(orientation);
         let world = rotation.map(|part| part / seconds);
         Observation::Sample(MotionSample {
             time: span(self.period, runs),
-            missed: step - 1,
+            missed,
             position,
             orientation,
             velocity: rates(last.position, position, seconds),

@@ -7,6 +7,7 @@ use svg::node::element::{Circle, Group, Line as Stroke, Rectangle, Text};
 
 use crate::io::drawing::{Line, Point, mm, strokes};
 use crate::io::files;
+use crate::io::journal::Outcome;
 
 const INK: &str = "#404040";
 const OFF: &str = "#d04000";
@@ -14,19 +15,31 @@ const START: &str = "#288c46";
 const END: &str = "#c83c32";
 
 /// Draws lines on their sheet as seen from above, with axes in millimetres: X to the right, Y down. The ways between lines are thin;
-/// `names` are those of a line and of such a way in the key.
+/// `names` are those of a line and of such a way in the key. With `outcomes`, one for each line, the lines are marked by them.
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write(path: &Path, sheet: Point, lines: &[Line], names: [&str; 2]) -> Result<()> {
-    draw(path, &Plan { sheet, origin: [0.0; 2], up: false, lines, names })
+pub fn write(
+    path: &Path,
+    sheet: Point,
+    lines: &[Line],
+    outcomes: &[Outcome],
+    names: [&str; 2],
+) -> Result<()> {
+    draw(path, &Plan { sheet, origin: [0.0; 2], up: false, lines, outcomes, names })
 }
 
-/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a margin.
+/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a margin. With
+/// `outcomes`, one for each place, the ways to them are marked by them.
 ///
 /// # Errors
 /// When the route leaves 10 km, or the file cannot be written.
-pub fn write_route(path: &Path, route: &[([f64; 2], bool)], names: [&str; 2]) -> Result<()> {
+pub fn write_route(
+    path: &Path,
+    route: &[([f64; 2], bool)],
+    outcomes: &[Outcome],
+    names: [&str; 2],
+) -> Result<()> {
     let of = |axis: usize| route.iter().filter_map(move |(place, _)| place.get(axis).copied());
     let least = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
     let most = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
@@ -40,7 +53,8 @@ pub fn write_route(path: &Path, route: &[([f64; 2], bool)], names: [&str; 2]) ->
         .map(|((from, _), (to, draws))| Line { draws: *draws, from: point(*from), to: point(*to) })
         .collect();
     let sheet = point([(right + margin).ceil(), (low - margin).floor()]);
-    draw(path, &Plan { sheet, origin: [left, top], up: true, lines: &lines, names })
+    let outcomes = outcomes.get(1..).unwrap_or_default();
+    draw(path, &Plan { sheet, origin: [left, top], up: true, lines: &lines, outcomes, names })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
@@ -54,11 +68,37 @@ struct Plan<'a> {
     origin: [f64; 2],
     up: bool,
     lines: &'a [Line],
+    outcomes: &'a [Outcome],
     names: [&'a str; 2],
 }
 
+/// The colors of lines by their outcomes, and the words of the key.
+const MARKS: [(&str, &str); 3] = [("black", "done"), ("#a020c0", "unknown"), ("#5090e0", "to do")];
+
+/// Returns the index of an outcome in [`MARKS`].
+const fn mark(outcome: Outcome) -> usize {
+    match outcome {
+        Outcome::Done => 0,
+        Outcome::Unknown => 1,
+        Outcome::NotSent | Outcome::Refused => 2,
+    }
+}
+
+impl Plan<'_> {
+    /// Returns the lines with this mark, or all of a plan without outcomes.
+    fn marked(&self, index: usize) -> Vec<Line> {
+        match self.outcomes {
+            [] if index == 0 => self.lines.to_vec(),
+            outcomes => {
+                let lines = self.lines.iter().zip(outcomes);
+                lines.filter(|(_, outcome)| mark(**outcome) == index).map(|(line, _)| *line).collect()
+            }
+        }
+    }
+}
+
 fn draw(path: &Path, plan: &Plan<'_>) -> Result<()> {
-    let Plan { sheet, origin: [x0, y0], up, lines, names } = *plan;
+    let Plan { sheet, origin: [x0, y0], up, lines, outcomes, names: [name, between] } = *plan;
     let (width, height) = (mm(sheet.x), mm(sheet.y));
     let longest = width.max(height);
     // On a small sheet thin lines, on a large one lines that can be seen.
@@ -90,12 +130,14 @@ fn draw(path: &Path, plan: &Plan<'_>) -> Result<()> {
     // The key: both kinds of lines, start and end, and how long a step of the axes is.
     let mut left = 0.0;
     let row = height + 4.6 * size;
-    for (name, color) in names.into_iter().zip(["black", OFF]) {
+    let marks = MARKS.map(|(color, word)| (format!("{name}, {word}"), color));
+    let names = if outcomes.is_empty() { vec![(name.to_owned(), "black")] } else { marks.to_vec() };
+    for (name, color) in names.into_iter().chain([(between.to_owned(), OFF)]) {
         let stroke = tick([left, row], [left + 2.0 * size, row]);
         let stroke = stroke.set("stroke", color).set("stroke-width", shown(2.0 * line));
         axes =
             axes.add(if color == OFF { stroke.set("stroke-dasharray", shown(size / 3.0)) } else { stroke });
-        axes = axes.add(label(name, left + 2.5 * size, row + size / 3.0, "start"));
+        axes = axes.add(label(&name, left + 2.5 * size, row + size / 3.0, "start"));
         #[expect(clippy::cast_precision_loss, reason = "a few letters")]
         let letters = name.len() as f64;
         left += (4.5 + 0.6 * letters) * size;
@@ -123,7 +165,14 @@ fn draw(path: &Path, plan: &Plan<'_>) -> Result<()> {
     let wide = (width + 1.2 * margin).max(left + step + 8.0 * size + margin);
     let view = [-margin, -margin / 2.0, wide, height + 1.7 * margin].map(shown);
     let [x, y, wide, high] = view;
-    let between = strokes(lines, false, OFF, shown(line / 2.0)).set("stroke-dasharray", shown(size / 3.0));
+    let thin = strokes(lines, false, OFF, shown(line / 2.0)).set("stroke-dasharray", shown(size / 3.0));
+    let mut thick = Group::new();
+    for (index, (color, _)) in MARKS.iter().enumerate() {
+        let marked = plan.marked(index);
+        if marked.iter().any(|line| line.draws) {
+            thick = thick.add(strokes(&marked, true, color, shown(line)));
+        }
+    }
     let document = svg::Document::new()
         .set("width", 1200)
         .set("height", (1200.0 * high / wide).round())
@@ -137,8 +186,8 @@ fn draw(path: &Path, plan: &Plan<'_>) -> Result<()> {
                 .set("fill", "white"),
         )
         .add(frame)
-        .add(between)
-        .add(strokes(lines, true, "black", shown(line)))
+        .add(thin)
+        .add(thick)
         .add(ends)
         .add(axes);
     files::write(path, document.to_string().as_bytes())
@@ -177,17 +226,33 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("x.svg");
         let line = Line { draws: true, from: Point { x: 0, y: 0 }, to: Point { x: 150_000, y: 9 } };
-        write(&file, Point { x: 150_000, y: 100_000 }, &[line], ["laser on", "laser off"]).unwrap();
+        write(&file, Point { x: 150_000, y: 100_000 }, &[line], &[], ["laser on", "laser off"]).unwrap();
         let text = std::fs::read_to_string(file).unwrap();
         for label in ["X, mm", "Y, mm", "laser on", "laser off", "1400", "1000", "start", "end", "200 mm"] {
             assert_eq!(text.lines().filter(|line| line.trim() == label).count().min(1), 1, "{label}\n{text}");
         }
         // A route around zero, an inch wide: numbers as they are read.
         let file = folder.path().join("y.svg");
-        write_route(&file, &[([-25.4, 0.0], false), ([0.0, -0.0], true)], ["cut", "moved"]).unwrap();
+        write_route(&file, &[([-25.4, 0.0], false), ([0.0, -0.0], true)], &[], ["cut", "moved"]).unwrap();
         let text = std::fs::read_to_string(file).unwrap();
         assert!(!text.contains("-0\"") && !text.contains(">-0<") && !text.contains("99999"), "{text}");
         assert!(text.lines().any(|line| line.trim() == "-25") && text.contains("1.6,2"), "{text}");
         assert_eq!([3.0, 10.0, 99.0, 1500.0].map(step), [1.0, 1.0, 10.0, 200.0]);
+    }
+
+    #[test]
+    fn outcomes_have_colors_and_the_key_names_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("x.svg");
+        let place = |x: f64, draws| ([x, 0.0], draws);
+        let route = [place(0.0, false), place(1.0, true), place(2.0, true), place(3.0, true)];
+        let outcomes = [Outcome::Done, Outcome::Done, Outcome::Unknown, Outcome::NotSent];
+        write_route(&file, &route, &outcomes, ["cut", "moved"]).unwrap();
+        let text = std::fs::read_to_string(file).unwrap();
+        for ((color, word), x) in MARKS.into_iter().zip([2, 3, 4]) {
+            assert!(text.lines().any(|line| line.trim() == format!("cut, {word}")), "{text}");
+            let end = format!(" L{x},1\" fill=\"none\" stroke=\"{color}\"");
+            assert!(text.contains(&end), "{end}: {text}");
+        }
     }
 }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use socket2::SockRef;
 
 use crate::io::input::time;
@@ -133,6 +133,22 @@ fn without_port(address: &str) -> anyhow::Error {
     anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")
 }
 
+/// Looks an address up.
+///
+/// # Errors
+/// When it has no port, or its name has no address.
+pub fn resolve(address: &str) -> Result<impl Iterator<Item = SocketAddr>> {
+    let mut found = address
+        .to_socket_addrs()
+        .map_err(|error| match error.kind() {
+            ErrorKind::InvalidInput => without_port(address),
+            _ => anyhow::Error::new(error).context(format!("cannot connect to {address}")),
+        })?
+        .peekable();
+    ensure!(found.peek().is_some(), "cannot connect to {address}: the name has no address");
+    Ok(found)
+}
+
 /// Connects, without Nagle's delay, because each exchange is one packet in each direction. Returns after the pause.
 ///
 /// # Errors
@@ -140,12 +156,8 @@ fn without_port(address: &str) -> anyhow::Error {
 pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
     let timeout = dialing.timeout;
     let context = || format!("cannot connect to {address}");
-    let found = address.to_socket_addrs().map_err(|error| match error.kind() {
-        ErrorKind::InvalidInput => without_port(address),
-        _ => anyhow::Error::new(error).context(context()),
-    })?;
-    let (mut stream, mut last) = (None, anyhow!("{}: the name has no address", context()));
-    for place in found {
+    let (mut stream, mut last) = (None, anyhow!(context()));
+    for place in resolve(address)? {
         match TcpStream::connect_timeout(&place, timeout) {
             Ok(found) => {
                 stream = Some(found);

@@ -394,6 +394,7 @@ fn simulators_print_what_their_clients_do_and_nothing_of_it_with_quiet() {
             (&[0, 2, 0, 0, 0, 11, 1, 16, 0, 200, 0, 2, 4, 0, 7, 0, 8], 12),
             (&[0, 3, 0, 0, 0, 6, 1, 5, 0, 7, 0xFF, 0], 12),
             (&[0, 4, 0, 0, 0, 6, 1, 3, 0xFF, 0, 0, 1], 9),
+            (&[0, 5, 0, 0, 0, 2, 1, 7], 9),
         ] {
             client.write_all(request).unwrap();
             client.read_exact(&mut vec![0; reply]).unwrap();
@@ -408,7 +409,12 @@ fn simulators_print_what_their_clients_do_and_nothing_of_it_with_quiet() {
                 r#"{{"event":"write","peer":"{peer}","table":"holding_registers","address":200,"values":[7,8]}}"#
             ),
             format!(r#"{{"event":"write","peer":"{peer}","table":"coils","address":7,"values":[true]}}"#),
-            format!(r#"{{"event":"refused","peer":"{peer}","unit":1,"function":3,"exception":2}}"#),
+            format!(
+                r#"{{"event":"refused","peer":"{peer}","unit":1,"function":3,"table":"holding_registers","address":65280,"count":1,"exception":2,"why":"exception 2 (illegal data address): the table ends at 16447"}}"#
+            ),
+            format!(
+                r#"{{"event":"refused","peer":"{peer}","unit":1,"function":7,"exception":1,"why":"exception 1 (illegal function)"}}"#
+            ),
         ];
         assert_eq!(fanuc.rest(), if is_quiet { &[][..] } else { &expected });
     }

@@ -387,7 +387,7 @@ fn log_finds_the_word_order_and_writes_the_telemetry() {
         let rows: Vec<Vec<f64>> = table
             .lines()
             .skip(1)
-            .map(|row| row.split(',').take(31).map(|v| v.parse().unwrap()).collect())
+            .map(|row| row.split(',').skip(1).take(31).map(|v| v.parse().unwrap()).collect())
             .collect();
         assert_eq!(object["samples"], rows.len());
         assert!(rows.len() > 20, "{} rows", rows.len());
@@ -420,9 +420,9 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
 fn log_reports_a_refused_connection() {
     let folder = Folder::new("nothing");
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let output = folder.run(&format!("fanuc log {free} --csv run.csv"));
-    assert_eq!(output.status.code(), Some(2));
-    assert!(err(&output).starts_with(&format!("error: cannot connect to {free}")), "{}", err(&output));
+    let output = folder.run(&format!("fanuc log {free} --csv run.csv --for 300ms"));
+    assert_eq!(output.status.code(), Some(3));
+    assert!(err(&output).contains(&format!("error: cannot connect to {free}")), "{}", err(&output));
 }
 
 #[test]

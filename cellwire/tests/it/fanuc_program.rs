@@ -315,6 +315,52 @@ fn a_program_is_seen_over_modbus_as_the_assignments_say_and_obeys_what_is_writte
     );
 }
 
+/// The list of the page of fanuc-hmi-modbus: the telemetry block, and registers of the user's own.
+#[test]
+fn the_list_of_the_page_shows_the_telemetry_and_the_users_own_registers() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../fanuc-hmi-modbus/README.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let (_, list) = page.split_once("```text\nSETVAR").unwrap();
+    let list = format!("SETVAR{}", list.split_once("```").unwrap().0);
+    let folder = Folder::new("own");
+    folder.write("cell.txt", &list);
+    let instructions = "R[101]=-7\nR[105]=5\nSR[1]='PART 7'\nLBL[1]\nWAIT .10(sec)\nJMP LBL[1]";
+    folder.write("CELL.LS", &program("CELL", instructions, &[]));
+    let set = |name, file| format!("{name}={}", folder.0.join(file).display());
+    let arguments = ["--set", &set("program", "CELL.LS"), "--set", &set("assignments", "cell.txt")];
+    let simulator = Simulator::start("127.0.0.1:0", &arguments);
+    thread::sleep(Duration::from_millis(300));
+    let address = simulator.address.as_str();
+    let read = |what: &str| {
+        let output = folder.run(&format!("fanuc read {address} {what}"));
+        let lines = out(&output).lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.map(|line| line["value"].clone()).collect::<Vec<_>>()
+    };
+    assert!(read("int32 --address 0")[0].as_f64() > Some(5.0), "the life counter");
+    assert_eq!(read("int16 --address 1000 --count 5"), [-7.0, 0.0, 0.0, 0.0, 5.0]);
+    assert!(read("position --address 1100")[0]["cartesian"]["xyzwpr"][0].as_f64() > Some(100.0));
+    assert_eq!(read("string --address 1200"), ["PART 7"]);
+    // Off by one: the last register of R[101] to R[105], and one after it.
+    assert_eq!(read("int32 --address 1004").len(), 1);
+    let unassigned = simulator.events.iter().find(|event| event["event"] == "unassigned").unwrap();
+    assert_eq!(
+        (&unassigned["address"], &unassigned["count"], &unassigned["why"]),
+        (&json!(1005), &json!(1), &json!("no assignment covers $ADDRESS 1006"))
+    );
+}
+
+#[test]
+fn overlapping_assignments_are_refused_with_both_names() {
+    let folder = Folder::new("overlap");
+    folder.write("asg.txt", &ASSIGNMENTS.replace("[3].$ADDRESS 301", "[3].$ADDRESS 200"));
+    folder.write("CELL.LS", &program("CELL", "R[60]=1", &[]));
+    let arguments = "simulate fanuc --listen 127.0.0.1:0 --set program=CELL.LS --set assignments=asg.txt";
+    let output = folder.run(arguments);
+    assert_eq!(output.status.code(), Some(2));
+    let why = "asg.txt: slots 2 (PR[1]) and 3 (SR[1]) overlap from $ADDRESS 200";
+    assert!(err(&output).contains(why), "{}", err(&output));
+}
+
 #[test]
 fn a_program_keeps_the_registers_that_it_uses() {
     let folder = Folder::new("kept");
@@ -353,9 +399,9 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
     let column = |row: &str, n: usize| row.split(',').nth(n).unwrap().parse::<f64>().unwrap();
     let mut fastest: f64 = 0.0;
     for row in table.lines().skip(1) {
-        let (x, y, z) = (column(row, 4), column(row, 5), column(row, 6));
+        let (x, y, z) = (column(row, 5), column(row, 6), column(row, 7));
         assert!((399.9..500.1).contains(&x) && (y + 50.0).abs() < 0.01 && (z - 150.0).abs() < 0.01, "{row}");
-        fastest = fastest.max(column(row, 21).abs());
+        fastest = fastest.max(column(row, 22).abs());
     }
     assert!((fastest - 200.0).abs() < 1.0, "{fastest} mm/s");
     // What cannot begin is refused, with a reason.

@@ -183,7 +183,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         let mut run = cell.run(&[]);
         let robot = cell.robot(&["job_time=1ms", "queue=50"]);
         drop(run.stdin.take());
-        let unknown = run.event("question");
+        let unknown = run.event("unanswered");
         let ended = run.event("ended");
         assert_eq!((&ended["why"], &ended["unknown"]), (&"stopped".into(), &unknown["count"]));
         assert_eq!(run.end().0, Some(1));

@@ -187,7 +187,7 @@ fn a_lost_connection_is_an_error_and_its_frame_a_question() {
     // Nobody answers: nothing is sent.
     let mut run = cell.run(&program, &slow);
     drop(run.stdin.take());
-    assert_eq!(run.event("question")["first"], 8);
+    assert_eq!(run.event("unanswered")["first"], 8);
     let ended = run.event("ended");
     assert_eq!((&ended["why"], &ended["done"], &ended["unknown"]), (&"stopped".into(), &7.into(), &7.into()));
     assert_eq!(run.end().0, Some(1));

@@ -75,7 +75,7 @@ fn a_server_that_vanishes_is_an_error_of_its_own() {
     let (code, _, said) = run(&mut cellwire(&args));
     assert_eq!(code, Some(3), "{said}");
     assert_eq!(fs::read_to_string(&csv).unwrap(), "an earlier run\n");
-    assert!(fs::read_to_string(folder.path().join("run-2.csv")).unwrap().starts_with("time"));
+    assert!(fs::read_to_string(folder.path().join("run-2.csv")).unwrap().starts_with("utc,time_s,"));
     server.join().unwrap();
 }
 

@@ -64,6 +64,8 @@ mod puma;
 mod real_time;
 #[cfg(unix)]
 mod replay;
+#[cfg(unix)]
+mod resumed;
 #[cfg(target_os = "linux")]
 mod rig;
 mod settings;

@@ -122,8 +122,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     // Nobody answers: nothing moves.
     let mut run = cell.run(3, &[]);
     drop(run.stdin.take());
-    let question = run.event("question");
-    assert_eq!(question["part"], 2);
+    assert_eq!(run.event("unanswered")["part"], 2);
     let ended = run.event("ended");
     assert_eq!((&ended["why"], &ended["done"], &ended["unknown"]), (&"stopped".into(), &1.into(), &1.into()));
     assert_eq!(run.end().0, Some(1));

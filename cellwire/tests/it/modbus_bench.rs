@@ -407,3 +407,27 @@ fn a_poll_prints_what_changes_and_survives_a_restart() {
     assert_eq!(code, Some(1), "a range was refused");
     drop(second);
 }
+
+#[test]
+fn a_poll_waits_for_a_server_that_is_off_at_the_start_and_not_for_an_unknown_name() {
+    let folder = Folder::new("off");
+    let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let poll = ["modbus", "poll", &address, "coils:7", "--every", "20ms"];
+    let mut poll = folder.command(&poll).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(poll.stdout.take().unwrap()).lines();
+    let mut next = || serde_json::from_str::<Value>(&lines.next().unwrap().unwrap()).unwrap();
+    let off = next();
+    assert_eq!(off["event"], "not_connected");
+    assert!(off["why"].as_str().unwrap().starts_with(&format!("cannot connect to {address}: ")), "{off}");
+    let server = Simulator::start(&address, &[]);
+    assert_eq!(next()["event"], "connected");
+    assert_eq!(next()["values"], json!([false]));
+    poll.kill().unwrap();
+    poll.wait().unwrap();
+    drop(server);
+    let output = folder.run(&format!("modbus poll {address} coils:7 --for 200ms"));
+    assert_eq!(output.status.code(), Some(3), "off until the end");
+    for address in ["nonsense:", "no.such.invalid:502"] {
+        assert_eq!(folder.run(&format!("modbus poll {address} coils:7")).status.code(), Some(2), "{address}");
+    }
+}

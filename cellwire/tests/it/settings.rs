@@ -255,10 +255,10 @@ fn every_command_of_a_link_takes_what_identify_writes() {
                 "simulate fanuc --listen nowhere",
                 "modbus send 127.0.0.1:1",
                 "modbus scan 127.0.0.1:1",
-                "modbus poll 127.0.0.1:1 coils:0",
+                "modbus poll 127.0.0.1:1 coils:0 --for 1ms",
                 "fanuc read 127.0.0.1:1 real --address 0",
                 "fanuc write 127.0.0.1:1 real 1.5 --address 0",
-                &format!("fanuc log 127.0.0.1:1 --csv {csv}"),
+                &format!("fanuc log 127.0.0.1:1 --for 1ms --csv {csv}"),
             ],
         ),
         ("laser-eb90", vec!["simulate laser --listen nowhere", &format!("run laser {paths} --dry-run")]),
@@ -397,4 +397,17 @@ fn a_setting_without_an_effect_is_named() {
     let warning = "warning: the life counter indicates word order \"low_first\"";
     assert!(said(&log, &[]).contains(warning), "high-first is used");
     assert!(!said(&log, &["--word-order", "auto"]).contains(warning));
+}
+
+/// The frames are those of Modbus TCP unless `framing` is set: so are the defaults.
+#[test]
+fn the_printed_defaults_of_modbus_clients_are_those_of_the_printed_framing() {
+    for command in ["fanuc log", "fanuc read", "modbus poll", "modbus send"] {
+        let arguments: Vec<&str> = ["settings"].into_iter().chain(command.split(' ')).collect();
+        let (_, text, _) = cellwire(&arguments, "");
+        let lines: Vec<&str> = text.lines().collect();
+        for line in [r#"#framing = "tcp""#, "#broadcast = false", r#"#settle = "1s""#] {
+            assert!(lines.contains(&line), "{command}: {line}\n{text}");
+        }
+    }
 }

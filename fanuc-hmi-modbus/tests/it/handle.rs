@@ -16,7 +16,6 @@ use crate::common::Bank;
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::robot_session::tokio::{Dial, GIVE_UP_AFTER, Link, Reconnect, Tcp, serve};
 use fanuc_hmi_modbus::tokio::{Client, Error, Event, client};
-use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
 use fanuc_hmi_modbus::{
     ClientConfig, DecodeError, Exception, Failure, PositionRegister, Registers, Request, Server,
     ServerConfig, SessionError, TelemetryBlock, WordOrder, Words,
@@ -62,7 +61,7 @@ async fn every_call_has_its_reply() {
     assert_eq!(robot.read_write_registers(20..22, 20, &[8, 9]).await.unwrap(), [8, 9]);
     let block = TelemetryBlock { life_counter: 70_000, override_percent: 30, ..TelemetryBlock::default() };
     robot.write_registers(0, &block.to_registers(WordOrder::LowFirst)).await.unwrap();
-    assert_eq!(robot.read_telemetry(WordOrder::LowFirst).await.unwrap(), block);
+    assert_eq!(robot.read_telemetry(0, WordOrder::LowFirst).await.unwrap(), block);
     let position = PositionRegister { user_frame: 3, user_tool: 4, ..PositionRegister::default() };
     robot.write_position(50, &position, WordOrder::HighFirst).await.unwrap();
     assert_eq!(robot.read_position(50, WordOrder::HighFirst).await.unwrap(), position);
@@ -79,39 +78,6 @@ async fn every_call_has_its_reply() {
     assert!(matches!(all, Err(Error::Request(SessionError::Encode(_)))), "{all:?}");
     let backwards = robot.read_holding_registers(core::ops::Range { start: 2, end: 1 }).await;
     assert!(matches!(backwards, Err(Error::Request(SessionError::Encode(_)))), "{backwards:?}");
-}
-
-/// The bytes are those that pymodbus 3.16 answers with the registers of its own FLOAT32, INT32, INT16 and STRING, low word first.
-#[tokio::test]
-async fn numbers_and_texts_are_read_by_their_assignment() {
-    let exchanges: [(&[u8], &[u8]); 6] = [
-        (b"\x00\x00\x00\x02", b"\x00\x07\x01\x03\x04\x00\x00\xC1\x48"),
-        (b"\x00\x02\x00\x02", b"\x00\x07\x01\x03\x04\xFB\x2E\xFF\xFF"),
-        (b"\x00\x04\x00\x01", b"\x00\x05\x01\x03\x02\xFF\x06"),
-        (b"\x00\x05\x00\x08", b"\x00\x13\x01\x03\x10PART 7/A\0\0\0\0\0\0\0\0"),
-        (b"\x00\x05\x00\x03", b"\x00\x09\x01\x03\x06PART 7"),
-        (b"\x00\x05\x00\x02", b"\x00\x07\x01\x03\x04M\xDCL\0"),
-    ];
-    let listener = TcpListener::bind(ANY).await.unwrap();
-    let robot = to(listener.local_addr().unwrap(), ClientConfig::tcp());
-    tokio::spawn(async move {
-        let (mut socket, _) = listener.accept().await.unwrap();
-        for (asked, answer) in exchanges {
-            let mut request = [0; 12];
-            socket.read_exact(&mut request).await.unwrap();
-            assert_eq!(request[7], 3);
-            assert_eq!(&request[8..], asked);
-            socket.write_all(&[&request[..4], answer].concat()).await.unwrap();
-        }
-    });
-    let number = |kind, multiply| Number { kind, multiply, order: WordOrder::LowFirst };
-    let hundredths = Multiply::Scale(100.0);
-    assert_eq!(robot.read_number(0, number(Kind::Float32, Multiply::Real)).await.unwrap(), -12.5);
-    assert_eq!(robot.read_number(2, number(Kind::Int32, hundredths)).await.unwrap(), -12.34);
-    assert_eq!(robot.read_number(4, number(Kind::Int16, hundredths)).await.unwrap(), -2.5);
-    assert_eq!(robot.read_text(5..13).await.unwrap(), "PART 7/A");
-    assert_eq!(robot.read_text(5..8).await.unwrap(), "PART 7", "without a NUL");
-    assert_eq!(robot.read_text(5..=6).await.unwrap(), "MÜL", "bytes that are not UTF-8");
 }
 
 /// More callers than requests in flight, more of those than a server has places.

@@ -22,3 +22,5 @@ mod receiver;
 mod server;
 #[cfg(feature = "serde")]
 mod shapes;
+#[cfg(feature = "tokio")]
+mod values;

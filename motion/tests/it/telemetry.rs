@@ -147,6 +147,20 @@ mod tracker {
         assert_eq!(tracker.counts(), counts);
     }
 
+    /// A block every 500 ms of a task that runs every 8 ms: 62 or 63 runs.
+    #[test]
+    fn runs_that_the_polling_interval_skips_are_not_missed() {
+        let mut tracker = Tracker::with_polls(ms(8), ms(500));
+        let mut counter = 0;
+        tracker.push(&block(counter, [0.0; 3], [0.0; 3], [0.0; 3]));
+        for (runs, missed) in [(62, 0), (63, 0), (1, 0), (94, 0), (95, 32), (125, 62)] {
+            counter += runs;
+            let sample = sample(tracker.push(&block(counter, [0.0; 3], [0.0; 3], [0.0; 3])));
+            assert_eq!((sample.missed, sample.time), (missed, ms(u64::from(counter) * 8)), "{runs}");
+        }
+        assert_eq!((tracker.counts().gaps, tracker.counts().missed), (2, 94));
+    }
+
     /// 198.8 days at 125 Hz to the sign, twice that to zero.
     #[test]
     fn the_life_counter_wraps() {

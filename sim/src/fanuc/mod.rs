@@ -69,6 +69,18 @@ pub enum FanucEvent {
     },
     /// A client has written values.
     Written(Write),
+    /// A request was answered with an exception.
+    Refused {
+        /// The unit of the request.
+        unit: u8,
+        /// The function code of the request.
+        function: u8,
+        /// The reason of the refusal.
+        exception: Exception,
+        /// The table, the PDU address of the first value, and the number of values; `None` if the request was not looked up in a table: an
+        /// unknown function, or a quantity of 0.
+        values: Option<(Table, u16, u16)>,
+    },
 }
 
 /// A FANUC controller on one connection; [another](Device::another) has the same registers.
@@ -83,7 +95,7 @@ impl FanucController {
     /// # Errors
     /// A configuration that cannot work.
     pub fn new(config: ServerConfig, controller: Shared) -> Result<Self, Error> {
-        let connection = Connection { controller, accesses: Vec::new() };
+        let connection = Connection { controller, accesses: Vec::new(), refusals: Vec::new() };
         Ok(Self { server: Server::new(config, connection).map_err(Error::settings)? })
     }
 
@@ -111,6 +123,10 @@ impl Device for FanucController {
             notes.close("the client is out of step");
         }
         notes.event(FanucEvent::Server(event));
+        if let ServerEvent::Served { unit, function, exception: Some(exception), .. } = event {
+            let values = self.server.registers_mut().refused(function, exception);
+            notes.event(FanucEvent::Refused { unit, function, exception, values });
+        }
     }
 
     fn advance(&mut self, now: Duration, notes: &mut Notes<FanucEvent, Write>) {
@@ -161,55 +177,116 @@ pub struct Connection {
     controller: Shared,
     /// Reads and writes that the device has not reported yet.
     accesses: Vec<FanucEvent>,
+    /// Refused accesses whose requests the device has not reported yet.
+    refusals: Vec<Refusal>,
 }
 
+/// An access that a table has refused.
+#[derive(Debug, Clone, Copy)]
+struct Refusal {
+    values: (Table, u16, u16),
+    is_write: bool,
+    exception: Exception,
+}
+
+impl Refusal {
+    /// Returns whether a request of this function makes such an access.
+    fn is_of(&self, function: u8) -> bool {
+        let functions: &[u8] = match (self.values.0, self.is_write) {
+            (Table::Coils, false) => &[1],
+            (Table::Coils, true) => &[5, 15],
+            (Table::DiscreteInputs, _) => &[2],
+            (Table::InputRegisters, _) => &[4],
+            (Table::HoldingRegisters, false) => &[3, 22, 23],
+            (Table::HoldingRegisters, true) => &[6, 16, 22, 23],
+        };
+        functions.contains(&function)
+    }
+}
+
+/// The most refusals that are kept: requests in one turn.
+const MAX_REFUSALS: usize = 64;
+
 impl Connection {
+    /// Removes and returns the values of a refused request; older refusals are forgotten.
+    fn refused(&mut self, function: u8, exception: Exception) -> Option<(Table, u16, u16)> {
+        let is_it = |refusal: &Refusal| refusal.exception == exception && refusal.is_of(function);
+        let at = self.refusals.iter().position(is_it)?;
+        self.refusals.drain(..=at).next_back().map(|refusal| refusal.values)
+    }
+
     fn lock(&self) -> MutexGuard<'_, Controller> {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Notes a read, and whether the table refuses it.
     #[expect(clippy::cast_possible_truncation, reason = "a request reads 2000 values at most")]
-    fn read(&mut self, table: Table, address: u16, count: usize) {
-        self.accesses.push(FanucEvent::Read { table, address, count: count as u16 });
+    fn read(
+        &mut self,
+        (table, address, count): (Table, u16, usize),
+        outcome: Result<(), Exception>,
+    ) -> Result<(), Exception> {
+        let count = count as u16;
+        match outcome {
+            Ok(()) => self.accesses.push(FanucEvent::Read { table, address, count }),
+            Err(exception) => self.refuse((table, address, count), false, exception),
+        }
+        outcome
+    }
+
+    /// Notes a write, and whether the table refuses it.
+    #[expect(clippy::cast_possible_truncation, reason = "a request writes 1968 values at most")]
+    fn write(
+        &mut self,
+        (table, address, count): (Table, u16, usize),
+        outcome: Result<(), Exception>,
+        write: impl FnOnce() -> Write,
+    ) -> Result<(), Exception> {
+        match outcome {
+            Ok(()) => self.accesses.push(FanucEvent::Written(write())),
+            Err(exception) => self.refuse((table, address, count as u16), true, exception),
+        }
+        outcome
+    }
+
+    fn refuse(&mut self, values: (Table, u16, u16), is_write: bool, exception: Exception) {
+        if self.refusals.len() == MAX_REFUSALS {
+            self.refusals.remove(0);
+        }
+        self.refusals.push(Refusal { values, is_write, exception });
     }
 }
 
 impl Registers for Connection {
     fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_coils(address, out)?;
-        self.read(Table::Coils, address, out.len());
-        Ok(())
+        let read = self.lock().read_coils(address, out);
+        self.read((Table::Coils, address, out.len()), read)
     }
 
     fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_discrete_inputs(address, out)?;
-        self.read(Table::DiscreteInputs, address, out.len());
-        Ok(())
+        let read = self.lock().read_discrete_inputs(address, out);
+        self.read((Table::DiscreteInputs, address, out.len()), read)
     }
 
     fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_holding_registers(address, out)?;
-        self.read(Table::HoldingRegisters, address, out.len());
-        Ok(())
+        let read = self.lock().read_holding_registers(address, out);
+        self.read((Table::HoldingRegisters, address, out.len()), read)
     }
 
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.lock().read_input_registers(address, out)?;
-        self.read(Table::InputRegisters, address, out.len());
-        Ok(())
+        let read = self.lock().read_input_registers(address, out);
+        self.read((Table::InputRegisters, address, out.len()), read)
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
-        self.lock().write_coils(address, values)?;
-        let write = Write::Coils(address, values.iter().collect());
-        self.accesses.push(FanucEvent::Written(write));
-        Ok(())
+        let written = self.lock().write_coils(address, values);
+        let write = || Write::Coils(address, values.iter().collect());
+        self.write((Table::Coils, address, values.len()), written, write)
     }
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
-        self.lock().write_registers(address, values)?;
-        let write = Write::Registers(address, values.iter().collect());
-        self.accesses.push(FanucEvent::Written(write));
-        Ok(())
+        let written = self.lock().write_registers(address, values);
+        let write = || Write::Registers(address, values.iter().collect());
+        self.write((Table::HoldingRegisters, address, values.len()), written, write)
     }
 }

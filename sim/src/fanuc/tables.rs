@@ -14,6 +14,11 @@ pub struct Tables {
 }
 
 impl Tables {
+    /// The number of addresses of a table, from 0 on.
+    pub fn len(table: Table) -> usize {
+        used(table)
+    }
+
     /// Signal n of a table of inputs is on where n is a multiple of 3, a register of inputs holds its address as Table 1 counts it,
     /// R\[n\] holds n: so a client sees at once whether it is off by one.
     pub fn numbered() -> Self {

@@ -74,7 +74,7 @@ async fn numbers_and_texts_are_read_by_their_assignment() {
     let speed = Number { kind: Kind::Int32, multiply: Multiply::Scale(10.0), order: WordOrder::HighFirst };
     robot.write_registers(400, &speed.write(-12_345.6).unwrap()).await.unwrap();
     assert_eq!(robot.read_number(400, speed).await.unwrap(), -12_345.6);
-    let mut registers = [0xFFFF; text::REGISTERS as usize];
+    let mut registers = [0xFFFF; text::REGISTERS];
     text::write(b"PART 7", &mut registers).unwrap();
     robot.write_registers(410, &registers).await.unwrap();
     assert_eq!(robot.read_text(410..450).await.unwrap(), "PART 7");

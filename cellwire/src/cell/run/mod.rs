@@ -4,6 +4,7 @@ pub mod kawasaki;
 pub mod laser;
 pub mod mma;
 
+use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
@@ -21,12 +22,54 @@ pub const STOP_WITHIN: Duration = Duration::from_secs(30);
 /// The longest wait after that, for a machine that was told to stop at once, and for whatever blocks.
 pub const END_WITHIN: Duration = Duration::from_secs(5);
 
+/// The longest wait for the end of a standard input that is not a keyboard.
+pub const KEYBOARD_WITHIN: Duration = Duration::from_millis(200);
+/// The advice of an event `unanswered`.
+pub const UNANSWERED: &str = "nobody can answer, since standard input has ended: check the machine, then run the same command with --unknown done, --unknown repeat, or the number of the last that is done";
+
+/// The answer of the command line for parts that an earlier run has left unknown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// All are done.
+    Done,
+    /// None is done.
+    Repeat,
+    /// The parts up to this number, counted from 1, are done.
+    Last(usize),
+}
+
+impl Answer {
+    /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done.
+    pub fn done(self, first: usize, count: usize) -> usize {
+        match self {
+            Self::Done => count,
+            Self::Repeat => 0,
+            Self::Last(last) => last.saturating_sub(first).min(count),
+        }
+    }
+}
+
+impl FromStr for Answer {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.parse()) {
+            ("done", _) => Ok(Self::Done),
+            ("repeat", _) => Ok(Self::Repeat),
+            (_, Ok(last)) => Ok(Self::Last(last)),
+            _ => Err("give done, repeat, or the number of the last part that is done".into()),
+        }
+    }
+}
+
 /// The operator of a run, and where the run is reported.
 #[allow(missing_debug_implementations, reason = "it has closures")]
 pub struct Operator<'a> {
     typed: Receiver<Option<Typed>>,
     notify: &'a mut dyn FnMut(Value) -> Result<()>,
     progress: &'a mut dyn FnMut(Tally),
+    /// A line or stop that has been received and not returned.
+    pending: Option<Typed>,
     /// Whether nobody types any more.
     is_absent: bool,
     /// When the stop of a signal was asked for.
@@ -44,7 +87,8 @@ impl<'a> Operator<'a> {
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
         progress: &'a mut dyn FnMut(Tally),
     ) -> Self {
-        Self { typed, notify, progress, is_absent: false, stop_at: None, is_deaf: false, stops: false }
+        let (pending, is_absent, stop_at, is_deaf, stops) = (None, false, None, false, false);
+        Self { typed, notify, progress, pending, is_absent, stop_at, is_deaf, stops }
     }
 
     /// The next line or stop of the operator, within `wait`; without one, however long that takes. `None` if there is none, and when
@@ -52,6 +96,9 @@ impl<'a> Operator<'a> {
     pub fn next(&mut self, wait: Option<Duration>) -> Option<Typed> {
         if core::mem::take(&mut self.stops) {
             return Some(self.stop());
+        }
+        if let Some(typed) = self.pending.take() {
+            return Some(typed);
         }
         let typed = match wait {
             None if self.is_absent => return None,
@@ -72,6 +119,14 @@ impl<'a> Operator<'a> {
     fn stop(&mut self) -> Typed {
         self.stop_at.get_or_insert_with(now);
         Typed::Stop
+    }
+
+    /// Returns whether standard input has ended, or ends within this time, without a line or a stop before that.
+    pub fn is_without_keyboard(&mut self, wait: Duration) -> bool {
+        if self.pending.is_none() {
+            self.pending = self.next(Some(wait));
+        }
+        self.pending.is_none() && self.is_absent
     }
 
     /// Whether nobody types any more.

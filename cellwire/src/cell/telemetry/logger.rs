@@ -36,7 +36,8 @@ pub struct Source {
 #[derive(Debug)]
 pub struct Logger {
     source: Source,
-    driver: Driver<TcpStream>,
+    /// The connection, or the reason that there has been none yet.
+    connection: Result<Driver<TcpStream>, String>,
     client: Client<1>,
     clock: Clock,
     /// The pauses before another connection, until there is a block.
@@ -50,11 +51,13 @@ pub enum Reading<'a> {
     Registers(&'a [u16; 37], Duration),
     /// Nothing: a timeout or an exception, in words.
     Failed(&'a str),
+    /// There is no connection at the beginning, in words; the next ones try to open one.
+    Absent(&'a str),
     /// The connection is lost, in words; the next ones try to open another.
     Disconnected(&'a str),
     /// An attempt has failed, in words.
     Retried(&'a str),
-    /// There is a connection again, after this long.
+    /// There is a connection, after this long without one.
     Reconnected(Duration),
 }
 
@@ -65,15 +68,21 @@ const MOST_SILENT: u32 = 3;
 const TURN: Duration = Duration::from_millis(100);
 
 impl Logger {
-    /// A client with a connection.
+    /// A client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
     ///
     /// # Errors
-    /// When there is none.
-    pub fn connect(source: Source, clock: Clock) -> Result<Self> {
-        let driver = Driver::new(tcp::connect(&source.server, source.dialing)?);
+    /// When the server's name has no address, or the configuration cannot work.
+    pub fn open(source: Source, clock: Clock) -> Result<Self> {
+        tcp::resolve(&source.server).map(drop)?;
         let mut client = Client::new(source.config)?;
-        client.handle_connected(robot_session::now());
-        Ok(Self { source, driver, client, clock, backoff: Backoff::default() })
+        let connection = match tcp::connect(&source.server, source.dialing) {
+            Ok(stream) => {
+                client.handle_connected(robot_session::now());
+                Ok(Driver::new(stream))
+            }
+            Err(error) => Err(format!("{error:#}")),
+        };
+        Ok(Self { source, connection, client, clock, backoff: Backoff::default() })
     }
 
     /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
@@ -85,6 +94,12 @@ impl Logger {
         end: Option<Duration>,
         mut each: impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<()> {
+        if let Err(why) = &self.connection {
+            let lost = Lost(why.clone());
+            if !each(Reading::Absent(why))? || !self.reconnect(end, &mut each)? {
+                return Err(lost.into());
+            }
+        }
         loop {
             let Err(lost) = self.read(end, &mut each) else { return Ok(()) };
             let Some(Lost(why)) = lost.downcast_ref() else { return Err(lost) };
@@ -119,12 +134,12 @@ impl Logger {
             let due = if asked.is_some() { None } else { Some(next) };
             let wait = due.into_iter().chain(end).min().map(|due| due.saturating_sub(now));
             let wait = wait.map_or(TURN, |wait| wait.min(TURN));
-            let turn = self.driver.turn(&mut self.client, Some(wait), |client, event| {
-                match reading(client, event) {
+            let Ok(driver) = &mut self.connection else { return Ok(()) };
+            let turn =
+                driver.turn(&mut self.client, Some(wait), |client, event| match reading(client, event) {
                     Some(reading) => ControlFlow::Break(reading),
                     None => ControlFlow::Continue(()),
-                }
-            });
+                });
             let reading = match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
                 ControlFlow::Continue(()) => None,
                 ControlFlow::Break(Ended::ByPeer) => {
@@ -161,7 +176,9 @@ impl Logger {
         each: &mut impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<bool> {
         let lost = self.clock.now();
-        self.client.handle_disconnected(robot_session::now());
+        if self.connection.is_ok() {
+            self.client.handle_disconnected(robot_session::now());
+        }
         while self.client.poll_event().is_some() {} // the request that was in flight: there is no block
         loop {
             let until = self.clock.now() + self.backoff.pause();
@@ -177,7 +194,7 @@ impl Logger {
             }
             match tcp::connect(&self.source.server, self.source.dialing) {
                 Ok(stream) => {
-                    self.driver = Driver::new(stream);
+                    self.connection = Ok(Driver::new(stream));
                     self.client.handle_connected(robot_session::now());
                     return each(Reading::Reconnected(self.clock.now().saturating_sub(lost)));
                 }

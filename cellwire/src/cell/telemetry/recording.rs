@@ -28,9 +28,9 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Nothing yet, of a background task with this period.
-    pub fn new(period: Duration) -> Self {
-        Self { tracker: Tracker::with_period(period), first: None, samples: Vec::new() }
+    /// Nothing yet, of a background task with this period whose blocks are read at this interval.
+    pub fn new(period: Duration, poll: Duration) -> Self {
+        Self { tracker: Tracker::with_polls(period, poll), first: None, samples: Vec::new() }
     }
 
     /// Takes a block; the sample, if it is one.

@@ -4,12 +4,13 @@ use core::ops::RangeInclusive;
 use std::collections::BTreeMap;
 use std::io::{LineWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::OrderProbe;
 use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
+use humantime::format_rfc3339_millis;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
@@ -32,14 +33,17 @@ const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 
 /// Logs the telemetry block of a controller, as a table.
 ///
-/// Each line has the time by the robot's life counter, the reported values, and the speeds without the controller's
-/// steps. The word order is detected from the life counter. Runs for the time of --for, or until interrupted; lines are
+/// Each line has the clock time (UTC), the time by the robot's life counter, the reported values, and the speeds without the
+/// controller's steps. The word order is detected from the life counter. Runs for the time of --for, or until interrupted; lines are
 /// written at once.
 ///
 /// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
-/// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A lost
-/// connection is reopened after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so are `no block for …` (the
+/// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A controller
+/// that is off is waited for (`not connected`, `connected`). A lost connection is reopened after 0.1 to 5 s; `disconnected` and
+/// `reconnected` are notes too, and so are `no block for …` (the
 /// controller has not replied within the setting `timeout`) and `restarted`, after which the time starts at 0 again.
+///
+/// Runs of the background task that the interval of --poll skips are not missed: a gap is more than half an interval beyond it.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The controller: HOST:PORT, where the port is usually 502
@@ -53,7 +57,7 @@ pub(super) struct Args {
     /// The period of the background task
     #[arg(long, value_name = "TIME", default_value = "8ms", value_parser = time(PERIODS))]
     period: Duration,
-    /// The polling period [default: the period of the task]
+    /// The polling interval [default: the period of the task]
     #[arg(long, value_name = "TIME", value_parser = time(PERIODS))]
     poll: Option<Duration>,
     /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment [default: the setting `address` of a file, or 0]
@@ -115,7 +119,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         dialing: args.set.dialing(None, args.connect)?,
         config,
     };
-    let mut logger = Logger::connect(source, clock)?;
+    let mut logger = Logger::open(source, clock)?;
     let (file, csv) = files::create_new(&args.csv)?;
     let target =
         if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
@@ -129,11 +133,12 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         out: LineWriter::new(file), // whole lines, however it ends
         order: Order { known, probe: OrderProbe::default(), contradicted: None, waiting: Vec::new() },
         plausibility: Plausibility::new(robot, period, poll),
-        recording: Recording::new(period),
+        recording: Recording::new(period, poll),
         turn_around: Samples::default(),
         tally: Tally::default(),
         unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
         lost_at: None,
+        is_first: true,
         progress: ProgressBar::with_draw_target(None, target),
         clock,
     };
@@ -141,7 +146,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         true => error.context(format!("cannot write {}", csv.display())).context(ENDED),
         false => error,
     };
-    writeln!(log.out, "{}", recording::HEADER).map_err(|error| unwritten(error.into()))?;
+    writeln!(log.out, "utc,{}", recording::HEADER).map_err(|error| unwritten(error.into()))?;
     let outcome = logger.run(end, |reading| log.take(reading).map(|()| true).map_err(unwritten));
     log.end().map_err(unwritten)?;
     print(&log.report(&args.server, &csv), args.json)?;
@@ -186,6 +191,8 @@ struct Log {
     unread: Unread,
     /// The time at which the connection was lost, while there is no other.
     lost_at: Option<Duration>,
+    /// Whether there has been no connection to lose.
+    is_first: bool,
     progress: ProgressBar,
     clock: Clock,
 }
@@ -233,16 +240,23 @@ impl Log {
             Reading::Registers(registers, took) => {
                 self.turn_around.add(took);
                 self.tally.blocks += 1;
+                self.is_first = false;
                 self.note_unread()?;
-                for block in self.order.push(registers)? {
-                    self.block(&block)?;
+                for (at, block) in self.order.push(registers)? {
+                    self.block(at, &block)?;
                 }
+            }
+            Reading::Absent(why) => {
+                self.lost_at = Some(self.clock.now());
+                self.say(&format!("{why}; waiting for the controller"));
+                self.note("not connected")?;
             }
             Reading::Disconnected(why) => {
                 self.tally.disconnected += 1;
+                self.is_first = false;
                 self.lost_at = Some(self.clock.now());
-                self.progress.println(format!("{why}; reconnecting"));
-                recording::write_event(&mut self.out, "disconnected")?;
+                self.say(&format!("{why}; reconnecting"));
+                self.note("disconnected")?;
             }
             Reading::Retried(why) => self.progress.set_message(why.to_owned()),
             Reading::Reconnected(after) => {
@@ -250,39 +264,56 @@ impl Log {
                 self.lost_at = None;
                 self.unread.end(self.clock.now());
                 self.plausibility.reconnected();
-                self.progress.println(format!("reconnected after {:.1} s", after.as_secs_f64()));
-                recording::write_event(
-                    &mut self.out,
-                    &format!("reconnected after {:.3} s", after.as_secs_f64()),
-                )?;
+                let connected = if self.is_first { "connected" } else { "reconnected" };
+                self.say(&format!("{connected} after {:.1} s", after.as_secs_f64()));
+                self.note(&format!("{connected} after {:.3} s", after.as_secs_f64()))?;
             }
         }
         Ok(())
     }
 
+    /// Prints a change of the connection on standard error, even if that has no progress bar.
+    fn say(&self, text: &str) {
+        self.progress.suspend(|| remark(text));
+    }
+
+    /// Writes a line of something that happened now.
+    fn note(&mut self, note: &str) -> Result<()> {
+        self.stamp(SystemTime::now())?;
+        Ok(recording::write_event(&mut self.out, note)?)
+    }
+
+    /// Begins a line with its clock time.
+    fn stamp(&mut self, at: SystemTime) -> Result<()> {
+        Ok(write!(self.out, "{},", format_rfc3339_millis(at))?)
+    }
+
     /// Writes a note if there was no block for longer than the timeout.
     fn note_unread(&mut self) -> Result<()> {
         if let Some(time) = self.unread.end(self.clock.now()) {
-            recording::write_event(&mut self.out, &format!("no block for {:.3} s", time.as_secs_f64()))?;
+            self.note(&format!("no block for {:.3} s", time.as_secs_f64()))?;
         }
         Ok(())
     }
 
-    fn block(&mut self, block: &TelemetryBlock) -> Result<()> {
+    /// Writes the line of a block that was read `at` this time.
+    fn block(&mut self, at: SystemTime, block: &TelemetryBlock) -> Result<()> {
         if let Some((fault, value)) = self.plausibility.check(block, self.clock.now()) {
             *self.tally.faults.entry(fault).or_default() += 1;
             self.progress.set_message(format!("implausible block: {} ({value})", fault.name()));
+            self.stamp(at)?;
             return Ok(recording::write_marked(&mut self.out, block, &format!("{} {value}", fault.name()))?);
         }
         let restarts = self.recording.counts().restarts;
         if let Some(sample) = self.recording.push(block) {
+            self.stamp(at)?;
             recording::write_row(&mut self.out, block, &sample)?;
             let [x, y, z] = block.position;
             let seconds = sample.time.as_secs_f64();
             self.progress.set_message(format!("{seconds:7.2} s  X {x:.1}  Y {y:.1}  Z {z:.1} mm"));
             self.recording.forget(); // the file has it
         } else if self.recording.counts().restarts > restarts {
-            recording::write_event(&mut self.out, "restarted")?;
+            self.note("restarted")?;
         }
         Ok(())
     }
@@ -294,7 +325,8 @@ impl Log {
             Some(lost) => self.tally.away += self.clock.now().saturating_sub(lost),
             None => self.note_unread()?,
         }
-        for registers in std::mem::take(&mut self.order.waiting) {
+        for (at, registers) in std::mem::take(&mut self.order.waiting) {
+            self.stamp(at)?;
             let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
             recording::write_marked(&mut self.out, &block, "word order unknown")?;
         }
@@ -312,7 +344,7 @@ impl Log {
         report.fact("restarts", "restarts of the life counter", counts.restarts);
         report.fact("failed", "failed requests", self.tally.failed);
         report.fact("disconnected", "connections lost", self.tally.disconnected);
-        if self.tally.disconnected > 0 {
+        if self.tally.away > Duration::ZERO {
             let away = self.tally.away.as_secs_f64();
             report.fact("away_s", "seconds disconnected", json!((away * 1e3).round() / 1e3));
         }
@@ -339,7 +371,8 @@ struct Order {
     probe: OrderProbe,
     /// What the life counter shows, where that is not the order in which the blocks are read.
     contradicted: Option<WordOrder>,
-    waiting: Vec<[u16; 37]>,
+    /// The blocks, and the clock time at which each was read.
+    waiting: Vec<(SystemTime, [u16; 37])>,
 }
 
 impl Order {
@@ -347,12 +380,12 @@ impl Order {
     const PATIENCE: usize = 500;
 
     /// The blocks that can be read now.
-    fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<TelemetryBlock>> {
+    fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<(SystemTime, TelemetryBlock)>> {
         let [first, second, ..] = *registers;
         let found = self.probe.watch([first, second]);
         self.known = self.known.or(found);
         self.contradicted = found.filter(|_| found != self.known);
-        self.waiting.push(*registers);
+        self.waiting.push((SystemTime::now(), *registers));
         let Some(order) = self.known else {
             ensure!(
                 self.waiting.len() < Self::PATIENCE,
@@ -365,7 +398,7 @@ impl Order {
         Ok(self
             .waiting
             .drain(..)
-            .map(|registers| TelemetryBlock::from_registers(&registers, order))
+            .map(|(at, registers)| (at, TelemetryBlock::from_registers(&registers, order)))
             .collect())
     }
 }

@@ -36,6 +36,8 @@ Examples:
   cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
   cellwire fanuc write 192.168.0.10:502 string --address 400 --size 10 '\"PART 7\"'
 
+log waits for a controller that is off, and reconnects; a name without an address ends it at once.
+
 Exit status of log:
   0 success   1 no samples   2 the command could not be run   3 no connection at the end
   5 implausible telemetry: its rows have a note, and the final table counts them
@@ -69,7 +71,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    client_help(client_settings_of([ClientConfig::rtu_over_tcp(), ClientConfig::tcp()]), &USES)
+    client_help(client_settings_of([ClientConfig::tcp(), ClientConfig::rtu_over_tcp()]), &USES)
 }
 
 /// The settings of the link's bytes that the commands use.

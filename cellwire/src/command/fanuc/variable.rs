@@ -146,7 +146,7 @@ impl Variable<'_> {
         match self.place.kind {
             KindArg::Int16 => 1,
             KindArg::Int32 | KindArg::Real => 2,
-            KindArg::String => self.place.size.unwrap_or(text::REGISTERS),
+            KindArg::String => self.place.size.unwrap_or(text::QUANTITY),
             KindArg::Position => PositionRegister::QUANTITY,
         }
     }

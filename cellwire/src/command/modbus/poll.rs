@@ -1,5 +1,6 @@
 //! `cellwire modbus poll`.
 
+use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result};
@@ -7,18 +8,21 @@ use serde_json::{Map, Value, json};
 
 use super::range::{Range, values};
 use super::{PortArgs, silent_unit};
+use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
 use crate::io::input::time;
 use crate::io::interrupt;
 use crate::io::line::Clock;
 use crate::io::output::{log, remark};
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+use crate::io::tcp;
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
 
 /// Polls addresses, and prints changes.
 ///
 /// The first line of each range has all of its values; each later line has one changed value, with the time in seconds
 /// since the start, the old and the new value. A read error of a range is a line, and so is its end; likewise
-/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. Runs for the time of --for, or until interrupted.
+/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. A server over TCP that
+/// is off at the start is waited for in the same way. Runs for the time of --for, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port
@@ -42,7 +46,7 @@ const TURN: Duration = Duration::from_millis(100);
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
     let (port, unit) = args.port.port(&args.server, super::REPLY)?;
-    let mut client = super::open(&port)?;
+    let mut client = open(&port, args.duration)?;
     // The time of --for begins with the first request.
     let end = Instant::now() + client.first_wait();
     while Instant::now() < end && !interrupt::requested() {
@@ -83,6 +87,37 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
         }
     }
     Ok(all)
+}
+
+/// Opens a client. A server over TCP that is off is waited for.
+///
+/// # Errors
+/// [`Lost`] if it is off until the end; when a serial port cannot be opened, or the name of a server has no address.
+fn open(port: &Port, duration: Option<Duration>) -> Result<Client> {
+    let (clock, mut backoff, mut is_reported) = (Clock::start(), Backoff::default(), false);
+    if let PortKind::Tcp { server, .. } = &port.kind {
+        tcp::resolve(server).map(drop)?;
+    }
+    let goes_on = || duration.is_none_or(|end| clock.now() < end) && !interrupt::requested();
+    loop {
+        match (super::open(port), &port.kind) {
+            (Ok(client), _) if is_reported => {
+                log(&event(&clock, json!({"event": "connected"})))?;
+                return Ok(client);
+            }
+            (Ok(client), _) => return Ok(client),
+            (Err(error), PortKind::Serial { .. }) => return Err(error),
+            (Err(error), PortKind::Tcp { .. }) if !core::mem::replace(&mut is_reported, true) => {
+                log(&event(&clock, json!({"event": "not_connected", "why": format!("{error:#}")})))?;
+            }
+            (Err(error), PortKind::Tcp { .. }) if !goes_on() => return Err(Lost(format!("{error:#}")).into()),
+            _ => {}
+        }
+        let until = clock.now() + backoff.pause();
+        while goes_on() && clock.now() < until {
+            thread::sleep(until.saturating_sub(clock.now()).min(TURN));
+        }
+    }
 }
 
 /// Reports that the connection is lost, and connects again.

@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::command::settings::connect_settings;
@@ -36,7 +36,8 @@ use cellwire_links::settings;
 ///
 /// A journal beside the file has the outcome of each job: after any interruption the same command goes on. The robot has meanwhile
 /// executed its queue, and no job is sent twice. If nobody knows whether jobs were executed (the robot was restarted), it asks: check
-/// the work, and type `done`, `repeat` or `stop`, or the number of the last job that is done.
+/// the work, and type `done`, `repeat` or `stop`, or the number of the last job that is done. Without a keyboard it stops, and --unknown
+/// answers in the next run.
 ///
 /// Ctrl-C, SIGTERM and a closed terminal stop after the current job, or after the queued ones if the plant has no message that interrupts
 /// an order, and wait 30 s at most; a second signal ends the command at once: the robot executes what it has queued, and the next run
@@ -97,19 +98,24 @@ fn execute(args: &Args) -> Result<bool> {
     let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
     let config = settings.plant.pc(settings.config)?;
     let jobs = Jobs::read(file, &settings, args.allow.is_some())?;
+    let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
+    let (what, lines, unit) = ("file of jobs", jobs.lines.clone(), jobs.unit);
+    let work = Work { robot: "kawasaki", file, what, fingerprint, parts, lines, unit };
+    let earlier: Option<Journal> = args.work.look(&work);
     if let Some(picture) = &args.work.picture {
-        jobs.draw(picture, settings.sheet())?;
+        let outcomes = earlier.as_ref().map(Journal::outcomes).unwrap_or_default();
+        jobs.draw(picture, settings.sheet(), &outcomes)?;
     }
     if args.work.dry_run {
         if input::extension(file) == "csv" {
             writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
         }
         log(&jobs.summary(config.limits.packet))?;
+        if let Some(journal) = &earlier {
+            log(&standing(&work, journal))?;
+        }
         return Ok(true);
     }
-    let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
-    let work =
-        Work { robot: "kawasaki", file, what: "file of jobs", fingerprint, parts, lines: jobs.lines.clone() };
     let run = |journal: &mut Journal, progress: &ProgressBar| {
         serve(args, &settings, config, &jobs, journal, progress)
     };
@@ -148,7 +154,8 @@ fn serve(
         (&mut |event| progress.suspend(|| log(&event)), &mut work::shown(progress, journal, machine));
     let operator = Operator::new(typed, notify, progress);
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
-    let runner = Runner::new(jobs, config, journal, settings.order, absence, operator);
+    let answer = args.work.unknown;
+    let runner = Runner::new(jobs, config, journal, settings.order, answer, absence, operator);
     runner.run(&mut meeting, &trace)
 }
 

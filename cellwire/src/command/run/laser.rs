@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
 use crate::command::settings::connect_settings;
@@ -28,7 +28,8 @@ use cellwire_links::settings;
 /// not understood, is refused by name. docs/files.md lists it.
 ///
 /// A journal beside the program has the outcome of each instruction: after any interruption the same command goes on. If nobody knows
-/// whether a frame was queued, it asks: check the machine, and type `done`, `repeat` or `stop`.
+/// whether a frame was queued, it asks: check the machine, and type `done`, `repeat` or `stop`. Without a keyboard it stops, and
+/// --unknown answers in the next run.
 ///
 /// Ctrl-C, SIGTERM and a closed terminal stop after the frame in flight, which takes 30 s at most; a second signal ends the command at
 /// once, and leaves up to seven instructions unknown. The end of standard input is not a stop.
@@ -92,8 +93,14 @@ pub(super) fn run(args: &Args) -> Result<bool> {
             json!(values)
         );
     }
+    let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
+    let lines = program.instructions.iter().map(|instruction| instruction.line).collect();
+    let (file, unit) = (&args.file, program.unit);
+    let work = Work { robot: "laser", file, what: "program", fingerprint, parts, lines, unit };
+    let earlier: Option<Journal> = args.work.look(&work);
     if let Some(file) = &args.work.picture {
-        program.draw(file, &mapping)?;
+        let outcomes = earlier.as_ref().map(Journal::outcomes).unwrap_or_default();
+        program.draw(file, &mapping, &outcomes)?;
     }
     if args.work.dry_run {
         let (frames, time) = program.estimate(&host);
@@ -103,14 +110,14 @@ pub(super) fn run(args: &Args) -> Result<bool> {
             "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
             "not_carried": not_carried,
         }))?;
+        if let Some(journal) = &earlier {
+            log(&standing(&work, journal))?;
+        }
         return Ok(true);
     }
     if !not_carried.is_empty() {
         log(&json!({"event": "not_carried", "values": not_carried}))?;
     }
-    let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
-    let lines = program.instructions.iter().map(|instruction| instruction.line).collect();
-    let work = Work { robot: "laser", file: &args.file, what: "program", fingerprint, parts, lines };
     let run =
         |journal: &mut Journal, progress: &ProgressBar| execute(args, &program, journal, progress, host);
     let ran = args.work.run(work, run)?;
@@ -144,7 +151,7 @@ fn execute(
     let port = AnyPort::open(place, host.baud, args.work.set.dialing(None, args.work.connect)?)?;
     ready("laser", "serial", place)?;
     let mut runner = Runner::new(program, journal, host, operator);
-    if !runner.settle_unknown("an earlier run ended before the answer")? {
+    if !runner.settle_earlier(args.work.unknown)? {
         return Ok((Ended::Stopped, before));
     }
     Ok((runner.run(port)?, before))

@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use mmacell_task::Step;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{
     Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated,
@@ -34,7 +34,8 @@ const MAY_MOVE: &str = "a device may still finish its last motion";
 ///
 /// A journal beside the task has the outcome of each part: after any interruption the same command
 /// goes on. If the outcome of a part is unknown, or a device fails, it asks: check the cell, and type
-/// `done` (the part is in its place), `repeat` or `stop`.
+/// `done` (the part is in its place), `repeat` or `stop`. Without a keyboard it stops, and --unknown
+/// answers in the next run.
 ///
 /// Ctrl-C, SIGTERM and a closed terminal are `stop`, and `abort` if the robot has not gone to the
 /// part yet, or does not place it within 30 s; the devices then get 5 s. A second signal ends the
@@ -83,15 +84,19 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let given = args.work.set.read_over(Some(&args.file), &self::settings())?;
     let settings = settings::read("the task", Settings::default(), &given)?;
     let parts = settings.count(args.periphery.is_none())?;
+    let (fingerprint, lines) = (settings.fingerprint(), lines(&input::text(&args.file)?));
+    let work = Work { robot: "mma", file: &args.file, what: "task", fingerprint, parts, lines, unit: "line" };
+    let earlier: Option<Journal> = args.work.look(&work);
     if let Some(file) = &args.work.picture {
-        settings.draw(file)?;
+        settings.draw(file, &earlier.as_ref().map(Journal::outcomes).unwrap_or_default())?;
     }
     if args.work.dry_run {
-        dry_run(args, &settings, parts)?;
+        dry_run(args, &settings, parts, &work.lines)?;
+        if let Some(journal) = &earlier {
+            log(&standing(&work, journal))?;
+        }
         return Ok(true);
     }
-    let (fingerprint, lines) = (settings.fingerprint(), lines(&input::text(&args.file)?));
-    let work = Work { robot: "mma", file: &args.file, what: "task", fingerprint, parts, lines };
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
     let ran = args.work.run(work, run)?;
     let is_complete = ran.ended == Ended::Complete;
@@ -120,7 +125,7 @@ const STEPS: [Step; 10] = [
 ];
 
 /// Prints the settings of all motions, then each part with its line. Real cameras alone know where parts are.
-fn dry_run(args: &Args, settings: &Settings, parts: usize) -> Result<()> {
+fn dry_run(args: &Args, settings: &Settings, parts: usize, lines: &[u64]) -> Result<()> {
     let task = &settings.task;
     log(&json!({
         "task": args.file,
@@ -137,8 +142,7 @@ fn dry_run(args: &Args, settings: &Settings, parts: usize) -> Result<()> {
     if args.periphery.is_some() {
         return Ok(());
     }
-    let lines = lines(&input::text(&args.file)?);
-    let lines = lines.into_iter().map(Some).chain(core::iter::repeat(None));
+    let lines = lines.iter().map(Some).chain(core::iter::repeat(None));
     for ((number, part), line) in (1..).zip(&settings.part).zip(lines).take(parts) {
         let Part { platform, pick, place } = part;
         log(&json!({"part": number, "line": line, "platform": platform, "pick": pick, "place": place}))?;
@@ -156,7 +160,7 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     );
     let operator = Operator::new(typed, notify, progress);
     let mut runner = Runner::new(journal, operator, bell.clone());
-    if !runner.settle_begun()? {
+    if !runner.settle_begun(args.work.unknown)? {
         return Ok(Ended::Stopped(Rest::NotAsked));
     }
     let dialing = args.work.set.dialing(Some(&args.file), args.work.connect)?;

@@ -5,9 +5,9 @@ use std::sync::mpsc::Receiver;
 
 use anyhow::{Context as _, Result, ensure};
 use indicatif::{ProgressBar, ProgressDrawTarget};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-use crate::cell::run::{END_WITHIN, STOP_WITHIN};
+use crate::cell::run::{Answer, END_WITHIN, STOP_WITHIN};
 use crate::command::settings::SetArgs;
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
@@ -19,10 +19,10 @@ use crate::io::{files, interrupt};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {
-    /// Check the file and say what would be done; send nothing
+    /// Check the file and print the plan and, with a journal, what is done and where a run goes on; send nothing
     #[arg(long)]
     pub(super) dry_run: bool,
-    /// Draw the robot's path as SVG
+    /// Draw the robot's path as SVG; in a dry run with a journal, marked by what is done, unknown and to do
     #[arg(long, value_name = "FILE")]
     pub(super) picture: Option<PathBuf>,
     /// Write what became of each job as CSV
@@ -34,6 +34,10 @@ pub(super) struct WorkArgs {
     /// Forget the journal: what is done is done again
     #[arg(long)]
     again: bool,
+    /// The answer for what an earlier run has left unknown, without a question: done, repeat, or the number of the last that is done; check
+    /// the machine first
+    #[arg(long, value_name = "ANSWER", conflicts_with = "again")]
+    pub(super) unknown: Option<Answer>,
     #[command(flatten)]
     pub(super) connect: TimeoutArgs,
     #[command(flatten)]
@@ -56,6 +60,8 @@ pub(super) struct Work<'a> {
     pub(super) parts: usize,
     /// The line of the file of each part, as far as they have one.
     pub(super) lines: Vec<u64>,
+    /// What `lines` counts: `line`, or `outline` of a drawing.
+    pub(super) unit: &'a str,
 }
 
 const NO_TABLE: files::Unwritten = files::Unwritten("the outcomes are in the journal alone");
@@ -71,6 +77,20 @@ pub(super) struct Ran<R, T> {
 }
 
 impl WorkArgs {
+    /// Returns the journal for a dry run. `None` without one, and with --again; one that cannot be used is reported.
+    pub(super) fn look<R: Record>(&self, work: &Work<'_>) -> Option<Journal<R>> {
+        if !self.dry_run || self.again {
+            return None;
+        }
+        let Work { robot, file, what, fingerprint, parts, .. } = work;
+        let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
+        let head = Head { robot: (*robot).into(), work: fingerprint.clone(), parts: *parts };
+        Journal::look(&path, what, head).unwrap_or_else(|error| {
+            remark(&format!("warning: {error:#}"));
+            None
+        })
+    }
+
     /// Does the parts that the journal does not have as done. The table of all parts is written however that ends.
     ///
     /// # Errors
@@ -80,13 +100,13 @@ impl WorkArgs {
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
     ) -> Result<Ran<R, T>> {
-        let Work { robot, file, what, fingerprint, parts, lines } = work;
+        let Work { robot, file, what, fingerprint, parts, lines, unit } = work;
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
         let head = Head { robot: robot.into(), work: fingerprint, parts };
         let mut journal = Journal::open(&path, what, head, self.again)?;
         let ended = self.go_on(what, parts, &mut journal, run);
         let table = match &self.outcomes {
-            Some(path) => files::write(path, table(&lines, &journal).as_bytes()).context(NO_TABLE),
+            Some(path) => files::write(path, table(&lines, unit, &journal).as_bytes()).context(NO_TABLE),
             None => Ok(()),
         };
         match (ended, table) {
@@ -143,14 +163,59 @@ impl<R, T> Ran<R, T> {
     }
 }
 
-/// `number,line,outcome` of each part.
-fn table<R: Record>(lines: &[u64], journal: &Journal<R>) -> String {
-    let mut text = String::from("number,line,outcome\n");
+/// `number,line,outcome` of each part; `outline` in place of `line` of a drawing.
+fn table<R: Record>(lines: &[u64], unit: &str, journal: &Journal<R>) -> String {
+    let mut text = format!("number,{unit},outcome\n");
     for (number, outcome) in journal.outcomes().iter().enumerate() {
         let line = lines.get(number).map(u64::to_string).unwrap_or_default();
         text.push_str(&format!("{},{line},{}\n", number + 1, outcome.name()));
     }
     text
+}
+
+/// The most runs of equal outcomes that a dry run prints.
+const MAX_SPANS: usize = 100;
+
+/// The line of a dry run about its journal: how many parts have which outcome, which these are, and what a run does next.
+pub(super) fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>) -> Value {
+    let (count, outcomes) = (|outcome| journal.count(outcome), journal.outcomes());
+    let mut first = 0;
+    let mut spans = Vec::new();
+    for span in outcomes.chunk_by(|a, b| a == b) {
+        let last = first + span.len() - 1;
+        let mut line = Map::new();
+        line.insert("outcome".into(), json!(span.first()));
+        line.extend([("first".into(), json!(first + 1)), ("count".into(), json!(span.len()))]);
+        if let [Some(from), Some(to)] = [first, last].map(|at| work.lines.get(at)) {
+            line.insert(format!("{}s", work.unit), json!([from, to]));
+        }
+        spans.push(Value::from(line));
+        first = last + 1;
+    }
+    let left_out = spans.len().saturating_sub(MAX_SPANS);
+    spans.truncate(MAX_SPANS);
+    let open = outcomes.iter().position(|it| matches!(it, Outcome::NotSent | Outcome::Refused));
+    let next = match (journal.unknown(), journal.tally().queued, open) {
+        (Some((first, count)), ..) => format!(
+            "a run asks whether {} to {} are done, unless --unknown answers",
+            first + 1,
+            first + count
+        ),
+        (None, 1.., _) => {
+            "a run takes over what the machine has queued, and asks if the machine has lost it".into()
+        }
+        (None, 0, Some(open)) => format!("a run goes on at {}", open + 1),
+        (None, 0, None) => format!("the {} is finished; --again repeats it", work.what),
+    };
+    let mut line = json!({
+        "event": "journal", "journal": journal.path(), "of": outcomes.len(),
+        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
+        "not_sent": count(Outcome::NotSent), "outcomes": spans, "next": next,
+    });
+    if let (Some(line), 1..) = (line.as_object_mut(), left_out) {
+        line.insert("left_out".into(), left_out.into());
+    }
+    line
 }
 
 /// The last line of a run, with how many parts have which outcome; `machine` is what the machine still does.

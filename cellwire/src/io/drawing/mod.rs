@@ -53,6 +53,8 @@ pub struct Line {
 pub struct Picture {
     /// The lines in the order of drawing.
     pub lines: Vec<Line>,
+    /// The outline of each line, from 1 in the order of the file; of a move, the outline that it leads to.
+    pub outlines: Vec<u64>,
     /// The sheet's width and height in hundredths of a millimetre.
     pub sheet: Point,
 }
@@ -110,12 +112,12 @@ impl Picture {
         let placed = Affine::scale(scale).then_translate(margin.to_vec2());
         // A picture may extend beyond its view box, outside of which nothing is visible.
         let visible = size.to_rect().inflate(0.5, 0.5);
-        let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
+        let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new(), outlines: Vec::new() };
         let on_sheet =
             |p: CurvePoint| Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) };
-        let is_cut_off = drawing.lines(placed, visible, TOLERANCE * 100.0, |_, from, to| {
-            pen.go(on_sheet(from), false);
-            pen.go(on_sheet(to), true);
+        let is_cut_off = drawing.lines(placed, visible, TOLERANCE * 100.0, |outline, from, to| {
+            pen.go(on_sheet(from), false, outline);
+            pen.go(on_sheet(to), true, outline);
             ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
             Ok(())
         })?;
@@ -128,7 +130,7 @@ impl Picture {
         if is_cut_off {
             warnings.push("is cut off at the edge of its page".to_owned());
         }
-        Ok((Self { lines: pen.lines, sheet }, warnings))
+        Ok((Self { lines: pen.lines, outlines: pen.outlines, sheet }, warnings))
     }
 
     /// How many of the lines are drawn.
@@ -179,10 +181,11 @@ pub(super) fn mm(hundredths: i32) -> f64 {
 struct Pen {
     at: Point,
     lines: Vec<Line>,
+    outlines: Vec<u64>,
 }
 
 impl Pen {
-    fn go(&mut self, to: Point, draws: bool) {
+    fn go(&mut self, to: Point, draws: bool, outline: u64) {
         if to == self.at {
             return;
         }
@@ -190,13 +193,18 @@ impl Pen {
         self.at = to;
         match self.lines.last_mut() {
             // Two consecutive moves become one.
-            Some(last) if !last.draws && !draws => last.to = to,
+            Some(last) if !last.draws && !draws => {
+                last.to = to;
+                self.outlines.pop();
+            }
             _ => self.lines.push(Line { draws, from, to }),
         }
+        self.outlines.push(outline);
         // A move that ends where it began is dropped.
         if self.lines.last().is_some_and(|last| last.from == last.to) {
             self.lines.pop();
         }
+        self.outlines.truncate(self.lines.len());
     }
 
     /// Drops a move after the last drawn line.
@@ -204,6 +212,7 @@ impl Pen {
         while self.lines.last().is_some_and(|last| !last.draws) {
             self.lines.pop();
         }
+        self.outlines.truncate(self.lines.len());
     }
 }
 

@@ -60,23 +60,38 @@ impl Mapping {
         Self::parse(&lines, order)
     }
 
-    /// Reads a listing of `$SNPX_ASG`: lines of SYSTEM.VA, or `SETVAR` lines. Where two slots have the same register, the first one
-    /// shows it.
+    /// Reads a listing of `$SNPX_ASG`: lines of SYSTEM.VA, or `SETVAR` lines.
     ///
     /// # Errors
-    /// A line that cannot be read, a slot out of range, or a variable that is not modelled.
+    /// A line that cannot be read, a slot out of range, a variable that is not modelled, or two slots with the same register.
     pub fn parse(listing: &str, order: WordOrder) -> Result<Self> {
         let slots = Slots::parse(listing)?;
-        let mut areas = Vec::new();
+        let (mut areas, mut earlier): (Vec<Area>, Vec<_>) = (Vec::new(), Vec::new());
         for (slot, assignment) in slots.used() {
             assignment.check().with_context(|| format!("slot {slot}"))?;
+            let range = assignment.pdu_range();
+            let overlap = earlier.iter().find_map(|(other, of): &(u8, &Assignment<'_>)| {
+                let (start, end) = (range.start.max(of.pdu_range().start), range.end.min(of.pdu_range().end));
+                (start < end).then_some((other, of.var_name, start + 1))
+            });
+            if let Some((other, name, address)) = overlap {
+                bail!(
+                    "slots {other} ({name}) and {slot} ({}) overlap from $ADDRESS {address}: a controller shows one of them",
+                    assignment.var_name
+                );
+            }
             areas.push(Area::of(assignment).with_context(|| format!("slot {slot}"))?);
+            earlier.push((slot, assignment));
         }
         if areas.is_empty() {
             bail!("there is no assignment; expected lines such as `SETVAR $SNPX_ASG[1].$ADDRESS 1`");
         }
-        areas.reverse(); // the first slot is shown last, and hides the others
         Ok(Self { areas, order })
+    }
+
+    /// Returns the first of these registers that no assignment covers.
+    pub fn first_unassigned(&self, mut registers: Range<usize>) -> Option<usize> {
+        registers.find(|register| !self.areas.iter().any(|area| area.registers.contains(register)))
     }
 
     /// Puts the variables into the registers.
@@ -90,18 +105,8 @@ impl Mapping {
 
     /// Takes what a client has written to some registers into the variables.
     pub fn take(&self, written: Range<usize>, registers: &[u16], memory: &mut Memory) {
-        // Of a register in two slots the first one counts.
-        let hidden = |area: &Area, others: &[Area]| {
-            others.iter().any(|other| {
-                let (start, end) =
-                    (written.start.max(area.registers.start), written.end.min(area.registers.end));
-                other.registers.start < end && start < other.registers.end
-            })
-        };
-        for (index, area) in self.areas.iter().enumerate() {
-            if let Some(words) = registers.get(area.registers.clone())
-                && !hidden(area, self.areas.get(index + 1..).unwrap_or_default())
-            {
+        for area in &self.areas {
+            if let Some(words) = registers.get(area.registers.clone()) {
                 area.take(&written, words, self.order, memory);
             }
         }
@@ -145,7 +150,7 @@ impl Area {
         match self.variable {
             Variable::Number(kind, _) => kind.registers().into(),
             Variable::Position | Variable::Here => PositionRegister::QUANTITY.into(),
-            Variable::Text => text::REGISTERS.into(),
+            Variable::Text => text::REGISTERS,
         }
     }
 
@@ -231,9 +236,9 @@ SETVAR $SNPX_ASG[1].$ADDRESS 1
 SETVAR $SNPX_ASG[1].$SIZE 2
 SETVAR $SNPX_ASG[1].$VAR_NAME 'R[5]'
 SETVAR $SNPX_ASG[1].$MULTIPLY 0
-SETVAR $SNPX_ASG[2].$ADDRESS 1
-SETVAR $SNPX_ASG[2].$SIZE 100
-SETVAR $SNPX_ASG[2].$VAR_NAME 'R[1]@1.1'
+SETVAR $SNPX_ASG[2].$ADDRESS 3
+SETVAR $SNPX_ASG[2].$SIZE 98
+SETVAR $SNPX_ASG[2].$VAR_NAME 'R[3]@1.1'
 SETVAR $SNPX_ASG[2].$MULTIPLY 10
 SETVAR $SNPX_ASG[3].$ADDRESS 101
 SETVAR $SNPX_ASG[3].$SIZE 100
@@ -254,7 +259,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         memory.strings.insert(1, "PART".into());
         let mut registers = vec![0; 300];
         mapping.show(&memory, &Place::default(), &mut registers);
-        assert_eq!(registers[..5], [0, 0x3F00, 123, 50_000, 5], "the first slot hides R[1] and R[2]");
+        assert_eq!(registers[..5], [0, 0x3F00, 123, 50_000, 5]);
         assert_eq!(registers[150 + 44], 1, "PR[3] has joints");
         assert_eq!(registers[200..203], [0x5041, 0x5254, 0]);
         // A client writes R[4], and PR[2] as what PR[3] is.
@@ -267,7 +272,18 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         registers[1] = 0x4000; // 2.0
         mapping.take(0..2, &registers, &mut memory);
         assert_eq!(memory.numbers[&5], 2.0);
-        assert!(!memory.numbers.contains_key(&1), "hidden by the first slot");
+        assert_eq!(mapping.first_unassigned(0..200), None);
+        assert_eq!(mapping.first_unassigned(199..300), Some(205));
+    }
+
+    #[test]
+    fn two_slots_with_the_same_register_are_refused_by_their_names() {
+        let overlap = LISTING.replace("[4].$ADDRESS 201", "[4].$ADDRESS 200");
+        let error = Mapping::parse(&overlap, WordOrder::LowFirst).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "slots 3 (PR[2]) and 4 (SR[1]) overlap from $ADDRESS 200: a controller shows one of them"
+        );
     }
 
     /// `$SIZE` 85: all of SR[3] and SR[4], and the first ten characters of SR[5].

@@ -9,9 +9,11 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use cellwire_sim::fanuc::{Controller, FanucController, FanucEvent, Shared, TelemetryFaults, circle};
+use cellwire_sim::fanuc::{
+    Controller, FanucController, FanucEvent, Shared, Tables, TelemetryFaults, Write, circle,
+};
 use cellwire_sim::{Simulator, Told};
-use fanuc_hmi_modbus::{ServerConfig, ServerEvent, WordOrder};
+use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, WordOrder};
 use robot_session::{Driver, Session as _};
 use serde_json::{Map, Value, json};
 
@@ -46,14 +48,16 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     settings.program.leaves_registers = !options.settings.contains_key("telemetry");
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let reports = Reports::default();
-    let controller = match &settings.program.program {
-        None => Controller::new(Box::new(circle), settings.word_order),
+    let (controller, mapping) = match &settings.program.program {
+        None => (Controller::new(Box::new(circle), settings.word_order), None),
         Some(program) => {
             let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
+            let mapping = robot.mapping.clone();
             let robot = Reporting { robot, reports: Arc::clone(&reports) };
-            Controller::running(Box::new(robot), settings.word_order)
+            (Controller::running(Box::new(robot), settings.word_order), Some(mapping))
         }
     };
+    let shown = Shown { mapping };
     let controller = Arc::new(Mutex::new(controller.with_faults(faults)));
     let runs = settings.program.program.is_some();
     match &options.endpoint {
@@ -69,7 +73,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
                 keep_running(&controller, &reports, clock)?;
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
-            serve_clients(Listener::new(listener)?, first, &service, true)
+            serve_clients(Listener::new(listener)?, first, &service, Some(&shown))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
@@ -77,7 +81,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             }
             let mut robot = connection(&controller, settings.on_line())?;
             options.control("fanuc", &mut robot, control::own())?;
-            serve_line(line, &mut robot)
+            serve_line(line, &mut robot, &shown)
         }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
@@ -161,19 +165,20 @@ pub fn serve_tcp(
     config: ServerConfig,
     service: &Service<'_>,
 ) -> Result<()> {
-    serve_clients(listener, connection(controller, config)?, service, false)
+    serve_clients(listener, connection(controller, config)?, service, None)
 }
 
-/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected. `prints`: what the clients do is printed.
+/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected. With `shown`, the accesses of the clients
+/// are printed.
 fn serve_clients(
     listener: Listener,
     first: Simulator<FanucController>,
     service: &Service<'_>,
-    prints: bool,
+    shown: Option<&Shown>,
 ) -> Result<()> {
     // A script that reads no more is none of our business.
     let print = |event: Value| drop(log(&event));
-    let admits = |kind| prints && admits(kind);
+    let admits = |kind| shown.is_some() && admits(kind);
     let first = RefCell::new(first);
     let open = || first.borrow().another().context("cannot make another connection of the controller");
     service.run(listener, open, |notice| {
@@ -195,16 +200,14 @@ fn serve_clients(
             Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
                 return ControlFlow::Break(format!("the client violates the protocol: {error}"));
             }
-            Notice::Event(peer, Told::Device(event)) if prints => {
-                if let Some(event) = show(event, Some(peer)) {
-                    print(event);
-                }
+            Notice::Event(peer, Told::Device(event)) => {
+                shown.into_iter().for_each(|shown| shown.print(&event, Some(peer)));
             }
             Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
             Notice::Disconnected(peer, why) if admits("disconnected") => {
                 print(json!({"event": "disconnected", "peer": peer, "why": why}));
             }
-            Notice::Traced(path) if prints => print(json!({"event": "trace", "path": path})),
+            Notice::Traced(path) if shown.is_some() => print(json!({"event": "trace", "path": path})),
             _ => {}
         }
         ControlFlow::Continue(())
@@ -212,17 +215,15 @@ fn serve_clients(
 }
 
 /// An RTU line until it is gone for good.
-fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>) -> Result<()> {
+fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>, shown: &Shown) -> Result<()> {
     let mut driver = Driver::new(line);
     let (mut attached, mut closes) = (Attached::default(), false);
     loop {
         attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
         let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
             closes |= matches!(told, Told::Close(_));
-            if let Told::Device(event) = told
-                && let Some(event) = show(event, None)
-            {
-                drop(log(&event));
+            if let Told::Device(event) = told {
+                shown.print(&event, None);
             }
             Ok(())
         })?;
@@ -237,41 +238,76 @@ fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<Fan
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
-/// Returns the line for what a client reads and writes, what was refused, and what was corrupt, if it is to be printed.
-fn show(event: FanucEvent, peer: Option<SocketAddr>) -> Option<Value> {
-    let kind = match event {
-        FanucEvent::Read { .. } => "read",
-        FanucEvent::Written(_) => "write",
-        FanucEvent::Server(ServerEvent::Served { exception: Some(_), .. }) => "refused",
-        FanucEvent::Server(ServerEvent::Refused { .. }) => "too_many",
-        FanucEvent::Server(ServerEvent::Corrupt(_)) => "corrupt",
-        _ => return None,
-    };
-    // Of most requests nothing is printed: their lines are not made.
-    if !admits(kind) {
-        return None;
-    }
-    let fields = match event {
-        FanucEvent::Read { table, address, count } => {
-            json!({"table": table, "address": address, "count": count})
+/// The printed accesses of clients.
+struct Shown {
+    /// The assignments of the holding registers, if there are any.
+    mapping: Option<Mapping>,
+}
+
+impl Shown {
+    /// Prints the lines of an event: a read, a write, registers without an assignment, a refusal, corrupt bytes.
+    fn print(&self, event: &FanucEvent, peer: Option<SocketAddr>) {
+        let put = |kind: &str, fields: &dyn Fn() -> Value| {
+            // Of most requests nothing is printed: their lines are not made.
+            if !admits(kind) {
+                return;
+            }
+            let mut line = Map::new();
+            line.insert("event".into(), kind.into());
+            if let Some(peer) = peer {
+                line.insert("peer".into(), peer.to_string().into());
+            }
+            if let Value::Object(fields) = fields() {
+                line.extend(fields);
+            }
+            drop(log(&line.into())); // a script that reads no more does not stop the simulator
+        };
+        match event {
+            FanucEvent::Read { table, address, count } => {
+                put("read", &|| json!({"table": table, "address": address, "count": count}));
+            }
+            FanucEvent::Written(write) => put("write", &|| control::show(write)),
+            FanucEvent::Refused { unit, function, exception, values } => put("refused", &|| {
+                let code = u8::from(*exception);
+                let Some((table, address, count)) = values else {
+                    return json!({"unit": unit, "function": function, "exception": code, "why": exception.to_string()});
+                };
+                let why = match exception {
+                    Exception::IllegalDataAddress => {
+                        format!("{exception}: the table ends at {}", Tables::len(*table).saturating_sub(1))
+                    }
+                    _ => exception.to_string(),
+                };
+                json!({
+                    "unit": unit, "function": function, "table": table, "address": address, "count": count,
+                    "exception": code, "why": why,
+                })
+            }),
+            FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
+                put("too_many", &|| json!({"unit": unit, "function": function}));
+            }
+            FanucEvent::Server(ServerEvent::Corrupt(error)) => put("corrupt", &|| json!({"error": error})),
+            _ => {}
         }
-        FanucEvent::Written(write) => control::show(&write),
-        FanucEvent::Server(ServerEvent::Served { unit, function, exception, .. }) => {
-            json!({"unit": unit, "function": function, "exception": exception.map(u8::from)})
+        if let Some((address, count)) = self.unassigned(event) {
+            put("unassigned", &|| {
+                let why = format!("no assignment covers $ADDRESS {}", address + 1);
+                json!({"table": Table::HoldingRegisters, "address": address, "count": count, "why": why})
+            });
         }
-        FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
-            json!({"unit": unit, "function": function})
-        }
-        FanucEvent::Server(ServerEvent::Corrupt(error)) => json!({"error": error}),
-        _ => return None,
-    };
-    let mut line = Map::new();
-    line.insert("event".into(), kind.into());
-    if let Some(peer) = peer {
-        line.insert("peer".into(), peer.to_string().into());
     }
-    if let Value::Object(fields) = fields {
-        line.extend(fields);
+
+    /// Returns the first register of an access without an assignment, and the number of registers from there to the end of the access.
+    fn unassigned(&self, event: &FanucEvent) -> Option<(usize, usize)> {
+        let (address, count) = match event {
+            FanucEvent::Read { table: Table::HoldingRegisters, address, count } => {
+                (*address, (*count).into())
+            }
+            FanucEvent::Written(Write::Registers(address, values)) => (*address, values.len()),
+            _ => return None,
+        };
+        let (start, end) = (usize::from(address), usize::from(address) + count);
+        let first = self.mapping.as_ref()?.first_unassigned(start..end)?;
+        Some((first, end - first))
     }
-    Some(line.into())
 }

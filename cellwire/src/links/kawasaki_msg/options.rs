@@ -41,7 +41,7 @@ impl Configure for RobotSettings {
         let about = "the duration of a job that is not a line";
         fields.time("job_time", Duration::ZERO..=Duration::from_secs(86_400), about, job_time);
         fields.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
-        let about = "an SVG file, written after each order";
+        let about = "an SVG file of the sheet with all orders since the start, written after each";
         fields.text("out", "a file", "none is written", about, out);
         let about = "a CSV file to which executed jobs are appended: order, number, fields";
         fields.text("record", "a file", "none is written", about, record);

@@ -113,7 +113,8 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     let trace = options.trace.start("kawasaki-robot");
-    let mut order = Vec::new();
+    // All orders are drawn on one sheet; the lines of the last one begin here.
+    let (mut sheet, mut begin): (Vec<drawing::Line>, usize) = (Vec::new(), 0);
     let executed = |stroke: Stroke| {
         if let Some(record) = &mut record
             && let Err(error) = record.add(&stroke)
@@ -126,14 +127,13 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         match notification {
             robot::Notification::Event(event) => {
                 let executed = strokes.try_iter();
-                order.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
+                sheet.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
                 if let (RobotEvent::OrderOver { .. }, Some(_)) = (event, &lines) {
-                    let drawn: Vec<drawing::Line> = core::mem::take(&mut order);
-                    log(
-                        &json!({"event": "drawn", "strokes": drawn.iter().filter(|line| line.draws).count()}),
-                    )?;
+                    let strokes = sheet.iter().skip(begin).filter(|line| line.draws).count();
+                    begin = sheet.len();
+                    log(&json!({"event": "drawn", "strokes": strokes}))?;
                     if let Some(file) = &out {
-                        drawing::write_svg(file, SHEET, &drawn)?;
+                        drawing::write_svg(file, SHEET, &sheet)?;
                     }
                 }
                 let print = match event {

@@ -1,27 +1,29 @@
 //! The simulated laser robot on a line.
 
-use std::io;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 pub use cellwire_sim::laser::STATUS;
 use cellwire_sim::laser::{Job, LaserEvent, LaserRobot};
 use cellwire_sim::{Device as _, Laser, Simulator, Told};
-use laser_eb90::Items;
+use laser_eb90::{Item, Items};
 use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait};
 use serde_json::{Value, json};
 
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
-use crate::io::output::log;
+use crate::io::output::{log, remark};
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::io::serial::READ_TIMEOUT;
 use crate::links::control::{Command, Own, fields};
 use crate::links::device::{Attached, SimulateOptions, serve};
-use cellwire_links::settings;
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// What a robot has done.
 #[derive(Debug, Default)]
@@ -48,13 +50,66 @@ impl RobotCounts {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let robot = settings::read("laser", Laser::default(), &options.settings)?;
+    let LaserSettings { robot, record } =
+        settings::read("laser", LaserSettings::default(), &options.settings)?;
+    let mut record = record.map(|file| Record::open(Path::new(&file))).transpose()?;
+    let records = record.is_some();
     let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
     serve("laser", "laser", options, robot.baud, |line, clock| {
         options.control("laser", &mut simulator, own(&robot))?;
-        execute(&robot, simulator, line, clock, &Switch::default(), |event| log(&event), None)?;
+        let notify = |event| log(&event);
+        let mut add = |job: Job| {
+            if let Some(Err(error)) = record.as_mut().map(|record| record.add(&job, &robot)) {
+                remark(&format!("warning: {error:#}"));
+            }
+        };
+        let executed = records.then_some(&mut add as &mut dyn FnMut(Job));
+        execute(&robot, simulator, line, clock, &Switch::default(), notify, executed)?;
         Ok(())
     })
+}
+
+/// The simulated robot of the tool.
+#[derive(Debug, Default)]
+pub struct LaserSettings {
+    robot: Laser,
+    /// A file for executed instructions.
+    record: Option<String>,
+}
+
+impl Configure for LaserSettings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { robot, record } = self;
+        let about = "a CSV file to which executed instructions are appended, as a program: `run laser FILE --dry-run --picture` draws it";
+        fields.text("record", "a file", "none is written", about, record);
+        robot.configure(fields);
+    }
+}
+
+/// Every instruction that was executed, as a program.
+struct Record(File);
+
+impl Record {
+    fn open(path: &Path) -> Result<Self> {
+        let what = || format!("cannot write {}", path.display());
+        Ok(Self(OpenOptions::new().append(true).create(true).open(path).with_context(what)?))
+    }
+
+    fn add(&mut self, Job { word, parameters }: &Job, robot: &Laser) -> Result<()> {
+        let mut row = format!("{word:#06x}");
+        for item in Items::new(parameters, &robot.config.profile) {
+            let Ok(item) = item else { break };
+            match item {
+                Item::F32(values) => values.iter().for_each(|value| row += &format!(",{value}")),
+                Item::I16(values) => values.iter().for_each(|value| row += &format!(",{value}")),
+                Item::U8(values) | Item::Char(values) => {
+                    values.iter().for_each(|value| row += &format!(",{value}"));
+                }
+            }
+        }
+        row.push('\n');
+        self.0.write_all(row.as_bytes()).context("cannot write the record of instructions")
+    }
 }
 
 /// The commands of `--control`: the length of the queue.
@@ -116,7 +171,13 @@ pub fn run(
     executed: Option<&Mutex<Vec<Job>>>,
 ) -> Result<RobotCounts> {
     let robot = Simulator::new(LaserRobot::new(settings, boot)?);
-    execute(&settings, robot, line, clock, switch, notify, executed)
+    let mut keep = |job| {
+        if let Some(Ok(mut executed)) = executed.map(Mutex::lock) {
+            executed.push(job);
+        }
+    };
+    let keep = executed.is_some().then_some(&mut keep as &mut dyn FnMut(Job));
+    execute(&settings, robot, line, clock, switch, notify, keep)
 }
 
 fn execute(
@@ -126,7 +187,7 @@ fn execute(
     clock: Clock,
     switch: &Switch,
     mut notify: impl FnMut(Value) -> Result<()>,
-    executed: Option<&Mutex<Vec<Job>>>,
+    mut executed: Option<&mut dyn FnMut(Job)>,
 ) -> Result<RobotCounts> {
     priority::raise(Rank::Hardware);
     let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
@@ -134,9 +195,9 @@ fn execute(
     if executed.is_none() {
         robot = robot.keeping_nothing();
     }
-    let keep = |robot: &mut Simulator<LaserRobot>| {
-        if let Some(Ok(mut executed)) = executed.map(Mutex::lock) {
-            executed.extend(core::iter::from_fn(|| robot.poll_executed()).map(|done| done.work));
+    let mut keep = |robot: &mut Simulator<LaserRobot>| {
+        if let Some(executed) = &mut executed {
+            core::iter::from_fn(|| robot.poll_executed()).for_each(|done| executed(done.work));
         }
     };
     let (mut refused, mut attached, mut closes) = (0, Attached::default(), false);

@@ -4,13 +4,12 @@ pub mod controller;
 
 use crate::links::device::Device;
 use cellwire_links::settings;
-use cellwire_sim::Laser;
 
 /// `cellwire simulate laser`.
 pub const LASER: Device = Device {
     name: "laser",
     link: Some("laser"),
     about: "The controller of a laser robot",
-    settings: || settings::list(Laser::default()),
+    settings: || settings::list(controller::LaserSettings::default()),
     simulate: controller::simulate,
 };

@@ -183,8 +183,8 @@ impl Log {
             config: settings.client,
         };
         Ok(Self {
-            logger: Logger::connect(source, clock)?,
-            recording: Recording::new(PERIOD),
+            logger: Logger::open(source, clock)?,
+            recording: Recording::new(PERIOD, settings.poll),
             turn_around: Samples::default(),
             failed: u64::from(options.spoils(MustFail::Lost)),
             _proxy: proxy,
@@ -207,7 +207,7 @@ impl Log {
                     let [x, y, z] = block.position;
                     options.progress.set_message(format!("X {x:.1}  Y {y:.1}  Z {z:.1} mm"));
                 }
-                Reading::Failed(_) | Reading::Disconnected(_) => *failed += 1,
+                Reading::Failed(_) | Reading::Absent(_) | Reading::Disconnected(_) => *failed += 1,
                 Reading::Retried(_) | Reading::Reconnected(_) => {}
             }
             Ok(true)

@@ -127,7 +127,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let cutter = cutter.plan;
     let tally = Tally::new(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
-        sheet::write(file, SHEET, &lines(&cuts), ["laser on", "laser off"])?;
+        sheet::write(file, SHEET, &lines(&cuts), &[], ["laser on", "laser off"])?;
     }
     Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
 }

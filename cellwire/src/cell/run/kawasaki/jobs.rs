@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::Settings;
 use crate::io::drawing::{self, Picture};
 use crate::io::input;
+use crate::io::journal::Outcome;
 use crate::io::sheet;
 use crate::links::kawasaki_msg::sheet::Lines;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
@@ -26,8 +27,10 @@ const MOST_NAMED: usize = 20;
 pub struct Jobs {
     /// What to do.
     pub work: Vec<AnyWork>,
-    /// Where each is from: a line of the table, or of the drawing's path, from 1.
+    /// Where each is from: a line of the table, or an outline of the drawing, from 1.
     pub lines: Vec<u64>,
+    /// What `lines` counts: `line`, or `outline`.
+    pub unit: &'static str,
     layout: Layout,
     /// The bytes of all of them on the wire, and a number that other jobs do not have: FNV-1a of those bytes.
     bytes: usize,
@@ -56,7 +59,7 @@ impl Jobs {
     pub fn from_table(file: &Path, plant: &Plant) -> Result<Self> {
         let (text, layout) = (input::text(file)?, plant.layout()?);
         let rows = rows(&text, &layout, plant.charset).with_context(|| file.display().to_string())?;
-        Self::new(rows, plant, layout).with_context(|| file.display().to_string())
+        Self::new(rows, "line", plant, layout).with_context(|| file.display().to_string())
     }
 
     /// The lines of a picture, on a board of this size; `allow` leaves out what a pen cannot follow.
@@ -66,12 +69,11 @@ impl Jobs {
     pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point, allow: bool) -> Result<Self> {
         let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
         let lines = Lines::of(&layout)?;
-        let rows = (1..).zip(lines.jobs(&picture)).collect();
-        let jobs = Self::new(rows, plant, layout).with_context(|| file.display().to_string())?;
-        Ok(Self { lines: Vec::new(), ..jobs })
+        let rows = picture.outlines.iter().copied().zip(lines.jobs(&picture)).collect();
+        Self::new(rows, "outline", plant, layout).with_context(|| file.display().to_string())
     }
 
-    fn new(rows: Vec<(u64, AnyWork)>, plant: &Plant, layout: Layout) -> Result<Self> {
+    fn new(rows: Vec<(u64, AnyWork)>, unit: &'static str, plant: &Plant, layout: Layout) -> Result<Self> {
         ensure!(!rows.is_empty(), "it has no jobs");
         ensure!(rows.len() <= MAX_JOBS, "more than {MAX_JOBS} jobs");
         let dialect = plant.dialect()?;
@@ -85,12 +87,12 @@ impl Jobs {
                         hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3);
                     }
                 }
-                Err(error) => bad.push(format!("line {line}: {error}")),
+                Err(error) => bad.push(format!("{unit} {line}: {error}")),
             }
         }
         refuse(bad)?;
         let (lines, work) = rows.into_iter().unzip();
-        Ok(Self { work, lines, layout, bytes, hash })
+        Ok(Self { work, lines, unit, layout, bytes, hash })
     }
 
     /// What a job is.
@@ -129,14 +131,14 @@ impl Jobs {
         table.to_string()
     }
 
-    /// Draws what the robot would do.
+    /// Draws the path of the robot, marked by the outcomes of the jobs if there are any.
     ///
     /// # Errors
     /// When the plant's jobs are no lines, or the file cannot be written.
-    pub fn draw(&self, file: &Path, size: drawing::Point) -> Result<()> {
+    pub fn draw(&self, file: &Path, size: drawing::Point, outcomes: &[Outcome]) -> Result<()> {
         let lines = Lines::of(&self.layout)?;
         let drawn: Vec<_> = self.work.iter().map(|work| lines.line(work)).collect();
-        sheet::write(file, size, &drawn, ["drawn", "pen lifted"])
+        sheet::write(file, size, &drawn, outcomes, ["drawn", "pen lifted"])
     }
 }
 

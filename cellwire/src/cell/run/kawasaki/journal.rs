@@ -26,6 +26,8 @@ pub struct Flight {
     pub sent: u32,
     /// Those that were executed ahead of others.
     pub ahead: Vec<u32>,
+    /// Whether a run has told the robot to interrupt or end it.
+    pub is_broken_off: bool,
 }
 
 /// What is noted.
@@ -51,6 +53,11 @@ pub enum Entry {
         /// Which.
         ahead: u32,
     },
+    /// The robot is told to interrupt or end the order.
+    BreakOff {
+        /// The order's number.
+        break_off: u16,
+    },
     /// The order is over.
     End {
         /// How many jobs were executed, and those that were ahead.
@@ -71,6 +78,7 @@ impl fmt::Display for Entry {
                 write!(f, "{executed} jobs of the order executed, and {sent} about to be sent")
             }
             Self::Ahead { ahead } => write!(f, "job {} of the order executed", ahead + 1),
+            Self::BreakOff { break_off } => write!(f, "order {break_off} broken off"),
             Self::End { end, unknown } => {
                 write!(f, "the order over with {end} jobs executed, {} unknown", unknown - end)
             }
@@ -97,6 +105,20 @@ impl Journal {
     pub fn begin(&mut self, order: u16, max_number: u16) -> Result<Vec<usize>> {
         self.note(&Entry::Order { order, max_number })?;
         Ok(self.record().flight.as_ref().map(|flight| flight.places.clone()).unwrap_or_default())
+    }
+
+    /// Notes that the order is broken off, before the robot is told to.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn break_off(&mut self) -> Result<()> {
+        match &self.record().flight {
+            Some(flight) if !flight.is_broken_off => {
+                let break_off = flight.order;
+                self.note(&Entry::BreakOff { break_off })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Notes how far the order is, before the packet is sent; returns whether that is news.
@@ -126,8 +148,9 @@ impl Record for Orders {
                 let open = |(place, known): (usize, &Outcome)| (*known == Outcome::NotSent).then_some(place);
                 let places: Vec<usize> = self.outcomes.iter().enumerate().filter_map(open).collect();
                 let (order, max_number) = (*order, *max_number);
+                let (executed, sent, ahead, is_broken_off) = (0, 0, Vec::new(), false);
                 self.flight =
-                    Some(Flight { order, max_number, places, executed: 0, sent: 0, ahead: Vec::new() });
+                    Some(Flight { order, max_number, places, executed, sent, ahead, is_broken_off });
                 self.numbers.push(order);
             }
             (Entry::Progress { executed, sent }, Some(flight)) => {
@@ -138,6 +161,10 @@ impl Record for Orders {
             (Entry::Ahead { ahead }, Some(flight)) => {
                 (*ahead < flight.sent).then_some(())?;
                 flight.ahead.push(*ahead);
+            }
+            (Entry::BreakOff { break_off }, Some(flight)) => {
+                (*break_off == flight.order).then_some(())?;
+                flight.is_broken_off = true;
             }
             (Entry::End { end, unknown }, Some(flight)) => {
                 (end <= unknown && flight.fits(*unknown)).then_some(())?;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
-use crate::cell::run::{Operator, STOP_WITHIN, Word};
+use crate::cell::run::{Answer, Operator, STOP_WITHIN, UNANSWERED, Word};
 use crate::io::drive::Lost;
 use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
@@ -46,6 +46,8 @@ pub struct Runner<'a> {
     operator: Operator<'a>,
     /// The number of the next order, if given.
     order: Option<u16>,
+    /// The answer for the jobs that an earlier run has left unknown, if given.
+    answer: Option<Answer>,
     /// How long no robot may be connected.
     absence: Option<Duration>,
     paused: bool,
@@ -64,12 +66,14 @@ pub struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// A run that goes on where the journal has ended. Without a robot for so long as `absence` says it ends.
+    /// A run that goes on where the journal has ended; `answer` is the outcome of jobs that an earlier run has left unknown. Without a robot
+    /// for so long as `absence` says it ends.
     pub fn new(
         jobs: &'a Jobs,
         config: PcConfig<'static>,
         journal: &'a mut Journal,
         order: Option<u16>,
+        answer: Option<Answer>,
         absence: Option<Duration>,
         operator: Operator<'a>,
     ) -> Self {
@@ -82,6 +86,7 @@ impl<'a> Runner<'a> {
             failed: None,
             operator,
             order,
+            answer,
             absence,
             paused,
             stopping,
@@ -133,6 +138,7 @@ impl<'a> Runner<'a> {
         let any = || if used.len() < usize::from(u16::MAX) / 2 { free() } else { None };
         let number = self.order.take().or_else(any).unwrap_or_else(|| fastrand::u16(1..));
         let places = self.journal.begin(number, self.config.max_number)?;
+        self.answer = None; // it is not meant for jobs of this run
         (self.before, self.reported) = (self.jobs.work.len() - places.len(), 0);
         session.start(number, Order { jobs: &self.jobs.work, places })?;
         Ok(())
@@ -233,7 +239,13 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
+    /// Asks what became of jobs. Without a keyboard nothing is asked: the option that answers is named, and the run stops.
     fn ask(&mut self, first: usize, count: usize) {
+        if self.operator.is_without_keyboard(Duration::ZERO) {
+            let line = self.span("unanswered", first, count);
+            self.stopping = true;
+            return self.operator.notify(with(line, &[("what", UNANSWERED.into())]));
+        }
         self.question = Some((first, count));
         let line = self.span("question", first, count);
         let answers = ["done", "repeat", "stop", "the number of the last job that is done"];
@@ -255,12 +267,12 @@ impl<'a> Runner<'a> {
         self.operator.progress(self.journal.tally());
     }
 
-    /// An event about jobs that follow one another: the number of the first, and the lines of the table that they are from.
+    /// An event about jobs that follow one another: the number of the first, and the lines or outlines of the file that they are from.
     fn span(&self, event: &str, first: usize, count: usize) -> Value {
         let mut span = json!({"event": event, "first": first + 1, "count": count});
         let ends = [first, first + count.max(1) - 1].map(|at| self.jobs.lines.get(at));
         if let (Some(fields), [Some(from), Some(to)]) = (span.as_object_mut(), ends) {
-            fields.insert("lines".into(), json!([from, to]));
+            fields.insert(format!("{}s", self.jobs.unit), json!([from, to]));
         }
         span
     }
@@ -280,13 +292,19 @@ impl<'a> Runner<'a> {
             }
             PcEvent::OrderOver { executed, complete, .. } => {
                 self.done(executed);
-                let was_sent = self.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
+                let flight = self.journal.record().flight.as_ref();
+                let is_expected = flight.is_none_or(|flight| flight.sent == 0 || flight.is_broken_off);
                 self.journal.note(&Entry::End { end: executed, unknown: executed })?;
                 self.operator.notify(serde_json::to_value(event)?);
-                if complete || self.paused || self.stopping || !was_sent {
+                if complete || self.paused || self.stopping || is_expected {
                     return Ok(());
                 }
                 // It was ended at the robot.
+                if self.operator.is_without_keyboard(Duration::ZERO) {
+                    self.stopping = true;
+                    self.operator.hint("the robot has ended the order: the same command executes the rest");
+                    return Ok(());
+                }
                 self.paused = true;
                 self.operator
                     .hint("the robot has ended the order: type continue to execute the rest, or stop");
@@ -367,6 +385,7 @@ impl<'a> Program for Runner<'a> {
                 return Ok(false);
             }
             if self.paused || self.stopping {
+                self.journal.break_off()?;
                 pc::break_off(session);
             }
             self.check_absence()?;
@@ -379,13 +398,16 @@ impl<'a> Program for Runner<'a> {
             return Ok(true);
         }
         if let Some((first, count)) = self.journal.unknown() {
-            self.ask(first, count);
+            match self.answer {
+                Some(answer) => self.answer(first, count, answer.done(first, count))?,
+                None => self.ask(first, count),
+            }
         } else if self.journal.count(Outcome::NotSent) == 0 {
             self.ended = Some(Ended::Complete);
         } else {
             self.begin(session)?;
         }
-        Ok(self.ended.is_none())
+        Ok(self.ended.is_none() && !(self.stopping && session.order().is_none()))
     }
 
     fn notify(&mut self, _session: &mut Pc<'a>, notification: Notification<'_>) -> Result<()> {

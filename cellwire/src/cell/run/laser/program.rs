@@ -11,6 +11,7 @@ use super::settings::{Coordinate, Mapping};
 use super::{csv, gcode, svg};
 use crate::io::drawing::refuse_dxf;
 use crate::io::input;
+use crate::io::journal::Outcome;
 use crate::io::sheet;
 
 /// The bytes around the floats of an instruction, and of a frame.
@@ -21,6 +22,8 @@ const OVERHEAD: (usize, usize) = (6, 7);
 pub struct Program {
     /// In order.
     pub instructions: Vec<Instruction>,
+    /// What the lines of the instructions count: `line`, or `outline` of a drawing.
+    pub unit: &'static str,
     /// The values that the program gives and its instructions do not carry, feed or power, each with its first line.
     pub not_carried: Vec<(Coordinate, u64)>,
     /// The parts of a drawing that are not cut as they are drawn, or that the laser is never on. Each continues a sentence that begins
@@ -44,7 +47,7 @@ impl Program {
                 let read = svg::read(&data, mapping, allow);
                 let (instructions, warnings) =
                     read.map_err(|error| anyhow!("the drawing {} {error:#}", file.display()))?;
-                Ok(Self { warnings, ..Self::of(instructions) })
+                Ok(Self { warnings, unit: "outline", ..Self::of(instructions) })
             }
             _ => gcode::read(&input::decode(file, data)?, mapping),
         };
@@ -65,7 +68,7 @@ impl Program {
     }
 
     fn of(instructions: Vec<Instruction>) -> Self {
-        Self { instructions, not_carried: Vec::new(), warnings: Vec::new() }
+        Self { instructions, unit: "line", not_carried: Vec::new(), warnings: Vec::new() }
     }
 
     /// A number that programs of other instructions do not have: FNV-1a of all words and floats.
@@ -108,18 +111,22 @@ impl Program {
         })
     }
 
-    /// Draws what the robot would do, seen from above: lines with the laser off are thin.
+    /// Draws the path of the robot, seen from above: lines with the laser off are thin. With outcomes of the instructions, the lines are
+    /// marked by them.
     ///
     /// # Errors
     /// When no instruction has a place, the path is longer than 10 km, or the file cannot be written.
-    pub fn draw(&self, file: &Path, mapping: &Mapping) -> Result<()> {
+    pub fn draw(&self, file: &Path, mapping: &Mapping, outcomes: &[Outcome]) -> Result<()> {
         let way = |it: &Instruction| {
             let [x, y] = place(it, mapping)?;
             Some(([f64::from(x), f64::from(y)], it.word == mapping.cut))
         };
         let route: Vec<_> = self.instructions.iter().filter_map(way).collect();
         ensure!(!route.is_empty(), "no instruction has X and Y: nothing can be drawn");
-        sheet::write_route(file, &route, ["cut", "moved"])
+        let has_place = self.instructions.iter().map(|it| place(it, mapping).is_some());
+        let outcomes: Vec<_> =
+            outcomes.iter().zip(has_place).filter(|(_, has)| *has).map(|it| *it.0).collect();
+        sheet::write_route(file, &route, &outcomes, ["cut", "moved"])
     }
 }
 

@@ -5,12 +5,12 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
 use robot_session::{Driver, Session as _, Transport, now};
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
-use crate::cell::run::{Operator, STOP_WITHIN, Word};
+use crate::cell::run::{Answer, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
 use crate::io::drive::{Lost, turn};
 use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
@@ -56,11 +56,29 @@ impl<'a> Runner<'a> {
         Self { program, journal, config, operator, paused, stopping, flight, refused, unknown }
     }
 
+    /// Settles the instructions that an earlier run has left unknown: as `answer` says if it is given, otherwise as the operator does; false
+    /// when the operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub fn settle_earlier(&mut self, answer: Option<Answer>) -> Result<bool> {
+        while let (Some(answer), Some((first, count))) = (answer, self.journal.unknown()) {
+            let done = answer.done(first, count);
+            if done > 0 {
+                self.answer(Outcome::Done, first, done)?;
+            }
+            if done < count {
+                self.answer(Outcome::NotSent, first + done, count - done)?;
+            }
+        }
+        self.settle_unknown("an earlier run ended before the answer")
+    }
+
     /// Asks about every instruction whose outcome is unknown, and says why it is; false when the operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn settle_unknown(&mut self, why: &str) -> Result<bool> {
+    fn settle_unknown(&mut self, why: &str) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown() {
             if !self.ask(first, count, why)? {
                 return Ok(false);
@@ -187,11 +205,8 @@ impl<'a> Runner<'a> {
     fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
         let Some((first, count)) = self.flight.take() else { return Ok(()) };
         self.note(outcome, first, count)?;
-        let mut line =
-            json!({"event": outcome, "first": first + 1, "count": count, "lines": self.lines(first, count)});
-        if let (Some(line), false) = (line.as_object_mut(), why.is_empty()) {
-            line.insert("why".into(), why.into());
-        }
+        let more = if why.is_empty() { vec![] } else { vec![("why", why.into())] };
+        let line = self.span(json!(outcome), first, count, more);
         self.operator.notify(line);
         Ok(())
     }
@@ -202,19 +217,29 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The lines of the file that instructions are from.
-    fn lines(&self, first: usize, count: usize) -> [u64; 2] {
+    /// An event about instructions that follow one another, with the lines or outlines of the file that they are from.
+    fn span(&self, event: Value, first: usize, count: usize, more: Vec<(&str, Value)>) -> Value {
         let line = |at: usize| self.program.instructions.get(at).map_or(0, |it| it.line);
-        [line(first), line(first + count - 1)]
+        let lines = [line(first), line(first + count - 1)];
+        let mut span = Map::from_iter([("event".into(), event)]);
+        span.extend([("first".into(), json!(first + 1)), ("count".into(), json!(count))]);
+        span.insert(format!("{}s", self.program.unit), json!(lines));
+        span.extend(more.into_iter().map(|(key, value)| (key.to_owned(), value)));
+        span.into()
     }
 
-    /// Asks what became of instructions; false when the operator stops or types nothing any more.
+    /// Asks what became of instructions; false when the operator stops or types nothing any more. Without a keyboard nothing is asked: the
+    /// option that answers is named.
     fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
-        let lines = self.lines(first, count);
-        self.operator.notify(json!({
-            "event": "question", "first": first + 1, "count": count, "lines": lines, "why": why,
-            "answers": ["done", "repeat", "stop"],
-        }));
+        if self.operator.is_without_keyboard(KEYBOARD_WITHIN) {
+            let more = vec![("why", why.into()), ("what", UNANSWERED.into())];
+            let line = self.span("unanswered".into(), first, count, more);
+            self.operator.notify(line);
+            return Ok(false);
+        }
+        let more = vec![("why", why.into()), ("answers", json!(["done", "repeat", "stop"]))];
+        let line = self.span("question".into(), first, count, more);
+        self.operator.notify(line);
         loop {
             let outcome = match self.operator.next(None) {
                 None | Some(Typed::Stop) => return Ok(false),
@@ -232,12 +257,17 @@ impl<'a> Runner<'a> {
                     }
                 },
             };
-            self.note(outcome, first, count)?;
-            let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
-            self.operator
-                .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+            self.answer(outcome, first, count)?;
             return Ok(true);
         }
+    }
+
+    fn answer(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
+        self.note(outcome, first, count)?;
+        let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
+        self.operator
+            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+        Ok(())
     }
 
     /// Does what the operator has asked for since the last call.

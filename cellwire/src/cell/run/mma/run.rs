@@ -13,7 +13,7 @@ use super::Journal;
 use super::connection::{Arrival, Connection, Inbox};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
-use crate::cell::run::{END_WITHIN, Operator, STOP_WITHIN, Word};
+use crate::cell::run::{Answer, END_WITHIN, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
 use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::input::Typed;
@@ -67,6 +67,8 @@ pub struct Runner<'a> {
     /// A part is placed, and the next is not to begin yet.
     held: bool,
     question: bool,
+    /// The question was not asked: nobody can answer.
+    is_unanswered: bool,
     /// The devices were told to stop at once: then the run ends, even if they do not answer.
     end_by: Option<Duration>,
 }
@@ -74,18 +76,28 @@ pub struct Runner<'a> {
 impl<'a> Runner<'a> {
     /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
     pub fn new(journal: &'a mut Journal, operator: Operator<'a>, bell: Bell) -> Self {
-        let (part, paused, stopping, held, question, end_by) = (0, false, false, false, false, None);
-        Self { journal, operator, bell, part, paused, stopping, held, question, end_by }
+        let (part, paused, stopping, held, end_by) = (0, false, false, false, None);
+        let (question, is_unanswered) = (false, false);
+        Self { journal, operator, bell, part, paused, stopping, held, question, is_unanswered, end_by }
     }
 
-    /// Asks about the part that an earlier run has begun; false when the operator stops.
+    /// Settles the part that an earlier run has begun: as `answer` says if it is given, otherwise as the operator does; false when the
+    /// operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn settle_begun(&mut self) -> Result<bool> {
+    pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
+            if let Some(answer) = answer {
+                let is_done = answer.done(part, 1) > 0;
+                self.note(if is_done { Outcome::Done } else { Outcome::NotSent })?;
+                continue;
+            }
             self.ask("an earlier run ended while the robot was at this part: clear the gripper");
+            if self.is_unanswered {
+                return Ok(false);
+            }
             loop {
                 let Some(Typed::Line(line)) = self.operator.next(None) else { return Ok(false) };
                 match Word::parse(&line) {
@@ -334,8 +346,14 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
+    /// Asks what became of the part. Without a keyboard nothing is asked: the option that answers in the next run is named.
     fn ask(&mut self, why: &str) {
         self.question = true;
+        self.is_unanswered = self.operator.is_without_keyboard(KEYBOARD_WITHIN);
+        if self.is_unanswered {
+            let line = json!({"event": "unanswered", "part": self.part + 1, "why": why, "what": UNANSWERED});
+            return self.operator.notify(line);
+        }
         self.operator.notify(json!({
             "event": "question", "part": self.part + 1, "why": why, "answers": ["done", "repeat", "stop"],
         }));

@@ -8,6 +8,7 @@ use mmacell_proto::{CentralConfig, PlatformPose, RobotPose};
 use mmacell_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
+use crate::io::journal::Outcome;
 use crate::io::sheet;
 use cellwire_links::json;
 use cellwire_links::settings::{ANY_TIME, Configure, Fields};
@@ -77,23 +78,28 @@ impl Settings {
         format!("{hash:016x}")
     }
 
-    /// Draws the ways of the robot seen from above: those with a part on the gripper are thick.
+    /// Draws the ways of the robot seen from above: those with a part on the gripper are thick. With outcomes of the parts, the ways are
+    /// marked by them.
     ///
     /// # Errors
     /// When only the cameras know the places, or the file cannot be written.
-    pub fn draw(&self, file: &Path) -> Result<()> {
+    pub fn draw(&self, file: &Path, outcomes: &[Outcome]) -> Result<()> {
         ensure!(!self.part.is_empty(), "nothing can be drawn: only the cameras know where the parts are");
         let place = |pose: RobotPose| {
             let [x, y, ..] = pose.units();
             [f64::from(x) / 1000.0, f64::from(y) / 1000.0]
         };
         let mut route = vec![(place(self.task.robot_home), false)];
-        for part in &self.part {
+        let mut marks: Vec<Outcome> = outcomes.first().copied().into_iter().collect();
+        for (index, part) in self.part.iter().enumerate() {
             let cameras = [self.task.camera_1, self.task.camera_2].into_iter().flatten();
             route.extend(cameras.map(|pose| (place(pose), false)));
             route.extend([(place(part.pick), false), (place(part.place), true)]);
+            if !outcomes.is_empty() {
+                marks.resize(route.len(), outcomes.get(index).copied().unwrap_or(Outcome::NotSent));
+            }
         }
-        sheet::write_route(file, &route, ["with a part", "empty"])
+        sheet::write_route(file, &route, &marks, ["with a part", "empty"])
     }
 }
 

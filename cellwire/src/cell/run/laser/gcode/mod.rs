@@ -54,7 +54,7 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Program> {
             "never switches the laser on: no G1, G2 or G3 has M3 or M4 before it and a power above 0".into(),
         );
     }
-    Ok(Program { instructions, not_carried, warnings })
+    Ok(Program { instructions, unit: "line", not_carried, warnings })
 }
 
 /// What is wrong with a program, line by line.

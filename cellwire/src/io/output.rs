@@ -68,6 +68,11 @@ impl EventArgs {
     }
 }
 
+/// Returns whether [`log()`] prints lines for people.
+pub fn is_for_people() -> bool {
+    IS_FOR_PEOPLE.load(Ordering::Relaxed)
+}
+
 /// Whether [`log()`] and [`notice`] print nothing.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
@@ -123,7 +128,7 @@ fn log_left_out() -> Result<()> {
 
 fn put(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
-    if IS_FOR_PEOPLE.load(Ordering::Relaxed) {
+    if is_for_people() {
         bytes.extend(printable(&plain::line(line)).bytes());
     } else {
         json::write(line, &mut bytes)?;

@@ -177,6 +177,15 @@ impl Plant {
         }
     }
 
+    /// Whether both ends can work in this plant; a PC with the [`Takeover`](kawasaki_msg::Takeover) that the plant's messages allow.
+    ///
+    /// # Errors
+    /// When the plant contradicts itself, or lacks a message or a field that no end can do without.
+    pub fn check(&self) -> Result<()> {
+        let takeover = kawasaki_msg::Takeover::Never;
+        self.pc(PcConfig { takeover, ..PcConfig::TCP }).map(drop)
+    }
+
     /// A PC's configuration in this plant.
     ///
     /// # Errors

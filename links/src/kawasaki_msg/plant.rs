@@ -230,6 +230,17 @@ fn refused(error: ConfigError) -> Refused {
         }
         ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not".into(),
         ConfigError::Lacks { .. } | ConfigError::Role { .. } => format!("; set {name}.name"),
+        ConfigError::Name { .. } => format!("; set {name}.name to a name that no other message has"),
+        ConfigError::MissingField { field, .. } => {
+            let field = field_name(field).unwrap_or_default();
+            format!("; write {field} in {name}.fields or {name}.header, at its place in the message")
+        }
+        ConfigError::Fields { role } => {
+            let default = Dialect::DEFAULT.entry(role).map_or(&[][..], |entry| entry.fields);
+            let known: Vec<&str> = default.iter().filter_map(|field| field_name(*field)).collect();
+            let known = known.iter().map(|name| format!("{name} once, ")).collect::<String>();
+            format!("; {name}.header and {name}.fields may have {known}unused, and =TEXT for a constant")
+        }
         _ => String::new(),
     };
     Refused { text: format!("{name}: {error}{advice}"), name }

@@ -20,6 +20,7 @@ use crate::io::tcp;
 use crate::io::trace::TraceArgs;
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
+use crate::links::kawasaki_msg::simulate::pc_config;
 use cellwire_links::settings;
 
 /// Runs the jobs of a file on a Kawasaki robot: a picture or a table, each job once
@@ -94,8 +95,9 @@ fn execute(args: &Args) -> Result<bool> {
     if let Some(address) = &args.connect_to {
         tcp::check(address)?;
     }
-    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
-    let config = settings.plant.pc(settings.config)?;
+    let given = args.work.set.read(&self::settings())?;
+    let settings = settings::read("kawasaki", Settings::default(), &given)?;
+    let config = pc_config(&settings.plant, settings.config, &given)?;
     let jobs = Jobs::read(file, &settings, args.allow.is_some())?;
     if let Some(picture) = &args.work.picture {
         jobs.draw(picture, settings.sheet())?;

@@ -82,10 +82,6 @@ Examples:
 /// Returns true when every job is done.
 pub(super) fn run(args: &Args) -> Result<bool> {
     args.work.events.choose();
-    execute(args).map_err(|error| args.work.set.located(error))
-}
-
-fn execute(args: &Args) -> Result<bool> {
     let file = &args.file;
     let is_somewhere = args.work.dry_run || args.listen.is_some() || args.connect_to.is_some();
     ensure!(

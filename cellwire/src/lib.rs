@@ -136,6 +136,7 @@ pub fn main() -> ExitCode {
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };
+    output::clear_bar();
     let status = match outcome.map_err(settings::located) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),

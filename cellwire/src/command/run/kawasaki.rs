@@ -142,8 +142,7 @@ fn serve(
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
-    let (notify, progress) =
-        (&mut |event| progress.suspend(|| log(&event)), &mut work::shown(progress, journal, machine));
+    let (notify, progress) = (&mut |event| log(&event), &mut work::shown(progress, journal, machine));
     let operator = Operator::new(typed, notify, progress);
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
     let runner = Runner::new(jobs, config, journal, settings.order, absence, operator);

@@ -3,7 +3,7 @@
 use serde_json::{Map, Number, Value};
 
 /// The fields that say what happened, without their names.
-const SENTENCES: [&str; 6] = ["why", "hint", "what", "text", "peer", "path"];
+const SENTENCES: [&str; 7] = ["why", "hint", "what", "text", "error", "peer", "path"];
 
 /// The event, and then what happened and its other fields: `answered: numbers 1 to 20; answer: done`. Lines are at most `width` columns wide,
 /// except for a longer word; the second and following ones are indented.
@@ -17,6 +17,7 @@ pub(super) fn line(event: &Value, width: usize) -> String {
     };
     let sentence = SENTENCES.iter().find_map(|name| match fields.get(*name) {
         Some(Value::String(_)) => fields.shift_remove(*name),
+        Some(Value::Object(error)) if error.contains_key("kind") => fields.shift_remove(*name),
         _ => None,
     });
     let mut pieces: Vec<String> = sentence.iter().map(value).chain(pairs(&fields)).collect();
@@ -153,7 +154,7 @@ mod tests {
             (json!({"event": "connected", "peer": "10.0.0.7:502"}), "connected: 10.0.0.7:502"),
             (
                 json!({"event": "rejected", "error": {"kind": "wrong_order", "active": 1, "found": 2}}),
-                "rejected: error: wrong order (active: 1; found: 2)",
+                "rejected: wrong order (active: 1; found: 2)",
             ),
             (json!({"event": "question", "answers": ["done", "stop"]}), "question: answers: done, stop"),
             (json!({"mm": [40.0, -2.5, 7]}), "mm: 40, -2.5, 7"),

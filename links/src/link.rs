@@ -167,7 +167,7 @@ impl Link {
         LINKS.iter().find(|link| [link.short, link.name].contains(&name)).with_context(|| {
             let names: Vec<&str> = LINKS.iter().map(|link| link.short).collect();
             let meant = did_you_mean(name, &names);
-            format!("no link is called {name}{meant}; the links are {}", names.join(", "))
+            format!("no link is called {name}; the links are {}{meant}", names.join(", "))
         })
     }
 

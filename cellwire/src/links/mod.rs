@@ -46,7 +46,7 @@ pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
     DEVICES.iter().find(|device| device.is_called(name)).with_context(|| {
         let names: Vec<&str> = DEVICES.iter().map(|device| device.name).collect();
         let meant = did_you_mean(name, &names);
-        format!("there is no device {name}{meant}; the devices are {}", names.join(", "))
+        format!("there is no device {name}; the devices are {}{meant}", names.join(", "))
     })
 }
 

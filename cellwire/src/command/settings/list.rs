@@ -90,7 +90,7 @@ fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)>
         "fanuc" => (format!("fanuc {}", of.unwrap_or("log")), fanuc::settings()),
         _ => {
             let meant = did_you_mean(command, &COMMANDS);
-            bail!("`{command}` has no settings{meant}; those that have: {}", COMMANDS.join(", "))
+            bail!("`{command}` has no settings; those that have: {}{meant}", COMMANDS.join(", "))
         }
     })
 }

@@ -136,7 +136,8 @@ pub fn main() -> ExitCode {
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };
-    let status = match outcome {
+    output::clear_bar();
+    let status = match outcome.map_err(settings::located) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) if output::is_closed(&error) => ExitCode::SUCCESS, // `cellwire decode … | head`
@@ -208,4 +209,37 @@ fn command_line() -> clap::Command {
 fn with_settings(command: clap::Command, name: &str, arguments: &[String]) -> clap::Command {
     let before = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
     command.after_long_help(format!("{before}{}", settings::help(name, arguments)))
+}
+
+#[cfg(test)]
+mod tests {
+    use cellwire_links::LINKS;
+    use clap::CommandFactory as _;
+
+    use super::Cli;
+    use super::links::DEVICES;
+
+    fn values(command: &clap::Command, add: &mut dyn FnMut(String)) {
+        let possible = command.get_arguments().flat_map(clap::Arg::get_possible_values);
+        possible.for_each(|value| add(value.get_name().to_owned()));
+        command.get_subcommands().for_each(|inner| values(inner, add));
+    }
+
+    #[test]
+    fn a_value_is_spelled_alike_as_an_option_and_as_a_setting() {
+        let settings = LINKS.iter().flat_map(|link| (link.settings)());
+        let settings = settings.chain(DEVICES.iter().flat_map(|device| (device.settings)()));
+        let choices: Vec<String> =
+            settings.flat_map(|it| it.choices).filter_map(|it| it.as_str().map(str::to_owned)).collect();
+        let (mut seen, mut other) = (0, Vec::new());
+        values(&Cli::command(), &mut |value| {
+            seen += usize::from(choices.contains(&value));
+            let spelled = value.replace('-', "_");
+            if spelled != value && choices.contains(&spelled) {
+                other.push(value);
+            }
+        });
+        assert_eq!(other, [""; 0]);
+        assert!(seen > 0, "{choices:?}");
+    }
 }

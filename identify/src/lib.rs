@@ -1,9 +1,9 @@
 #![doc = include_str!("../README.md")]
 //!
 //! Each combination of settings is judged by reading the bytes with it. A message counts whole if the encoder writes the same bytes
-//! again, and half if it writes others. Of two combinations, the one that explains more bytes is preferred; the other is ruled out if
+//! again, and half if it writes others. Of two combinations, the one that explains more bytes is chosen; the other is ruled out if
 //! the bytes that it leaves unexplained are too many to be corruption (see `evidence`). The remaining values of a setting are undecided:
-//! the finding lists them, and a message that would decide. Values that make no sense (a position of 10⁻⁴¹ mm) decide only if the bytes
+//! the finding lists them, with the bytes that they explain less, and a message that would decide. Values that make no sense (a position of 10⁻⁴¹ mm) decide only if the bytes
 //! do not.
 #![forbid(unsafe_code)]
 #![allow(clippy::std_instead_of_core, reason = "for programs with std")]
@@ -133,9 +133,20 @@ pub enum Decided {
     ByValues,
     /// Nothing in these bytes.
     Not {
-        /// The other values that explain them as well; none where any does.
-        others: Vec<Value>,
+        /// The other values that are not ruled out; none where any value explains the same.
+        others: Vec<Other>,
         /// A message that would decide it; none where the setting makes no difference beside the others.
         message: Option<String>,
     },
+}
+
+/// A value of a setting that is not ruled out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Other {
+    /// The value.
+    pub value: Value,
+    /// The bytes that it leaves unexplained, and the chosen value explains.
+    pub fewer: u64,
+    /// The bytes that it explains, but would write otherwise; the chosen value writes them as they were read.
+    pub inexact: u64,
 }

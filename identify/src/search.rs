@@ -7,7 +7,7 @@ use super::combination::{Combination, Level, Reading};
 use super::echo::without_echo;
 use super::evidence::{ENOUGH, Random, evidence, rules_out};
 use super::plausible::plausible;
-use super::{Decided, Finding, Open, Stream};
+use super::{Decided, Finding, Open, Other, Stream};
 use cellwire_links::link::{Guess, Link};
 use cellwire_links::settings::Setting;
 
@@ -68,10 +68,14 @@ fn read(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     let mut likely = group(read);
     let bits = surely(likely.first_mut(), &sample)?;
     sensible(&mut likely);
-    // The likeliest that the bytes allow: of equals the nearest to the defaults.
-    likely.sort_by_key(|it| (core::cmp::Reverse(it.makes_sense), changes(&it.combination)));
+    sort(&mut likely);
     if sample.iter().map(Stream::size).ne(streams.iter().map(Stream::size)) {
         confirm(&mut likely, streams)?;
+        for it in likely.iter_mut().take(WHOLE) {
+            it.reading = it.combination.read(streams, true)?;
+        }
+        likely.truncate(WHOLE);
+        sort(&mut likely);
     }
     let first = likely.first().map(|it| it.combination.settings.clone()).unwrap_or_default();
     let mut first = Combination::new(link, first)?;
@@ -99,6 +103,13 @@ struct Likely {
     reading: Reading,
     /// Neither do its numbers.
     makes_sense: bool,
+}
+
+/// Puts the combination first that explains most; of equals, the nearest to the defaults.
+fn sort(likely: &mut [Likely]) {
+    use core::cmp::Reverse;
+    likely
+        .sort_by_key(|it| (Reverse(it.makes_sense), Reverse(it.reading.weight()), changes(&it.combination)));
 }
 
 /// The beginnings of the streams.
@@ -281,10 +292,9 @@ fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) ->
             } else if let Decided::Not { others, .. } = &mut found.decided {
                 // Where another combination has it at a value that explains nothing, any would do there.
                 let of = |it: &Likely| it.combination.settings.get(*setting)?.get(name).cloned();
-                for it in likely
-                    .iter_mut()
-                    .filter(|it| it.makes_sense && of(it).is_some_and(|it| others.contains(&it)))
-                {
+                for it in likely.iter_mut().filter(|it| {
+                    it.makes_sense && of(it).is_some_and(|it| others.iter().any(|other| other.value == it))
+                }) {
                     if any(&mut it.combination, setting, name, sample)?.is_some() {
                         others.clear();
                         break;
@@ -304,17 +314,24 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
         inner.map_or(Some(value), |inner| value.get(inner)).cloned()
     };
     let value = of(&first.settings).unwrap_or_default();
-    let mut others: Vec<Value> = Vec::new();
-    for other in likely.iter().filter(|it| it.makes_sense).filter_map(|it| of(&it.combination.settings)) {
-        if other != value && !others.contains(&other) {
-            others.push(other);
+    let chosen = likely.iter().find(|it| it.combination.settings == first.settings).map(|it| &it.reading);
+    let mut others: Vec<Other> = Vec::new();
+    for it in likely.iter().filter(|it| it.makes_sense) {
+        let Some(other) = of(&it.combination.settings).filter(|other| *other != value) else { continue };
+        let less =
+            |of: fn(&Reading) -> u64| chosen.map_or(0, |chosen| of(chosen).saturating_sub(of(&it.reading)));
+        let fewer = less(Reading::explained);
+        let inexact = if fewer == 0 { less(Reading::weight) } else { 0 };
+        // The combinations that explain most come first.
+        if !others.iter().any(|known| known.value == other) {
+            others.push(Other { value: other, fewer, inexact });
         }
     }
     let by_bytes = likely.iter().all(|it| of(&it.combination.settings).is_none_or(|other| other == value));
     let decided = match others.first() {
         None if by_bytes => Decided::ByBytes,
         None => Decided::ByValues,
-        Some(other) => {
+        Some(Other { value: other, .. }) => {
             let settings = likely.iter().map(|it| &it.combination.settings);
             // The one that is most like the first.
             let nearest = settings.filter(|it| of(it).as_ref() == Some(other)).min_by_key(|it| {
@@ -429,7 +446,7 @@ mod tests {
             let open = options(&mut combination(242, "u8"), &mut likely, core::slice::from_ref(&stream));
             let open = open.unwrap().into_iter().find(|it| it.name == "tags.u8").unwrap();
             let Decided::Not { others, .. } = open.decided else { panic!("{open:?}") };
-            assert_eq!(others, expected);
+            assert_eq!(others.into_iter().map(|it| it.value).collect::<Vec<_>>(), expected);
         }
     }
 }

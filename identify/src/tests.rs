@@ -29,7 +29,8 @@ fn option<'a>(finding: &'a Finding, name: &str) -> &'a Open {
 }
 
 fn undecided(others: &[Value], message: &str) -> Decided {
-    Decided::Not { others: others.to_vec(), message: Some(message.into()) }
+    let equal = |value: &Value| Other { value: value.clone(), fewer: 0, inexact: 0 };
+    Decided::Not { others: others.iter().map(equal).collect(), message: Some(message.into()) }
 }
 
 fn motions(count: u16) -> Vec<Value> {
@@ -310,4 +311,20 @@ fn one_move_decides_the_order_of_bytes() {
         let found = option(&finding, "byte_order");
         assert_eq!((&found.value, &found.decided), (&json!(order), &Decided::ByValues), "{finding:?}");
     }
+}
+
+/// One message with a letter beyond ASCII may be corrupt: the set that explains it is chosen, and the other one is said to explain less.
+#[test]
+fn the_value_that_explains_more_is_chosen_and_the_others_say_how_much_less() {
+    let job = |name: &str| json!({"name": name, "fields": ["1", "2"]});
+    let messages: Vec<Value> = ["Job", "Job", "Job", "Job", "Job", "J\u{f6}b", "Job"].map(job).to_vec();
+    let bytes = sent("kawasaki-msg", "pc", &json!({"charset": "latin1"}), &messages);
+    let finding = found("kawasaki-msg", &[&bytes]);
+    let Open { value, decided, .. } = option(&finding, "charset");
+    assert_eq!((value, finding.bytes), (&json!("latin1"), [bytes.len() as u64; 2]));
+    let Decided::Not { others, .. } = decided else { panic!("{decided:?}") };
+    let less = u64::try_from(bytes.len() / 7).unwrap();
+    assert_eq!(*others, [Other { value: json!("ascii"), fewer: less, inexact: 0 }]);
+    let text = draft(&finding, &[Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals: vec![] }]);
+    assert!(text.unwrap().contains("charset = \"latin1\" # ? "));
 }

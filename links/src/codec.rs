@@ -35,6 +35,9 @@ pub trait Codec {
     /// When the object is no message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
+    /// See [`Messages::names`].
+    fn names(&self, message: &Value) -> Vec<(String, &'static str)>;
+
     /// A message object from a fuzzer's bytes: as the decoder shows it, and [`encode`](Self::encode) accepts it.
     ///
     /// # Errors
@@ -96,6 +99,12 @@ pub trait Messages {
     /// # Errors
     /// When the object is no message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
+
+    /// The names of the values that the object shows under other keys, each with its JSON pointer. Values of one name repeat one another:
+    /// the order number of a header and that of a field.
+    fn names(&self, _message: &Value) -> Vec<(String, &'static str)> {
+        Vec::new()
+    }
 
     /// A message object from a fuzzer's bytes, with [`object`].
     ///
@@ -195,6 +204,10 @@ where
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         self.messages.encode(message)
+    }
+
+    fn names(&self, message: &Value) -> Vec<(String, &'static str)> {
+        self.messages.names(message)
     }
 
     #[cfg(feature = "arbitrary")]

@@ -7,7 +7,7 @@ use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
 use crate::parts::{Part, Read};
-use crate::settings::{Refused, Setting};
+use crate::settings::{Refused, Setting, did_you_mean};
 use crate::shadow::MakeShadow;
 
 /// A link.
@@ -166,7 +166,8 @@ impl Link {
     pub fn by_name(name: &str) -> Result<&'static Self> {
         LINKS.iter().find(|link| [link.short, link.name].contains(&name)).with_context(|| {
             let names: Vec<&str> = LINKS.iter().map(|link| link.short).collect();
-            format!("no link is called {name}; the links are {}", names.join(", "))
+            let meant = did_you_mean(name, &names);
+            format!("no link is called {name}; the links are {}{meant}", names.join(", "))
         })
     }
 

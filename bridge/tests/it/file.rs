@@ -141,7 +141,7 @@ fn what_is_wrong_has_its_line() {
         (
             "\"fanuc-hmi-modbus\"",
             "\"fanuk\"",
-            "line 9: cell robot: no link is called fanuk; the links are kawasaki, alter, viewer, ball, fanuc, laser, mma",
+            "line 9: cell robot: no link is called fanuk; the links are kawasaki, alter, viewer, ball, fanuc, laser, mma; did you mean `fanuc`?",
         ),
         (
             "poll = \"100ms\"",

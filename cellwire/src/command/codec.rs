@@ -61,7 +61,7 @@ impl LinkArgs {
     /// # Errors
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
-        (self.link.codec)(side, &self.settings()?).map_err(|error| self.set.located(error))
+        (self.link.codec)(side, &self.settings()?)
     }
 
     /// What a side sends, from this offset on: without flow control.
@@ -79,7 +79,7 @@ impl LinkArgs {
     pub(super) fn watcher(&self, baud: Option<u32>, is_serial: bool) -> Result<Watcher> {
         let (settings, configs) = (self.settings()?, Map::new());
         let setup = Setup { settings: &settings, configs: &configs, baud, is_serial };
-        let shadow = (self.link.shadow)(&setup).map_err(|error| self.set.located(error))?;
+        let shadow = (self.link.shadow)(&setup)?;
         Ok(Watcher::new(shadow))
     }
 

@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> Result<bool> {
             rest = others;
             demo::run(link.short, &options).map(|report| vec![report])
         };
-        let reports = reports.map_err(|error| args.set.located(error))?;
+        let reports = reports?;
         options.progress.finish_and_clear();
         for report in reports {
             let check_times = args.check_times || args.must_fail == Some(MustFail::Late);

@@ -102,6 +102,6 @@ pub fn run(args: &Args) -> Result<bool> {
         settings,
         control: args.control.as_deref().map(Control::bind).transpose()?,
     };
-    (args.device.simulate)(&options).map_err(|error| args.set.located(error))?;
+    (args.device.simulate)(&options)?;
     Ok(true)
 }

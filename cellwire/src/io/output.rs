@@ -7,6 +7,8 @@ use std::sync::mpsc::Sender;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Context as _, Result};
+use indicatif::ProgressBar;
+use ratatui::crossterm::terminal;
 use serde_json::{Value, json};
 
 use crate::io::limiter::Limiter;
@@ -68,6 +70,11 @@ impl EventArgs {
     }
 }
 
+/// Returns whether [`log()`] prints lines for people.
+pub fn is_for_people() -> bool {
+    IS_FOR_PEOPLE.load(Ordering::Relaxed)
+}
+
 /// Whether [`log()`] and [`notice`] print nothing.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
@@ -121,10 +128,40 @@ fn log_left_out() -> Result<()> {
     lines.try_for_each(|line| put(&line))
 }
 
+/// The progress bar that is shown on standard error.
+static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// From now on this progress bar is removed while a line is printed.
+pub fn show_bar(bar: &ProgressBar) {
+    *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+}
+
+/// Removes the progress bar, if there is one.
+pub fn clear_bar() {
+    if let Some(bar) = BAR.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        bar.finish_and_clear();
+    }
+}
+
+/// Calls `write` while no progress bar is on the terminal: the text begins at the left edge.
+fn beside_bar<T>(write: impl FnOnce() -> T) -> T {
+    match &*BAR.lock().unwrap_or_else(PoisonError::into_inner) {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+/// The columns of the terminal.
+fn width() -> usize {
+    const USUAL: u16 = 80;
+    let columns = terminal::size().map_or(0, |(columns, _)| columns);
+    usize::from(if columns == 0 { USUAL } else { columns })
+}
+
 fn put(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
-    if IS_FOR_PEOPLE.load(Ordering::Relaxed) {
-        bytes.extend(printable(&plain::line(line)).bytes());
+    if is_for_people() {
+        bytes.extend(printable(&plain::line(line, width())).bytes());
     } else {
         json::write(line, &mut bytes)?;
     }
@@ -133,7 +170,7 @@ fn put(line: &Value) -> Result<()> {
         return out.put(&bytes).context(Unwritten);
     }
     let mut out = io::stdout().lock();
-    out.write_all(&bytes).and_then(|()| out.flush()).context(Unwritten)
+    beside_bar(|| out.write_all(&bytes).and_then(|()| out.flush())).context(Unwritten)
 }
 
 /// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
@@ -177,7 +214,9 @@ pub fn remark(text: &str) {
         let _ = error.put(line.as_bytes());
         return;
     }
-    let _ = io::stderr().lock().write_all(line.as_bytes());
+    beside_bar(|| {
+        let _ = io::stderr().lock().write_all(line.as_bytes());
+    });
 }
 
 /// A number of things: `1 file`, `2 files`.

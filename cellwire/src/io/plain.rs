@@ -1,34 +1,125 @@
-//! An event as a line for people.
+//! An event as text for people.
 
 use serde_json::{Map, Number, Value};
 
-/// The event, or the first name, and then each other name with its value: `answered: lines 1 to 20, outcome done`.
-pub(super) fn line(event: &Value) -> String {
+/// The fields that say what happened, without their names.
+const SENTENCES: [&str; 7] = ["why", "hint", "what", "text", "error", "peer", "path"];
+
+/// The event, and then what happened and its other fields: `answered: numbers 1 to 20; answer: done`. Lines are at most `width` columns wide,
+/// except for a longer word; the second and following ones are indented.
+pub(super) fn line(event: &Value, width: usize) -> String {
     let Value::Object(fields) = event else { return value(event) };
-    let Some(name) = fields.get("event").and_then(Value::as_str) else { return pairs(fields) };
-    let mut fields = fields.clone();
-    fields.shift_remove("event");
-    let text = pairs(&fields);
-    let name = name.replace('_', " ");
-    if text.is_empty() { name } else { format!("{name}: {text}") }
+    let mut fields: Map<String, Value> = fields.clone().into_iter().filter(|(_, it)| !it.is_null()).collect();
+    let head = match (fields.shift_remove("event"), fields.shift_remove("ready")) {
+        (Some(name), _) => words(&value(&name)),
+        (None, Some(device)) => format!("{} is ready", value(&device)),
+        (None, None) => String::new(),
+    };
+    let sentence = SENTENCES.iter().find_map(|name| match fields.get(*name) {
+        Some(Value::String(_)) => fields.shift_remove(*name),
+        Some(Value::Object(error)) if error.contains_key("kind") => fields.shift_remove(*name),
+        _ => None,
+    });
+    let mut pieces: Vec<String> = sentence.iter().map(value).chain(pairs(&fields)).collect();
+    // The event names its first field: `order started: 7`.
+    if let (None, Some(first), Some(named)) = (&sentence, pieces.first_mut(), head.split(' ').next())
+        && let Some(rest) = first.strip_prefix(named).and_then(|rest| rest.strip_prefix(": "))
+    {
+        *first = rest.to_owned();
+    }
+    if pieces.is_empty() || head.is_empty() {
+        return wrapped(&if head.is_empty() { pieces } else { vec![head] }, width);
+    }
+    let separator = if head.ends_with("ready") { "; " } else { ": " };
+    if let Some(first) = pieces.first_mut() {
+        *first = format!("{head}{separator}{first}");
+    }
+    wrapped(&pieces, width)
 }
 
-fn pairs(fields: &Map<String, Value>) -> String {
-    let fields = fields.iter().filter(|(_, it)| !it.is_null());
-    let pairs: Vec<String> =
-        fields.map(|(name, it)| format!("{} {}", name.replace('_', " "), value(it))).collect();
-    pairs.join(", ")
+/// Each field as `name: value`.
+fn pairs(fields: &Map<String, Value>) -> Vec<String> {
+    let count = fields.get("count").and_then(Value::as_u64);
+    let span = fields.get("first").and_then(Value::as_u64).zip(count);
+    let total = fields.get("of");
+    let pair = |(name, it): (&String, &Value)| match (name.as_str(), span) {
+        ("first", Some((first, 1))) => Some(format!("number {first}")),
+        ("first", Some((first, count))) => Some(format!("numbers {first} to {}", first + count.max(1) - 1)),
+        ("count", Some(_)) => None,
+        ("done", _) if total.is_some() => {
+            Some(format!("{} of {} done", value(it), total.map_or_else(String::new, value)))
+        }
+        ("of", _) if fields.contains_key("done") => None,
+        ("lines", _) => Some(match it.as_array().map(Vec::as_slice) {
+            Some([first, last]) if first == last => format!("line {}", value(first)),
+            Some([first, last]) => format!("lines {} to {}", value(first), value(last)),
+            _ => format!("lines: {}", value(it)),
+        }),
+        _ => Some(format!("{}: {}", words(name), value(it))),
+    };
+    fields.iter().filter(|(_, it)| !it.is_null()).filter_map(pair).collect()
+}
+
+/// A name as words.
+fn words(name: &str) -> String {
+    name.replace('_', " ")
 }
 
 fn value(of: &Value) -> String {
     match of {
         Value::String(text) => text.clone(),
         Value::Bool(is) => if *is { "yes" } else { "no" }.to_owned(),
-        Value::Array(values) => values.iter().map(value).collect::<Vec<_>>().join(" "),
-        Value::Object(fields) => format!("({})", pairs(fields)),
+        Value::Array(values) => values.iter().map(value).collect::<Vec<_>>().join(", "),
+        Value::Object(fields) => {
+            let mut fields = fields.clone();
+            let kind = fields.shift_remove("kind").map(|kind| words(&value(&kind)));
+            let rest = pairs(&fields).join("; ");
+            match (kind, rest.is_empty()) {
+                (Some(kind), true) => kind,
+                (Some(kind), false) => format!("{kind} ({rest})"),
+                (None, _) => format!("({rest})"),
+            }
+        }
         Value::Number(it) => number(it),
-        Value::Null => "null".to_owned(),
+        Value::Null => "none".to_owned(),
     }
+}
+
+/// Pieces with `; ` between them, in lines of this width.
+fn wrapped(pieces: &[String], width: usize) -> String {
+    const INDENT: &str = "  ";
+    let columns = |text: &str| text.chars().count();
+    let (mut text, mut column) = (String::new(), 0);
+    let count = pieces.len();
+    for (at, piece) in pieces.iter().enumerate() {
+        let end = if at + 1 < count { ";" } else { "" };
+        // A piece that fits a line of its own is not divided.
+        let is_whole = INDENT.len() + columns(piece) + end.len() <= width;
+        let breaks = at > 0 && column + 1 + columns(piece) + end.len() > width;
+        if breaks && is_whole {
+            text.push('\n');
+            text.push_str(INDENT);
+            column = INDENT.len();
+        } else if at > 0 {
+            text.push(' ');
+            column += 1;
+        }
+        let piece = format!("{piece}{end}");
+        for (number, word) in piece.split(' ').enumerate() {
+            let space = usize::from(number > 0);
+            if column > INDENT.len() && column + space + columns(word) > width {
+                text.push('\n');
+                text.push_str(INDENT);
+                column = INDENT.len();
+            } else if number > 0 {
+                text.push(' ');
+                column += 1;
+            }
+            text.push_str(word);
+            column += columns(word);
+        }
+    }
+    text
 }
 
 /// A number, without decimals if it has none: `40` for 40.0.
@@ -39,23 +130,51 @@ pub fn number(number: &Number) -> String {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::line;
 
+    fn shown(event: Value) -> String {
+        line(&event, 80)
+    }
+
     #[test]
     fn an_event_is_a_line() {
-        let event = json!({"event": "not_sent", "jobs": [1, 20], "why": "it is out of reach", "at": null});
-        assert_eq!(line(&event), "not sent: jobs 1 20, why it is out of reach");
-        assert_eq!(
-            line(&json!({"ready": "fanuc", "listen": "127.0.0.1:5020"})),
-            "ready fanuc, listen 127.0.0.1:5020"
-        );
-        assert_eq!(line(&json!({"event": "paused"})), "paused");
-        assert_eq!(line(&json!({"mm": [40.0, -2.5, 7]})), "mm 40 -2.5 7");
-        assert_eq!(
-            line(&json!({"mm": {"least": [0.5, 1], "is_closed": true}})),
-            "mm (least 0.5 1, is closed yes)"
-        );
+        for (event, expected) in [
+            (
+                json!({"event": "not_sent", "first": 1, "count": 20, "why": "it is out of reach", "at": null}),
+                "not sent: it is out of reach; numbers 1 to 20",
+            ),
+            (json!({"event": "done", "first": 4, "count": 1, "lines": [7, 7]}), "done: number 4; line 7"),
+            (json!({"ready": "fanuc", "listen": "127.0.0.1:5020"}), "fanuc is ready; listen: 127.0.0.1:5020"),
+            (json!({"event": "paused"}), "paused"),
+            (json!({"event": "disconnected", "why": "the PC has ended"}), "disconnected: the PC has ended"),
+            (json!({"event": "resumed", "done": 3, "of": 8}), "resumed: 3 of 8 done"),
+            (json!({"event": "order_over", "order": 7, "executed": 8}), "order over: 7; executed: 8"),
+            (json!({"event": "connected", "peer": "10.0.0.7:502"}), "connected: 10.0.0.7:502"),
+            (
+                json!({"event": "rejected", "error": {"kind": "wrong_order", "active": 1, "found": 2}}),
+                "rejected: wrong order (active: 1; found: 2)",
+            ),
+            (json!({"event": "question", "answers": ["done", "stop"]}), "question: answers: done, stop"),
+            (json!({"mm": [40.0, -2.5, 7]}), "mm: 40, -2.5, 7"),
+            (json!({"mm": {"least": [0.5, 1], "is_closed": true}}), "mm: (least: 0.5, 1; is closed: yes)"),
+            (json!("a text"), "a text"),
+        ] {
+            assert_eq!(shown(event), expected);
+        }
+    }
+
+    #[test]
+    fn a_long_line_is_divided_between_fields_and_then_between_words() {
+        let event = json!({
+            "event": "ended", "why": "stopped", "done": 3, "unknown": 0, "refused": 0, "not_sent": 5,
+            "machine": "the robot has no jobs of this file queued", "journal": "it.svg.journal",
+        });
+        let expected = "ended: stopped; done: 3; unknown: 0; refused: 0; not sent: 5;\n  \
+                        machine: the robot has no jobs of this file queued; journal: it.svg.journal";
+        assert_eq!(shown(event), expected);
+        let event = json!({"event": "hint", "hint": "one two three four five six", "at": 7});
+        assert_eq!(line(&event, 20), "hint: one two three\n  four five six;\n  at: 7");
     }
 }

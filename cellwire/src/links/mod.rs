@@ -13,6 +13,7 @@ pub mod val2_alter;
 pub mod val2_viewer;
 
 use anyhow::Context;
+use cellwire_links::settings::did_you_mean;
 use cellwire_links::{LINKS, Link};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
@@ -42,7 +43,11 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
 /// # Errors
 /// When there is none.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
-    DEVICES.iter().find(|device| device.is_called(name)).with_context(|| format!("there is no device {name}"))
+    DEVICES.iter().find(|device| device.is_called(name)).with_context(|| {
+        let names: Vec<&str> = DEVICES.iter().map(|device| device.name).collect();
+        let meant = did_you_mean(name, &names);
+        format!("there is no device {name}; the devices are {}{meant}", names.join(", "))
+    })
 }
 
 /// The parser of DEVICE on the command line.

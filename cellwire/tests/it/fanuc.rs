@@ -410,10 +410,10 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
         folder.run(&format!("fanuc log {address} --csv run.csv --for 300ms --word-order {order}"))
     };
     let warning = "warning: the life counter indicates word order \"low_first\": these values are wrong\n";
-    let wrong = log("high-first");
+    let wrong = log("high_first");
     assert!(err(&wrong).contains(warning), "{}", err(&wrong));
     assert_eq!(wrong.status.code(), Some(5), "what is read in the wrong order cannot be");
-    assert!(!err(&log("low-first")).contains("warning"));
+    assert!(!err(&log("low_first")).contains("warning"));
 }
 
 #[test]

@@ -270,7 +270,7 @@ fn registers_are_read_and_written_by_their_types() {
         ("int16", "1000", "-1234", 1, &[][..]),
         ("int32", "1002", "100000", 2, &[]),
         ("int32", "1004", "-12.34", 2, &["--multiply", "100"]),
-        ("real", "1006", "0.5", 2, &["--word-order", "high-first"]),
+        ("real", "1006", "0.5", 2, &["--word-order", "high_first"]),
         ("string", "1010", "\"PART 7\"", 10, &["--size", "10"]),
         ("string", "1020", "\"PART 7\"", 40, &[]),
         ("position", "1100", position, 50, &[]),

@@ -125,6 +125,8 @@ fn what_is_asked_wrongly_is_said() {
     let (code, _, said) = identify(&format!("--write {}", settings.display()), &file);
     let why = format!("error: no result is certain enough to write {}\n", settings.display());
     assert_eq!((code, said, settings.exists()), (Some(2), why, false));
+    let (code, _, said) = identify(&format!("--write {0} --draft {0}", settings.display()), &file);
+    assert_eq!((code, said.as_str()), (Some(2), "error: --write and --draft name one file: give two\n"));
     let (code, out, said) = identify("--rust", &file);
     let why = "error: no result is certain enough to print as Rust\n";
     assert_eq!((code, out.as_str(), said.as_str()), (Some(2), "", why));

@@ -61,7 +61,9 @@ fn corrected(draft: &str, plant: &str) -> String {
         if name.starts_with("messages.") && part.contains("# ? not in") {
             text += table(plant, name);
         } else if name == "[job" {
-            text += &part.replace(&part[part.find("field_").unwrap()..][..7], columns.next().unwrap());
+            let column = columns.next().unwrap();
+            let named = part.lines().find(|line| line.starts_with("name = ")).unwrap();
+            text += &part.replace(named, &format!("name = \"{column}\""));
         } else {
             text += &part;
         }
@@ -131,6 +133,18 @@ fn a_draft_that_is_corrected_where_it_says_so_works() {
             let table = table(&draft, &format!("messages.{role}")).lines();
             table.clone().find(|line| line.starts_with(key)).unwrap_or_default().to_owned()
         };
+        // Every command accepts the draft as it is.
+        for command in [
+            "decode kawasaki",
+            "simulate kawasaki-robot --listen nowhere",
+            "simulate kawasaki-pc --listen nowhere",
+        ] {
+            let file = path("draft.toml");
+            let args: Vec<&str> = command.split(' ').chain(["--settings", &file]).collect();
+            let said = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(args).output().unwrap();
+            let said = String::from_utf8(said.stderr).unwrap();
+            assert!(!said.contains("draft.toml"), "{command}: {said}");
+        }
         // What the capture shows is no question.
         for role in ["job", "job_ack", "job_request", "order_start", "order_ack", "end_ack", "status"] {
             let named = line(role, "name");

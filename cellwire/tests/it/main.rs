@@ -8,6 +8,8 @@
     reason = "tests of a program"
 )]
 
+#[cfg(target_os = "linux")]
+mod at_terminal;
 mod background_task;
 mod capture;
 mod captures;

@@ -88,14 +88,35 @@ fn a_laser_is_played_to_a_program_and_its_program_to_a_laser() {
     assert_eq!((&last["sent"], &last["same"], status), (&2.into(), &2.into(), Some(0)), "{last}");
 }
 
+/// A plant with the order number in the header of what the PC sends, and of all that either end sends.
+const HEADERS: [&str; 2] = [
+    "[messages.job]\nheader = [\"order\"]\nfields = [\"number\", \"work\"]
+[messages.order_start]\nheader = [\"order\"]\nfields = [\"number\"]
+[messages.order_end]\nheader = [\"order\"]\nfields = []
+[messages.status]\nheader = [\"order\"]\nfields = [\"phase\", \"queued\", \"executed\", \"ended\"]\n",
+    "[messages.job_ack]\nheader = [\"order\"]\nfields = [\"number\"]
+[messages.job_request]\nheader = [\"order\"]\nfields = [\"number\"]
+[messages.order_ack]\nheader = [\"order\"]\nfields = []
+[messages.pause]\nheader = [\"order\"]\nfields = [\"queued\"]
+[messages.end_ack]\nheader = [\"order\"]\nfields = [\"ended\", \"executed\"]\n",
+];
+
 #[test]
 fn a_robot_that_is_played_draws_with_another_order() {
+    for settings in ["", HEADERS[0], &HEADERS.concat()] {
+        draws_with_another_order(settings);
+    }
+}
+
+fn draws_with_another_order(settings: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let picture = folder.path().join("it.svg");
+    let (picture, plant) = (folder.path().join("it.svg"), folder.path().join("plant.toml"));
     let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9\" height=\"9\"><path d=\"M0 0L9 0L9 9\" fill=\"none\" stroke=\"black\"/></svg>";
     fs::write(&picture, svg).unwrap();
+    fs::write(&plant, settings).unwrap();
+    let plant = format!("--settings {}", plant.display());
     let draw = || {
-        let command = format!("run kawasaki {} --again --listen 127.0.0.1:0", picture.display());
+        let command = format!("run kawasaki {} --again --listen 127.0.0.1:0 {plant}", picture.display());
         Running::start(cellwire(&command))
     };
     let mut pc = draw();
@@ -105,7 +126,8 @@ fn a_robot_that_is_played_draws_with_another_order() {
         pc.address(),
         capture.display()
     )));
-    let robot = Running::start(cellwire(&format!("simulate kawasaki-robot --connect {}", tap.address())));
+    let command = format!("simulate kawasaki-robot --connect {} {plant}", tap.address());
+    let robot = Running::start(cellwire(&command));
     pc.line("\"why\":\"complete\"");
     tap.line("\"event\":\"closed\"");
     thread::sleep(Duration::from_millis(100));
@@ -114,17 +136,19 @@ fn a_robot_that_is_played_draws_with_another_order() {
 
     // The PC has the same jobs, and another order.
     let mut pc = draw();
-    let (last, status) =
-        ended(replay(&format!("kawasaki-msg --as robot --connect {}", pc.address()), &capture));
+    let command = format!("kawasaki-msg --as robot {plant} --connect {}", pc.address());
+    let (last, status) = ended(replay(&command, &capture));
     pc.line("\"why\":\"complete\"");
     assert_eq!((&last["departures"], status), (&0.into(), Some(0)), "{last}");
     assert_eq!(last["sent"], last["of"], "{last}");
-    assert_ne!(last["values"], 0, "{last}");
+    // The message that brings the order; every other one has it.
+    assert_eq!(last["values"], 1, "{last}");
     // As it was, it is another's.
     let pc = draw();
-    let verbatim = format!("kawasaki-msg --as robot --verbatim --patience 200ms --connect {}", pc.address());
-    let (last, status) = ended(replay(&verbatim, &capture));
+    let verbatim = "kawasaki-msg --as robot --verbatim --patience 200ms";
+    let (last, status) = ended(replay(&format!("{verbatim} {plant} --connect {}", pc.address()), &capture));
     assert_eq!(status, Some(1), "{last}");
+    assert!(last["first"]["before"].is_object(), "{last}");
 }
 
 const READ: &[u8] = &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1];

@@ -178,7 +178,7 @@ fn a_file_that_is_wrong_says_where() {
     let error = said("tail = \"etx\"\nflag = = 1\n");
     assert!(error.contains("plant.toml is not valid TOML") && error.contains("line 2, column 8"), "{error}");
     let error = said("tial = \"etx\"\n");
-    assert!(error.contains("laser has no setting `tial`: it has tail, flag, tags"), "{error}");
+    assert!(error.contains("plant.toml, line 1: laser has no setting `tial`; did you mean `tail`? `cellwire settings decode laser` lists all"), "{error}");
     let error = said("tail = \"end\"\n");
     assert!(error.contains("tail=end: not one of the choices, give printed, etx, either"), "{error}");
     let error = said("[tags]\nf32 = 1\ni16 = 1\nu8 = 3\nchar = 4\n");
@@ -299,6 +299,64 @@ fn every_command_of_a_link_takes_what_identify_writes() {
     assert!(said.contains("kawasaki has no setting"), "{said}");
 }
 
+/// A refused setting is named with its file and line by every command, and a misspelt one with the similar names.
+#[test]
+fn a_misspelt_setting_is_located_by_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    for name in ["part.csv", "task.toml", "jobs.csv"] {
+        fs::write(path(name), "").unwrap();
+    }
+    fs::write(path("part.csv"), "cut,0,0,0,0,0,0\n").unwrap();
+    for (wrong, similar, commands) in [
+        (
+            "baut",
+            "baud",
+            vec![
+                format!("run laser {} --dry-run", path("part.csv")),
+                "simulate laser --listen 0".into(),
+                "simulate ball --listen 0".into(),
+                "simulate puma --listen 0".into(),
+                "demo laser --for 1s".into(),
+            ],
+        ),
+        (
+            "udq",
+            "udp",
+            vec![format!("run kawasaki {} --dry-run", path("jobs.csv")), "decode kawasaki".into()],
+        ),
+        ("parst", "parts", vec!["demo mma --for 1s".into()]),
+        (
+            "timeuot",
+            "timeout",
+            vec!["modbus send 127.0.0.1:1".into(), "fanuc read 127.0.0.1:1 real --address 0".into()],
+        ),
+        (
+            "word_oder",
+            "word_order",
+            vec!["decode fanuc".into(), "encode fanuc".into(), "simulate fanuc --listen 0".into()],
+        ),
+    ] {
+        for command in commands {
+            let file = path("misspelt.toml");
+            fs::write(&file, format!("# a comment\n{wrong} = 1\n")).unwrap();
+            let args: Vec<&str> = command.split(' ').chain(["--settings", &file]).collect();
+            let (code, _, said) = cellwire(&args, "");
+            assert_eq!(code, Some(2), "{command}: {said}");
+            assert!(said.contains("misspelt.toml, line 2: "), "{command}: {said}");
+            assert!(
+                said.contains(&format!("has no setting `{wrong}`; did you mean `{similar}`")),
+                "{command}: {said}"
+            );
+            assert!(said.contains("` lists all\n"), "{command}: {said}");
+        }
+    }
+    // Of a plant's file each command takes its settings.
+    fs::write(path("plant.toml"), "takeover = \"end\"\n").unwrap();
+    let (code, _, said) = cellwire(&["decode", "kawasaki", "--settings", &path("plant.toml")], "");
+    assert_eq!((code, said.as_str()), (Some(0), "the setting takeover has no effect on this command\n"));
+}
+
 /// A server that replies to every request as unit 9: one register, which holds 42.
 fn unit_9() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -344,7 +402,7 @@ fn the_clients_of_modbus_are_set_too() {
     let (code, _, said) = ask(&["--set", "nonsense=2"]);
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("modbus has no setting `nonsense`: it has timeout, any_unit"), "{said}");
-    assert!(said.contains("silence, stall, framing, unit, connect_pause\n"), "{said}");
+    assert!(said.contains("unit, connect_pause; `cellwire settings modbus send` lists all\n"), "{said}");
 
     let read = ["fanuc", "read", &address, "int16", "--address", "0"];
     assert_eq!(cellwire(&[&read[..], &["--set", "timeout=300ms"]].concat(), "").0, Some(1));
@@ -395,7 +453,7 @@ fn a_setting_without_an_effect_is_named() {
     let log =
         ["fanuc", "log", &simulator.address, "--csv", &csv, "--for", "300ms", "--json", "--settings", &file];
     let warning = "warning: the life counter indicates word order \"low_first\"";
-    assert!(said(&log, &[]).contains(warning), "high-first is used");
+    assert!(said(&log, &[]).contains(warning), "high_first is used");
     assert!(!said(&log, &["--word-order", "auto"]).contains(warning));
 }
 

@@ -4,6 +4,7 @@ use core::fmt::Write as _;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
+use laser_eb90::ErrorCodes;
 use serde_json::Value;
 
 use super::{Said, TWICE};
@@ -71,23 +72,45 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
         )?;
     }
     text.push_str("]\n\n[words.errors]\n");
-    // A machine that works answers a full queue most often.
-    let names = ["queue_full", "bad_checksum", "bad_frame", "unknown_command", "bad_batch", "bad_parameters"];
     codes.sort_by_key(|(_, times)| core::cmp::Reverse(*times));
-    for (code, times) in codes.iter().skip(names.len()) {
-        writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
-    }
-    let mut free = (57_345..=u16::MAX)
-        .filter(|code| !codes.iter().any(|(it, _)| it == code) && !words.iter().any(|it| it.word == *code));
-    for (number, name) in names.iter().enumerate() {
-        match codes.get(number) {
-            Some((code, times)) => {
-                writeln!(text, "{name} = {code} # ? answered {times} times; its meaning is unknown")?
-            }
-            None => writeln!(text, "{name} = {} # ? not in the capture", free.next().unwrap_or_default())?,
+    errors(&mut text, codes, &words)?;
+    Ok(text)
+}
+
+/// Writes the error codes: those that are a default by its name, the others by the names that are left.
+fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[Word]) -> Result<()> {
+    let ErrorCodes { bad_checksum, bad_frame, unknown_command, bad_batch, bad_parameters, queue_full } =
+        ErrorCodes::default();
+    // A machine that works answers a full queue most often.
+    let defaults = [
+        ("queue_full", queue_full),
+        ("bad_checksum", bad_checksum),
+        ("bad_frame", bad_frame),
+        ("unknown_command", unknown_command),
+        ("bad_batch", bad_batch),
+        ("bad_parameters", bad_parameters),
+    ];
+    let is_default = |code: u16| defaults.iter().any(|(_, default)| *default == code);
+    let is_taken =
+        |code: u16| codes.iter().any(|(it, _)| *it == code) || words.iter().any(|it| it.word == code);
+    let mut free = (queue_full..=u16::MAX).filter(|code| !is_default(*code) && !is_taken(*code));
+    let mut others = codes.iter().filter(|(code, _)| !is_default(*code));
+    for (name, default) in defaults {
+        if let Some((code, times)) = codes.iter().find(|(code, _)| *code == default) {
+            writeln!(text, "{name} = {code} # ? answered {times} times; the code is the default")?;
+        } else if let Some((code, times)) = others.next() {
+            writeln!(text, "{name} = {code} # ? answered {times} times; its meaning is unknown")?;
+        } else if is_taken(default) {
+            let code = free.next().unwrap_or_default();
+            writeln!(text, "{name} = {code} # ? not in the capture, where the default is a command word")?;
+        } else {
+            writeln!(text, "# {name} = {default} is not in the capture: the default")?;
         }
     }
-    Ok(text)
+    for (code, times) in others {
+        writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
+    }
+    Ok(())
 }
 
 /// The class of a word, why, and whether that is a guess.

@@ -32,9 +32,9 @@ struct Said {
 pub fn draft(finding: &Finding, streams: &[Stream]) -> Result<String> {
     match finding.link.name {
         "kawasaki-msg" => {
-            // Every name of the smaller set is one of the larger.
-            let settings = Map::from_iter([("charset".into(), json!("latin1"))]);
-            kawasaki::draft(&said(finding, streams, &settings)?)
+            let charset = finding.settings.get("charset").and_then(Value::as_str).unwrap_or("ascii");
+            let settings = Map::from_iter([("charset".into(), json!(charset))]);
+            kawasaki::draft(&said(finding, streams, &settings)?, charset)
         }
         "laser-eb90" => laser::draft(&said(finding, streams, &finding.settings)?),
         name => bail!("{name} has no words of an installation's own: there is nothing to draft"),

@@ -101,12 +101,12 @@ commands = [
 ]
 
 [words.errors]
-queue_full = 57345 # ? answered 2 times; its meaning is unknown
-bad_checksum = 999 # ? answered 1 times; its meaning is unknown
-bad_frame = 57347 # ? not in the capture
-unknown_command = 57348 # ? not in the capture
-bad_batch = 57349 # ? not in the capture
-bad_parameters = 57350 # ? not in the capture
+queue_full = 999 # ? answered 1 times; its meaning is unknown
+bad_checksum = 57345 # ? answered 2 times; the code is the default
+bad_frame = 57351 # ? not in the capture, where the default is a command word
+# unknown_command = 57347 is not in the capture: the default
+# bad_batch = 57348 is not in the capture: the default
+# bad_parameters = 57349 is not in the capture: the default
 "#;
     assert_eq!(draft(&finding, &talk.streams).unwrap(), expected);
 }

@@ -15,7 +15,11 @@ fn is(link: &str, streams: &[Stream], expected: &str) {
     for option in options {
         if let Decided::Not { others, message } = &option.decided {
             let message = message.as_deref().unwrap_or("nothing");
-            text += &format!("\n{}: or {}; {message} decides", option.name, json!(others));
+            let values: Vec<&Value> = others.iter().map(|it| &it.value).collect();
+            text += &format!("\n{}: or {}; {message} decides", option.name, json!(values));
+            for Other { value, fewer, inexact } in others.iter().filter(|it| it.fewer + it.inexact > 0) {
+                text += &format!("\n{value}: {fewer} bytes less, {inexact} otherwise");
+            }
         }
     }
     let plain = |text: &str| text.lines().map(str::trim).collect::<Vec<_>>().join("\n");
@@ -79,6 +83,7 @@ fn of_several_streams_and_parts() {
         by bytes: leading_dle negated_sum
         by values:
         stuffed_checksum: or [true]; a message whose checksum is 10h decides
+        true: 17 bytes less, 0 otherwise
         ignore_spare_select: or [true]; a reply whose select byte has bit 6 or 7 decides
         "#,
     );
@@ -231,11 +236,12 @@ fn of_more_bytes_than_all_settings_are_tried_on() {
         "kawasaki-msg",
         &[unknown(&[&jobs(&["a", "a", "ä"])])],
         r#"
-        {"charset":"ascii"}
-        [2, 2] messages, [88, 132] bytes, 32 bits, from [["pc"]]
+        {"charset":"latin1"}
+        [3, 3] messages, [132, 132] bytes, 32 bits, from [["pc"]]
         by bytes:
         by values:
-        charset: or ["latin1"]; a name or field with a letter beyond ASCII decides
+        charset: or ["ascii"]; a name or field with a letter beyond ASCII decides
+        "ascii": 44 bytes less, 0 otherwise
         "#,
     );
     let mut texts = vec!["a"; 400];

@@ -1,7 +1,5 @@
 use anyhow::{Context, Result};
-#[cfg(feature = "arbitrary")]
-use kawasaki_msg::Dialect;
-use kawasaki_msg::{Charset, Decoder, Message, PcConfig, Takeover};
+use kawasaki_msg::{Decoder, Dialect, Field, Message, PcConfig, Takeover};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
@@ -9,6 +7,7 @@ use serde_json::{Map, Value};
 use super::bytes::arbitrary_of;
 use super::bytes::written;
 use super::options::CodecSettings;
+use super::plant::repeated_name;
 use super::roles::Roles;
 use crate::codec::{self, Codec, EncodeError, Kind, codec, message};
 use crate::link::Accepted;
@@ -24,7 +23,7 @@ pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
         (plant.charset, plant.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP })?.dialect);
     Ok(match roles {
         true => codec(Decoder::new(charset), Roles(dialect)),
-        false => codec(Decoder::new(charset), Messages { charset }),
+        false => codec(Decoder::new(charset), Messages { dialect }),
     })
 }
 
@@ -43,7 +42,7 @@ pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
 }
 
 struct Messages {
-    charset: Charset,
+    dialect: Dialect<'static>,
 }
 
 /// A message object.
@@ -65,12 +64,30 @@ impl codec::Messages for Messages {
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let object: Object = serde_json::from_value(message).context("is not a kawasaki-msg message")?;
-        written(self.charset, &object.name, &object.header, &object.fields).map_err(EncodeError::refused)
+        let charset = self.dialect.charset();
+        written(charset, &object.name, &object.header, &object.fields).map_err(EncodeError::refused)
+    }
+
+    fn names(&self, message: &Value) -> Vec<(String, &'static str)> {
+        let entry = self.dialect.entries().iter().find(|entry| message["name"] == entry.name);
+        let Some(entry) = entry else { return Vec::new() };
+        let count = message["fields"].as_array().map_or(0, Vec::len);
+        // A job's own fields are one of the table.
+        let own = (count + 1).saturating_sub(entry.fields.len());
+        let times = |field: &Field<'_>| if *field == Field::Work { own } else { 1 };
+        let fields = entry.fields.iter().flat_map(|field| core::iter::repeat_n(field, times(field)));
+        let named = |key: &'static str| {
+            move |(at, field): (usize, &Field<'_>)| (format!("/{key}/{at}"), repeated_name(*field))
+        };
+        let header = entry.header.iter().enumerate().map(named("header"));
+        header.chain(fields.enumerate().map(named("fields"))).collect()
     }
 
     #[cfg(feature = "arbitrary")]
     fn arbitrary(&self, u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<Value> {
         let wire = if u.arbitrary()? { Message::arbitrary(u)? } else { arbitrary_of(Dialect::DEFAULT, u)? };
-        codec::object(&Message::decode(&wire, self.charset).ok().flatten().map(|(message, _)| message))
+        codec::object(
+            &Message::decode(&wire, self.dialect.charset()).ok().flatten().map(|(message, _)| message),
+        )
     }
 }

@@ -177,6 +177,15 @@ impl Plant {
         }
     }
 
+    /// Whether both ends can work in this plant; a PC with the [`Takeover`](kawasaki_msg::Takeover) that the plant's messages allow.
+    ///
+    /// # Errors
+    /// When the plant contradicts itself, or lacks a message or a field that no end can do without.
+    pub fn check(&self) -> Result<()> {
+        let takeover = kawasaki_msg::Takeover::Never;
+        self.pc(PcConfig { takeover, ..PcConfig::TCP }).map(drop)
+    }
+
     /// A PC's configuration in this plant.
     ///
     /// # Errors
@@ -221,6 +230,17 @@ fn refused(error: ConfigError) -> Refused {
         }
         ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not".into(),
         ConfigError::Lacks { .. } | ConfigError::Role { .. } => format!("; set {name}.name"),
+        ConfigError::Name { .. } => format!("; set {name}.name to a name that no other message has"),
+        ConfigError::MissingField { field, .. } => {
+            let field = field_name(field).unwrap_or_default();
+            format!("; write {field} in {name}.fields or {name}.header, at its place in the message")
+        }
+        ConfigError::Fields { role } => {
+            let default = Dialect::DEFAULT.entry(role).map_or(&[][..], |entry| entry.fields);
+            let known: Vec<&str> = default.iter().filter_map(|field| field_name(*field)).collect();
+            let known = known.iter().map(|name| format!("{name} once, ")).collect::<String>();
+            format!("; {name}.header and {name}.fields may have {known}unused, and =TEXT for a constant")
+        }
         _ => String::new(),
     };
     Refused { text: format!("{name}: {error}{advice}"), name }
@@ -311,5 +331,14 @@ pub(super) fn role_name(role: Role) -> String {
     match role {
         Role::Command(id) => format!("command_{id}"),
         role => json::value(role).as_str().unwrap_or_default().into(),
+    }
+}
+
+/// The name that a field has in common with those that repeat its value.
+pub(super) fn repeated_name(field: Field<'_>) -> &'static str {
+    match field {
+        Field::Order | Field::Ended => "order",
+        Field::Number | Field::Queued | Field::Executed => "number",
+        field => field_name(field).unwrap_or("constant"),
     }
 }

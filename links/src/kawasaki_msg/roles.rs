@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::bytes::written;
-use super::plant::{field_name, role_name};
+use super::plant::{field_name, repeated_name, role_name};
 use crate::codec::{self, EncodeError, Kind, error, message};
 
 /// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
@@ -72,6 +72,14 @@ impl codec::Messages for Roles {
         let read = Message::decode(&wire, self.0.charset()).map_err(EncodeError::refused)?;
         self.0.read(&read.context("it is not whole")?.0).map_err(EncodeError::refused)?;
         Ok(wire)
+    }
+
+    fn names(&self, message: &Value) -> Vec<(String, &'static str)> {
+        let entry = self.0.entries().iter().find(|entry| message["role"] == role_name(entry.role));
+        let fields = entry.into_iter().flat_map(|entry| entry.header.iter().chain(entry.fields));
+        let named =
+            |field: &Field<'_>| Some((format!("/values/{}", field_name(*field)?), repeated_name(*field)));
+        fields.filter_map(named).collect()
     }
 
     #[cfg(feature = "arbitrary")]

@@ -227,7 +227,7 @@ fn a_configuration_is_part_of_a_program_s_own() {
     for (wrong, why) in [
         ("timeout = 250", "timeout=250: not a time with its unit, such as 250ms or 1.5s"),
         ("timeout = '0s'", "timeout=0s: out of range, give a time above 0, or never"),
-        ("time_out = '1s'", "ClientConfig has no setting `time_out`: it has timeout"),
+        ("time_out = '1s'", "ClientConfig has no setting `time_out`; did you mean `timeout`?"),
     ] {
         let error = toml::from_str::<fanuc_hmi_modbus::ClientConfig>(wrong).unwrap_err().to_string();
         assert!(error.contains(why), "{error}");

@@ -142,12 +142,64 @@ pub fn read_as<C: Configure>(
         let text = if names.contains(&unknown.as_str()) {
             format!("{unknown} in one name: give what is before a dot as a table")
         } else {
-            let has = if names.is_empty() { "no settings".to_owned() } else { names.join(", ") };
-            format!("{what} has no setting `{unknown}`: it has {has}")
+            no_setting(what, &unknown, &names)
         };
         return Err(Refused { name: unknown, text });
     }
     refused.map_or(Ok(config), Err)
+}
+
+/// The error for a name that is not a setting: with the similar names, or with the first of all names if there is none.
+pub fn no_setting(what: &str, name: &str, names: &[impl AsRef<str>]) -> String {
+    const LISTED: usize = 12;
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    let within = |known: &&str| known.strip_prefix(name)?.strip_prefix('.').map(str::to_owned);
+    let inner: Vec<String> = names.iter().filter_map(within).collect();
+    if !inner.is_empty() {
+        return format!("{what} has no setting `{name}`: it is a table of {}", inner.join(", "));
+    }
+    let has = match (did_you_mean(name, &names), names.get(..LISTED)) {
+        (similar, _) if !similar.is_empty() => similar,
+        _ if names.is_empty() => ": it has no settings".into(),
+        (_, Some(first)) if names.len() > LISTED => {
+            format!(": it has {}, and {} more", first.join(", "), names.len() - LISTED)
+        }
+        _ => format!(": it has {}", names.join(", ")),
+    };
+    format!("{what} has no setting `{name}`{has}")
+}
+
+/// The question after an unknown name, such as `` ; did you mean `baud`? ``, or nothing if none of the names is similar.
+///
+/// Names are similar by the measure that clap has for arguments. A name without a table is compared with the names in every table, and
+/// each name also with the tables.
+pub fn did_you_mean(unknown: &str, names: &[&str]) -> String {
+    const LEAST: f64 = 0.75;
+    const NEARLY: f64 = 0.05;
+    let tables: Vec<&str> =
+        names.iter().flat_map(|name| name.match_indices('.').filter_map(|(at, _)| name.get(..at))).collect();
+    let (table, last) = table_of(unknown);
+    let likeness = |name: &str| match table_of(name) {
+        (of, name) if of == table || table.is_empty() => strsim::jaro(last, name),
+        _ if tables.contains(&table) => 0.0,
+        _ => strsim::jaro(unknown, name),
+    };
+    let mut found: Vec<(f64, &str)> = Vec::new();
+    for name in names.iter().chain(&tables).copied() {
+        if likeness(name) > LEAST && !found.iter().any(|(_, known)| *known == name) {
+            found.push((likeness(name), name));
+        }
+    }
+    found.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let best = found.first().map_or(0.0, |(likeness, _)| *likeness);
+    let similar = found.iter().take(2).filter(|(likeness, _)| *likeness > best - NEARLY);
+    let quoted: Vec<String> = similar.map(|(_, name)| format!("`{name}`")).collect();
+    if quoted.is_empty() { String::new() } else { format!("; did you mean {}?", quoted.join(" or ")) }
+}
+
+/// The table of a setting, empty if it has none, and its name in the table.
+fn table_of(name: &str) -> (&str, &str) {
+    name.rsplit_once('.').unwrap_or(("", name))
 }
 
 /// A configuration from what a user has written of it: what [`deserialize!`](crate::deserialize) does.

@@ -131,10 +131,22 @@ fn what_is_wrong_names_the_values() {
     assert_eq!(error("speed=1"), format!("puma has no setting `speed`: it has {names}"));
     assert_eq!(error("arm.speed=1"), format!("puma has no setting `arm.speed`: it has {names}"));
     assert_eq!(error("leg.speed=1"), format!("puma has no setting `leg`: it has {names}"));
+    for (wrong, meant) in [
+        ("tial=b", "`tial`; did you mean `tail`?"),
+        ("clamp=true", "`clamp`; did you mean `arm.clamp`?"),
+        ("arm.clmap=true", "`arm.clmap`; did you mean `arm.clamp`?"),
+        ("army.clamp=true", "`army`; did you mean `arm`?"),
+    ] {
+        assert_eq!(error(wrong), format!("puma has no setting {meant}"));
+    }
+    let many: Vec<String> = (0..15).map(|at| format!("n{at}")).collect();
+    let expected =
+        "it has no setting `speed`: it has n0, n1, n2, n3, n4, n5, n6, n7, n8, n9, n10, n11, and 3 more";
+    assert_eq!(no_setting("it", "speed", &many), expected);
     assert_eq!(error("payload=2.6"), "payload=2.6: out of range, give 0 to 2.5 kg");
     assert_eq!(error("payload=much"), "payload=much: not a number, give 0 to 2.5 kg");
     assert_eq!(error("journal=[1]"), "journal=[1]: not a text, give a file; without it nothing is kept");
-    assert_eq!(error("arm=1"), format!("puma has no setting `arm`: it has {names}"));
+    assert_eq!(error("arm=1"), "puma has no setting `arm`: it is a table of clamp, limits");
     let error = read("viewer", (), &given(&["speed=1"])).unwrap_err().to_string();
     assert_eq!(error, "viewer has no setting `speed`: it has no settings");
     let dotted = Map::from_iter([("arm.clamp".into(), json!(true))]);

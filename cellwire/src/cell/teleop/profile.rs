@@ -237,7 +237,9 @@ mod tests {
         let error = |text| read(text).unwrap_err().to_string();
         assert!(error("axes = ['x', 'y', 'z', 'rx', 'ry', 'up']").contains("there is no axis `up`"));
         assert!(error("dead_zone = 51").contains("out of range"));
-        assert!(error("deadzone = 5").starts_with("profile has no setting `deadzone`: it has filter,"));
+        assert!(
+            error("deadzone = 5").ends_with("profile has no setting `deadzone`; did you mean `dead_zone`?")
+        );
     }
 
     #[test]

@@ -11,8 +11,7 @@ use serde_json::{Map, Value, json};
 
 use super::OutArgs;
 use super::stretch::{Message, StretchArgs};
-use crate::command::compare::Compare;
-use crate::io::output::log;
+use crate::command::compare::{Compare, Follow};
 
 /// Writes a story of the session at one end, from the messages that this end received, at the captured times
 ///
@@ -160,14 +159,9 @@ fn compare(
         Ok(content) => content.clone(),
         Err(error) => json!({"error": error}),
     };
-    let mut compare = Compare::new(seen.iter().map(then).collect());
+    let mut compare = Compare::new(seen.iter().map(then).collect(), Follow::default(), true);
     for (at, bytes) in ours {
         show(bytes)?.iter().try_for_each(|message| compare.take(*at, message))?;
     }
-    let (mut all, is_same) = compare.finish()?;
-    if let Some(fields) = all.as_object_mut() {
-        fields.insert("event".into(), "compared".into());
-    }
-    log(&all)?;
-    Ok(is_same)
+    compare.finish("compared", &[])
 }

@@ -1,20 +1,24 @@
 //! Where an end departs from what it did then.
 
 mod follow;
+mod report;
 
 use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::{Value, json};
 
-use self::follow::Follow;
-use crate::io::output;
+pub(super) use self::follow::Follow;
+use self::report::Report;
 
 /// How many messages may be missing before one that is known again.
 const AHEAD: usize = 8;
 
+/// The differences of each kind that are printed.
+const PRINTED: usize = 5;
+
 /// Compares the messages of the other end with those that it sent then.
-#[derive(Debug)]
+#[allow(missing_debug_implementations, reason = "a codec has none")]
 pub(super) struct Compare {
     expected: Vec<Value>,
     /// How many of them have come, or will not.
@@ -22,22 +26,20 @@ pub(super) struct Compare {
     /// Those that have not come when later ones did.
     outstanding: Vec<usize>,
     same: usize,
-    /// The same messages with other values.
-    values: usize,
-    departures: usize,
+    report: Report,
     pub(super) follow: Follow,
 }
 
 impl Compare {
-    pub(super) fn new(expected: Vec<Value>) -> Self {
+    /// `prints_all`: each difference is printed, not only the first of each kind.
+    pub(super) fn new(expected: Vec<Value>, follow: Follow, prints_all: bool) -> Self {
         Self {
             expected,
             passed: 0,
             outstanding: Vec::new(),
             same: 0,
-            values: 0,
-            departures: 0,
-            follow: Follow::default(),
+            report: Report::new(prints_all),
+            follow,
         }
     }
 
@@ -49,40 +51,41 @@ impl Compare {
     /// A message has come.
     pub(super) fn take(&mut self, at: Duration, now: &Value) -> Result<()> {
         let rest = self.expected.get(self.passed..).unwrap_or_default();
-        if rest.first() == Some(now) {
+        let is_same = |then: &Value| then == now || self.follow.followed(then).as_ref() == Some(now);
+        if rest.first().is_some_and(is_same) {
             (self.passed, self.same) = (self.passed + 1, self.same + 1);
             return Ok(());
         }
-        if let Some(place) = self.outstanding.iter().position(|index| self.expected.get(*index) == Some(now))
-        {
+        let late = |index: &usize| self.expected.get(*index).is_some_and(is_same);
+        if let Some(place) = self.outstanding.iter().position(late) {
             let index = self.outstanding.remove(place);
-            return self.tell("later", index, None, at, Some(now));
+            return self.tell("later", index, None, Some((at, now)));
         }
         let number = self.passed;
-        let Some(then) = rest.first() else { return self.tell("more", number, None, at, Some(now)) };
+        let Some(then) = rest.first() else { return self.tell("more", number, None, Some((at, now))) };
         let ahead = || rest.iter().take(AHEAD);
-        // What is there once is known again.
-        let known = ahead().position(|it| it == now);
-        let known = known.filter(|_| self.expected.iter().filter(|it| *it == now).count() == 1);
+        // A message that is in the capture once is known again.
+        let known = ahead().position(is_same);
+        let known = known.filter(|_| self.expected.iter().filter(|it| is_same(it)).count() == 1);
         let alike = || ahead().position(|it| is_alike(it, now));
         let before = self.passed.checked_sub(1).and_then(|before| self.expected.get(before));
-        if !is_alike(then, now) && before == Some(now) {
-            return self.tell("again", number, None, at, Some(now));
+        if !is_alike(then, now) && before.is_some_and(is_same) {
+            return self.tell("again", number, None, Some((at, now)));
         }
         match known.or_else(alike) {
             Some(missing) => {
                 self.missed(missing);
                 let then = self.expected.get(self.passed).cloned().unwrap_or_default();
-                if then == *now {
+                if then == *now || self.follow.followed(&then).as_ref() == Some(now) {
                     self.same += 1;
                 } else {
                     self.follow.learn(&then, now);
-                    self.tell("values", self.passed, Some(&then), at, Some(now))?;
+                    self.tell("values", self.passed, Some(&then), Some((at, now)))?;
                 }
             }
             None => {
                 let then = then.clone();
-                self.tell("other", number, Some(&then), at, Some(now))?;
+                self.tell("other", number, Some(&then), Some((at, now)))?;
             }
         }
         self.passed += 1;
@@ -97,27 +100,23 @@ impl Compare {
 
     fn tell(
         &mut self,
-        what: &str,
+        kind: &'static str,
         index: usize,
         then: Option<&Value>,
-        at: Duration,
-        now: Option<&Value>,
+        now: Option<(Duration, &Value)>,
     ) -> Result<()> {
-        match what {
-            "values" => self.values += 1,
-            _ => self.departures += 1,
-        }
-        let mut line = json!({"departure": what, "number": index + 1});
+        let mut line = json!({"departure": kind, "number": index + 1});
         if let Some(fields) = line.as_object_mut() {
             if let Some(then) = then {
                 fields.insert("then".into(), then.clone());
             }
-            if let Some(now) = now {
+            if let Some((at, now)) = now {
                 fields.insert("at".into(), at.as_secs_f64().into());
                 fields.insert("now".into(), now.clone());
             }
         }
-        output::log(&line)
+        let before = index.checked_sub(1).and_then(|before| self.expected.get(before));
+        self.report.add(kind, line, before)
     }
 
     /// What has not come does not come any more.
@@ -125,21 +124,20 @@ impl Compare {
         self.missed(self.expected.len().saturating_sub(self.passed));
         for index in std::mem::take(&mut self.outstanding) {
             let then = self.expected.get(index).cloned();
-            self.tell("missing", index, then.as_ref(), Duration::ZERO, None)?;
+            self.tell("missing", index, then.as_ref(), None)?;
         }
         Ok(())
     }
 
-    /// Nothing more comes: what is said of all of it, and whether the end did what it did then.
+    /// Nothing more comes: prints the report, whose first counts are `counts`, and returns whether the end did what it did then.
     ///
     /// # Errors
     /// When standard output is closed.
-    pub(super) fn finish(mut self) -> Result<(Value, bool)> {
+    pub(super) fn finish(mut self, event: &str, counts: &[(&str, usize)]) -> Result<bool> {
         self.end()?;
-        let Self { expected, same, values, departures, .. } = self;
-        let expected = expected.len();
-        let all = json!({"expected": expected, "same": same, "values": values, "departures": departures});
-        Ok((all, departures == 0))
+        let matched = [("expected", self.expected.len()), ("same", self.same)];
+        self.report.print(event, &[counts, &matched].concat())?;
+        Ok(self.report.departures() == 0)
     }
 }
 
@@ -165,10 +163,10 @@ mod tests {
     use super::*;
 
     fn compared(then: &[Value], now: &[Value]) -> [usize; 4] {
-        let mut compare = Compare::new(then.to_vec());
+        let mut compare = Compare::new(then.to_vec(), Follow::default(), false);
         now.iter().for_each(|now| compare.take(Duration::ZERO, now).unwrap());
         compare.end().unwrap();
-        [compare.passed, compare.same, compare.values, compare.departures]
+        [compare.passed, compare.same, compare.report.count("values"), compare.report.departures()]
     }
 
     #[test]
@@ -192,5 +190,13 @@ mod tests {
         now.swap(2, 3);
         now.push(message("d", 1));
         assert_eq!(compared(&then, &now), [6, 6, 0, 1], "one more");
+    }
+
+    #[test]
+    fn a_message_with_the_number_that_was_chosen_is_the_same() {
+        let message = |order: u16, number: u8| json!({"order": order, "number": number});
+        let then: Vec<Value> = (1..6).map(|number| message(7, number)).collect();
+        let now: Vec<Value> = (1..6).map(|number| message(9, number)).collect();
+        assert_eq!(compared(&then, &now), [5, 4, 1, 0]);
     }
 }

@@ -84,6 +84,7 @@ pub(super) struct Args {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum OrderArg {
     /// Detected from the life counter
     Auto,

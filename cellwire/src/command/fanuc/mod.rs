@@ -79,6 +79,7 @@ const USES: [&str; 4] = ["framing", "word_order", "unit", "address"];
 
 /// Word order of 32-bit values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum OrderArg {
     LowFirst,
     HighFirst,

@@ -46,7 +46,7 @@ pub(super) struct PlaceArgs {
     /// The Modbus unit [default: the setting `unit` of a file, or 1]
     #[arg(long, value_name = "N")]
     unit: Option<u8>,
-    /// Word order of 32-bit values [default: the setting `word_order` of a file, or low-first]
+    /// Word order of 32-bit values [default: the setting `word_order` of a file, or low_first]
     #[arg(long, value_enum)]
     word_order: Option<OrderArg>,
     #[command(flatten)]

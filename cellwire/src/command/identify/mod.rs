@@ -11,7 +11,7 @@ mod settings;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use cellwire_identify::{Finding, draft, identify};
 use cellwire_links::{LINKS, Link};
 
@@ -65,16 +65,17 @@ pub struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire identify monday.pcapng                             each conversation of a capture
-  cellwire identify port.bin --link laser                the options of a known link
+  cellwire identify monday.pcapng                      each conversation
+  cellwire identify port.bin --link laser              the options of a known link
   cellwire identify monday.pcapng --port 2001 --write cell.toml
-  cellwire identify --serial /dev/ttyUSB0 --for 2m     a serial line of unknown baud rate
-  cellwire decode laser --settings cell.toml …           use the result
+  cellwire identify --serial /dev/ttyUSB0 --for 2m     a line of unknown baud rate
+  cellwire decode laser --settings cell.toml …         use the result
 
 Exit status: 0 every conversation was identified   1 one was not";
 
 /// Returns true when every conversation is identified, and not by chance.
 pub fn run(args: &Args) -> Result<bool> {
+    ensure!(args.draft.is_none() || args.draft != args.write, "--write and --draft name one file: give two");
     if let (Some(from), Some(link)) = (&args.from, args.link) {
         link.side(Some(from))?;
     }

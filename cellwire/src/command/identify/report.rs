@@ -237,8 +237,13 @@ fn option_json(Open { name, value, decided }: &Open) -> Value {
         Decided::ByBytes => json!({"name": name, "value": value, "decided": "bytes"}),
         Decided::ByValues => json!({"name": name, "value": value, "decided": "values"}),
         Decided::Not { others, message } => {
-            let others = if others.is_empty() { Value::Null } else { json!(others) };
-            json!({"name": name, "value": value, "decided": "no", "others": others, "message": message})
+            let values: Vec<&Value> = others.iter().map(|it| &it.value).collect();
+            let fewer: Vec<u64> = others.iter().map(|it| it.fewer).collect();
+            let [values, fewer] =
+                [json!(values), json!(fewer)].map(|it| if others.is_empty() { Value::Null } else { it });
+            json!({
+                "name": name, "value": value, "decided": "no", "others": values, "bytes_less": fewer, "message": message,
+            })
         }
     }
 }

@@ -2,10 +2,12 @@
 
 use core::fmt::Write as _;
 
-use crate::command::settings::toml_value;
 use anyhow::Result;
-use cellwire_identify::{Decided, Finding, Open};
+use cellwire_identify::{Decided, Finding, Open, Other};
 use serde_json::Value;
+
+use crate::command::settings::toml_value;
+use crate::io::output::counted;
 
 /// The text of the file.
 pub(super) fn toml(finding: &Finding) -> Result<String> {
@@ -42,15 +44,25 @@ pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }:
     Ok(())
 }
 
-/// The other values that explain the same.
-pub(super) fn or(others: &[Value]) -> String {
-    match others {
-        [] => "any other value explains the same".into(),
-        _ => {
-            let others: Vec<String> = others.iter().map(plain).collect();
-            format!("{} explains the same", others.join(" or "))
+/// The other values, and how much less each explains.
+pub(super) fn or(others: &[Other]) -> String {
+    let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    for Other { value, fewer, inexact } in others {
+        let explains = match (fewer, inexact) {
+            (0, 0) => "explains the same".to_owned(),
+            (0, _) => format!("explains the same, {} less exactly", counted(*inexact, "byte")),
+            _ => format!("explains {} less", counted(*fewer, "byte")),
+        };
+        match groups.iter_mut().find(|(known, _)| *known == explains) {
+            Some((_, values)) => values.push(plain(value)),
+            None => groups.push((explains, vec![plain(value)])),
         }
     }
+    if groups.is_empty() {
+        return "any other value explains the same".into();
+    }
+    let groups = groups.iter().map(|(explains, values)| format!("{} {explains}", values.join(" or ")));
+    groups.collect::<Vec<_>>().join(", ")
 }
 
 /// What to capture.

@@ -13,7 +13,7 @@ use super::range::{Range, TABLES};
 use super::seen::Seen;
 use crate::io::drive::Lost;
 use crate::io::interrupt;
-use crate::io::output::{log, remark};
+use crate::io::output::{self, log, remark};
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
 
 /// How often a request is made whose connection is lost.
@@ -97,9 +97,9 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
             Answer::Failed(_) | Answer::Announced => continue,
         };
         found += 1;
-        progress.suspend(|| log(&json!({"unit": unit, "reply": reply})))?;
+        log(&json!({"unit": unit, "reply": reply}))?;
     }
-    progress.finish_and_clear();
+    output::clear_bar();
     Ok(found)
 }
 
@@ -134,7 +134,7 @@ fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result
                 && !core::mem::replace(&mut malformed, true)
             {
                 let place = format!("{name}:{}-{}", part.first, part.last);
-                progress.suspend(|| remark(&format!("{place} counts as refused: {reason}")));
+                remark(&format!("{place} counts as refused: {reason}"));
             }
             match tried {
                 Tried::Read => {
@@ -155,7 +155,7 @@ fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result
             progress.set_position(u64::from(part.last) - u64::from(args.from));
             progress.set_message(format!("{name} {}", part.last));
         }
-        progress.finish_and_clear();
+        output::clear_bar();
         runs.extend(open);
         for run in &runs {
             log(&json!({"table": name, "from": run.first, "to": run.last, "count": run.count()}))?;
@@ -223,7 +223,9 @@ fn is_malformed(failure: Failure) -> bool {
 }
 
 fn progress(length: u64) -> ProgressBar {
-    ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr_with_hz(10))
+    let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr_with_hz(10));
+    output::show_bar(&bar);
+    bar
 }
 
 fn units(text: &str) -> Result<RangeInclusive<u8>, String> {

@@ -13,20 +13,22 @@ use robot_session::{Received, Sent, Transport, Wait};
 use self::script::{Part, Reader, Script};
 use self::transport::TransportArgs;
 use super::codec::LinkArgs;
-use super::compare::Compare;
+use super::compare::{Compare, Follow};
 use super::recorded::{ConversationArgs, Party};
 use crate::io::input::time;
 use crate::io::interrupt;
-use crate::io::output::{self, remark};
+use crate::io::output::{EventArgs, remark};
 
 /// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
 ///
-/// Prints one line of JSON for each difference, with the captured and the actual message: `other`, `missing`, `again` (sent
-/// again), `later` (after its successor), `more`, or `values` (only numbers differ, such as measured values), which do not affect the
-/// exit status. The last line has the counts. Messages are decoded with the given settings.
+/// Prints the first five differences of each kind, one line of JSON each, with the captured and the actual message: `other`,
+/// `missing`, `again` (sent again), `later` (after its successor), `more`, or `values` (only numbers differ, such as measured values),
+/// which do not affect the exit status. The last line has the counts, and the first departure with the message before it. At a terminal
+/// these are a report of a few lines. Messages are decoded with the given settings.
 ///
 /// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end repeats,
-/// such as an order or transaction number, are replaced by the current ones.
+/// such as an order or transaction number, are replaced by the current ones, and a message with the current ones is the same. An order
+/// number may be in a header or a field, as in the plant's table of messages (give its --settings).
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, override_usage = USAGE)]
 pub struct Args {
@@ -48,6 +50,11 @@ pub struct Args {
     /// Send exactly the captured bytes, without replaced numbers
     #[arg(long)]
     verbatim: bool,
+    /// Print each difference, not only the first five of each kind
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    events: EventArgs,
 }
 
 /// When this end sends.
@@ -85,9 +92,11 @@ pub fn run(args: &Args) -> Result<bool> {
     let Script { parts, expected } = Script::new(&args.of, &conversation, parties)?;
     ensure!(!parts.is_empty(), "the capture has no messages from `{}`", args.end);
     let [ours, other] = parties;
+    args.events.choose();
+    let follow = Follow::new(ours.side.or(other.side).map(|side| args.of.codec_of(side)).transpose()?);
     let mut play = Play {
         reader: Reader::new(&args.of, other.side)?,
-        compare: Compare::new(expected),
+        compare: Compare::new(expected, follow, args.all),
         begun: None,
         heard: Instant::now(),
         is_closed: false,
@@ -121,13 +130,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let mut items = Vec::new();
     reader.finish(&mut |content| items.push(content))?;
     items.iter().try_for_each(|content| compare.take(at, content))?;
-    let (mut all, is_same) = compare.finish()?;
-    if let Some(fields) = all.as_object_mut() {
-        fields.insert("event".into(), "replayed".into());
-        fields.insert("sent".into(), sent.into());
-        fields.insert("of".into(), parts.len().into());
-    }
-    output::log(&all)?;
+    let is_same = compare.finish("replayed", &[("sent", sent), ("of", parts.len())])?;
     Ok(is_same && sent == parts.len())
 }
 
@@ -158,8 +161,7 @@ impl Play {
         };
         let mut bytes = Vec::new();
         for (its, message) in &part.messages {
-            let followed =
-                message.clone().and_then(|mut it| self.compare.follow.apply(&mut it).then_some(it));
+            let followed = message.as_ref().and_then(|message| self.compare.follow.followed(message));
             match followed {
                 Some(message) => bytes.extend(args.of.codec_of(side)?.encode(message)?),
                 None => bytes.extend_from_slice(its),

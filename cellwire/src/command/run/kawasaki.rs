@@ -20,6 +20,7 @@ use crate::io::tcp;
 use crate::io::trace::TraceArgs;
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
+use crate::links::kawasaki_msg::simulate::pc_config;
 use cellwire_links::settings;
 
 /// Runs the jobs of a file on a Kawasaki robot: a picture or a table, each job once
@@ -82,10 +83,6 @@ Examples:
 /// Returns true when every job is done.
 pub(super) fn run(args: &Args) -> Result<bool> {
     args.work.events.choose();
-    execute(args).map_err(|error| args.work.set.located(error))
-}
-
-fn execute(args: &Args) -> Result<bool> {
     let file = &args.file;
     let is_somewhere = args.work.dry_run || args.listen.is_some() || args.connect_to.is_some();
     ensure!(
@@ -95,8 +92,9 @@ fn execute(args: &Args) -> Result<bool> {
     if let Some(address) = &args.connect_to {
         tcp::check(address)?;
     }
-    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read(&self::settings())?)?;
-    let config = settings.plant.pc(settings.config)?;
+    let given = args.work.set.read(&self::settings())?;
+    let settings = settings::read("kawasaki", Settings::default(), &given)?;
+    let config = pc_config(&settings.plant, settings.config, &given)?;
     let jobs = Jobs::read(file, &settings, args.allow.is_some())?;
     let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
     let (what, lines, unit) = ("file of jobs", jobs.lines.clone(), jobs.unit);
@@ -150,8 +148,7 @@ fn serve(
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
-    let (notify, progress) =
-        (&mut |event| progress.suspend(|| log(&event)), &mut work::shown(progress, journal, machine));
+    let (notify, progress) = (&mut |event| log(&event), &mut work::shown(progress, journal, machine));
     let operator = Operator::new(typed, notify, progress);
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
     let answer = args.work.unknown;

@@ -141,10 +141,8 @@ fn execute(
     let typed = work::operator(Bell::default())?;
     say_resumed(journal)?;
     let before = journal.count(Outcome::Done);
-    let (notify, progress) = (
-        &mut |event| progress.suspend(|| log(&event)),
-        &mut work::shown(progress, journal, |tally| machine(before, tally)),
-    );
+    let (notify, progress) =
+        (&mut |event| log(&event), &mut work::shown(progress, journal, |tally| machine(before, tally)));
     let operator = Operator::new(typed, notify, progress);
     // A question is asked when its answer can be used.
     let place = args.serial.as_deref().unwrap_or_default();

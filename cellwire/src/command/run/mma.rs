@@ -154,10 +154,8 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     let bell = Bell::default();
     let typed = work::operator(bell.clone())?;
     say_resumed(journal)?;
-    let (notify, progress) = (
-        &mut |event| progress.suspend(|| log(&event)),
-        &mut work::shown(progress, journal, |_| MAY_MOVE.into()),
-    );
+    let (notify, progress) =
+        (&mut |event| log(&event), &mut work::shown(progress, journal, |_| MAY_MOVE.into()));
     let operator = Operator::new(typed, notify, progress);
     let mut runner = Runner::new(journal, operator, bell.clone());
     if !runner.settle_begun(args.work.unknown)? {

@@ -130,8 +130,9 @@ impl WorkArgs {
         ensure!(!is_done, "the {what} is finished according to {path}; --again repeats it");
         let progress = ProgressBar::with_draw_target(Some(parts as u64), ProgressDrawTarget::stderr());
         progress.set_position(journal.count(Outcome::Done) as u64);
+        output::show_bar(&progress);
         let ended = run(journal, &progress);
-        progress.finish_and_clear();
+        output::clear_bar();
         ended.map_err(|error| {
             let (tally, path) = (journal.tally(), journal.path().display());
             match error.downcast_ref() {

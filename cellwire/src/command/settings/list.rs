@@ -6,7 +6,7 @@ use std::io::Write as _;
 use anyhow::{Result, bail};
 use cellwire_identify::toml_text;
 use cellwire_links::Link;
-use cellwire_links::settings::{self, Setting};
+use cellwire_links::settings::{self, Setting, did_you_mean};
 use serde_json::Value;
 
 use crate::cell::{demo, operator};
@@ -31,6 +31,10 @@ Examples:
   cellwire settings run laser
   cellwire settings decode kawasaki
   cellwire settings modbus poll";
+
+/// The commands that have settings.
+const COMMANDS: [&str; 10] =
+    ["decode", "encode", "tap", "replay", "demo", "simulate", "run", "alter", "modbus", "fanuc"];
 
 /// The most settings at the end of a `--help`.
 const USUAL: usize = 10;
@@ -76,15 +80,36 @@ fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)>
         }
         "run" => match of.and_then(|robot| Some((format!("run {robot}"), run::settings(robot)?))) {
             Some(found) => found,
-            None => bail!("`cellwire settings run` needs a robot: kawasaki, laser or mma"),
+            None => {
+                let meant = did_you_mean(of.unwrap_or_default(), &["kawasaki", "laser", "mma"]);
+                bail!("`cellwire settings run` needs a robot: kawasaki, laser or mma{meant}")
+            }
         },
         "alter" => ("alter".into(), settings::list(operator::Settings::default())),
         "modbus" => (format!("modbus {}", of.unwrap_or("send")), modbus::settings()),
         "fanuc" => (format!("fanuc {}", of.unwrap_or("log")), fanuc::settings()),
-        _ => bail!(
-            "`{command}` has no settings; those that have: decode, encode, tap, replay, demo, simulate, run, alter, modbus, fanuc"
-        ),
+        _ => {
+            let meant = did_you_mean(command, &COMMANDS);
+            bail!("`{command}` has no settings; those that have: {}{meant}", COMMANDS.join(", "))
+        }
     })
+}
+
+/// The settings of the devices and the runs of a link, and of its bytes.
+pub(super) fn of_link(link: &Link) -> Vec<Setting> {
+    let is_of = |name: &str| name.split('-').next() == Some(link.short);
+    let devices = DEVICES.iter().filter(|device| device.is_called(link.short) || is_of(device.name));
+    let devices = devices.flat_map(|device| (device.settings)());
+    devices.chain(run::settings(link.short).unwrap_or_default()).chain((link.settings)()).collect()
+}
+
+/// The command of the command line as `cellwire settings` takes it, and its settings.
+pub(super) fn settings_of_command_line() -> Option<(String, Vec<Setting>)> {
+    let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
+    let (command, rest) = arguments.get(1..)?.split_first()?;
+    // The first argument that the command has settings for: an option or a file may be before it.
+    let named = rest.iter().filter_map(|argument| of_command(command, Some(argument)).ok()).next();
+    named.or_else(|| of_command(command, None).ok())
 }
 
 /// The lines of a file of settings, each behind a `#`; the settings in tables come last.

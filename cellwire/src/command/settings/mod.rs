@@ -3,6 +3,7 @@
 mod list;
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
@@ -49,6 +50,7 @@ impl SetArgs {
     /// # Errors
     /// As [`read`](Self::read).
     pub(super) fn read_over(&self, base: Option<&Path>, known: &[Setting]) -> Result<Map<String, Value>> {
+        self.note(base);
         let mut given = files(base.into_iter().chain(self.settings.as_deref()))?;
         adopt(&mut given, known)?;
         for (name, value) in &self.set {
@@ -66,13 +68,14 @@ impl SetArgs {
     /// # Errors
     /// As [`read`](Self::read); when the pause is not one.
     pub(super) fn dialing(&self, base: Option<&Path>, timeout: TimeoutArgs) -> Result<Dialing> {
+        self.note(base);
         let mut given = files(base.into_iter().chain(self.settings.as_deref()))?;
         for (name, value) in &self.set {
             settings::insert(&mut given, name, value.clone())?;
         }
         given.retain(|name, _| name == CONNECT_PAUSE);
         let read = settings::read("the connection", ConnectSettings::default(), &given);
-        Ok(timeout.dialing(read.map_err(|error| self.located(error.into()))?.pause))
+        Ok(timeout.dialing(read?.pause))
     }
 
     /// The settings of a Modbus client, of a command that uses these of the link's bytes. A remark names others that were given.
@@ -95,12 +98,10 @@ impl SetArgs {
         }
         let known = client_known(&client_settings(), uses);
         if let Some(name) = given.keys().find(|name| !known.contains(name)) {
-            let text = format!("{what} has no setting `{name}`: it has {}", known.join(", "));
-            return Err(self.located(Refused { name: name.clone(), text }.into()));
+            return Err(Refused { text: settings::no_setting(what, name, &known), name: name.clone() }.into());
         }
         let (has_order, frames_given) = (shown.contains_key("word_order"), shown.contains_key("framing"));
-        let view = settings::read(what, ViewSettings::default(), &shown);
-        let view = view.map_err(|error| self.located(error.into()))?;
+        let view = settings::read(what, ViewSettings::default(), &shown)?;
         let word_order = has_order.then_some(view.word_order);
         Ok(ClientGiven { view, word_order, frames_given, what, uses, given })
     }
@@ -111,30 +112,56 @@ impl SetArgs {
     /// When the settings include one of another kind of connection, or a value is not one of the setting's.
     pub(super) fn configure(&self, client: &ClientGiven, config: &mut ClientConfig) -> Result<()> {
         let known = client_known(&settings::list(ClientSettings(&mut config.clone())), client.uses);
-        let read = match client.given.keys().find(|name| !known.contains(name)) {
-            Some(name) => {
-                let (what, known) = (client.what, known.join(", "));
-                let text =
-                    format!("{what} has no setting `{name}` on this kind of connection: it has {known}");
-                Err(Refused { name: name.clone(), text })
-            }
-            None => settings::read(client.what, ClientSettings(config), &client.given).map(drop),
-        };
-        read.map_err(|error| self.located(error.into()))
+        if let Some(name) = client.given.keys().find(|name| !known.contains(name)) {
+            let (what, known) = (client.what, known.join(", "));
+            let text = format!("{what} has no setting `{name}` on this kind of connection: it has {known}");
+            return Err(Refused { name: name.clone(), text }.into());
+        }
+        settings::read(client.what, ClientSettings(config), &client.given)?;
+        Ok(())
     }
 
-    /// The same error, with the line of the file whose setting is refused.
-    pub(super) fn located(&self, error: anyhow::Error) -> anyhow::Error {
-        let (Some(file), Some(Refused { name, .. })) = (&self.settings, error.downcast_ref()) else {
-            return error;
-        };
-        // What the command line sets is before what the file does.
-        let in_file = !self.set.iter().any(|(set, _)| set == name);
-        let line = input::text(file).ok().filter(|_| in_file).and_then(|text| settings::line_of(&text, name));
-        match line {
-            Some(line) => anyhow!("{}, line {line}: {error:#}", file.display()),
-            None => error,
+    /// Notes where the settings of this command come from, for [`located`].
+    fn note(&self, base: Option<&Path>) {
+        let files = base.into_iter().chain(self.settings.as_deref()).map(Path::to_owned).collect();
+        let set = self.set.iter().map(|(name, _)| name.clone()).collect();
+        *ORIGIN.lock().unwrap_or_else(PoisonError::into_inner) = Origin { files, set };
+    }
+}
+
+/// Where the settings of the command come from.
+#[derive(Debug)]
+struct Origin {
+    /// The files; a later one overrides an earlier one.
+    files: Vec<PathBuf>,
+    /// The names that `--set` has.
+    set: Vec<String>,
+}
+
+static ORIGIN: Mutex<Origin> = Mutex::new(Origin { files: Vec::new(), set: Vec::new() });
+
+/// The error of a command; if a setting is refused, with the line of the file that has it, and if it is unknown, with the command that lists all.
+pub fn located(error: anyhow::Error) -> anyhow::Error {
+    let Some(Refused { name, .. }) = error.downcast_ref() else { return error };
+    let lists = match list::settings_of_command_line() {
+        Some((command, known)) => {
+            let is_within =
+                |inner: &str, outer: &str| inner.strip_prefix(outer).is_some_and(|it| it.starts_with('.'));
+            let is_known = known
+                .iter()
+                .any(|it| it.name == *name || is_within(&it.name, name) || is_within(name, &it.name));
+            let after = if error.to_string().ends_with('?') { "" } else { ";" };
+            if is_known { String::new() } else { format!("{after} `cellwire settings {command}` lists all") }
         }
+        None => String::new(),
+    };
+    let origin = ORIGIN.lock().unwrap_or_else(PoisonError::into_inner);
+    // What the command line sets overrides the files.
+    let files = origin.files.iter().rev().filter(|_| !origin.set.contains(name));
+    let line = |file: &PathBuf| Some((file.clone(), settings::line_of(&input::text(file).ok()?, name)?));
+    match files.filter_map(line).next() {
+        Some((file, line)) => anyhow!("{}, line {line}: {error:#}{lists}", file.display()),
+        None => anyhow!("{error:#}{lists}"),
     }
 }
 
@@ -213,7 +240,8 @@ fn files<'a>(files: impl Iterator<Item = &'a Path>) -> Result<Map<String, Value>
 }
 
 /// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
-/// ends. Those that the command does not have are left out, with a remark unless they only affect how bytes are shown.
+/// ends. Those that the command does not have are left out, with a remark unless they only affect how bytes are shown; so are the settings
+/// that only another command of the link has.
 fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
     let is_known = |name: &str| {
         let inner = format!("{name}.");
@@ -241,6 +269,14 @@ fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
             for place in places {
                 settings::insert(given, place, value.clone())?;
             }
+        }
+        // A file of a plant or a cell serves all its commands.
+        let others = list::of_link(link);
+        let is_other = |name: &str| others.iter().any(|it| it.name.split('.').next() == Some(name));
+        for name in given.keys().filter(|name| !is_known(name) && is_other(name)).cloned().collect::<Vec<_>>()
+        {
+            given.remove(&name);
+            no_effect(&name);
         }
     }
     Ok(())

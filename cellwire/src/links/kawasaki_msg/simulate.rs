@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result};
 use cellwire_sim::kawasaki::Pc;
 use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
 use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 use super::control;
 use super::meeting::Meeting;
@@ -22,6 +22,7 @@ use crate::io::drawing::{self, Picture};
 use crate::io::output::{log, notice, remark};
 use crate::links::device::SimulateOptions;
 use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
+use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{self, Refused};
 
 /// The PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs are not lines.
@@ -40,19 +41,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
         }
     }
     .into();
-    let config = match settings.plant.pc(settings.config) {
-        // A plant that was drafted from a capture may lack it.
-        Err(error)
-            if error.downcast_ref().is_some_and(lacks_interrupt)
-                && !options.settings.contains_key("takeover") =>
-        {
-            remark(
-                "the plant has no message order_interrupt: takeover=end, for an order that the robot still has",
-            );
-            settings.plant.pc(PcConfig { takeover: Takeover::End, ..settings.config })?
-        }
-        config => config?,
-    };
+    let config = pc_config(&settings.plant, settings.config, &options.settings)?;
     let PcSettings { order, repeat, .. } = settings;
     let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
@@ -63,9 +52,28 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a plant is refused because it has no message that interrupts an order.
-fn lacks_interrupt(error: &Refused) -> bool {
-    error.name == "messages.order_interrupt"
+/// A PC's configuration in a plant. If the plant has no message that interrupts an order, as one drafted from a capture may, and
+/// `given` has no `takeover`, an order that the robot still has is ended.
+///
+/// # Errors
+/// When it cannot work.
+pub fn pc_config(
+    plant: &Plant,
+    config: PcConfig<'static>,
+    given: &Map<String, Value>,
+) -> Result<PcConfig<'static>> {
+    let lacks_interrupt = |error: &Refused| error.name == "messages.order_interrupt";
+    match plant.pc(config) {
+        Err(error)
+            if error.downcast_ref().is_some_and(lacks_interrupt) && !given.contains_key("takeover") =>
+        {
+            remark(
+                "the plant has no message order_interrupt: takeover=end, for an order that the robot still has",
+            );
+            plant.pc(PcConfig { takeover: Takeover::End, ..config })
+        }
+        config => config,
+    }
 }
 
 /// The jobs of an order whose jobs are not lines.

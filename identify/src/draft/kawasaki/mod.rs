@@ -1,5 +1,6 @@
 //! A plant's table of messages.
 
+mod message;
 mod proof;
 mod text;
 
@@ -32,7 +33,7 @@ struct Guess<'a> {
 }
 
 /// The fields of a line of the draft, and whether the capture proves all of them.
-#[derive(Default)]
+#[derive(Default, Clone)]
 struct Line {
     fields: Vec<String>,
     is_sure: bool,
@@ -89,7 +90,7 @@ fn number(value: &str) -> Option<i64> {
 }
 
 /// The draft of a conversation.
-pub(super) fn draft(said: &[Said]) -> Result<String> {
+pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     let mut kinds = kinds(said);
     let proof = prove(&kinds);
     if let Some(pc) = proof.pc {
@@ -210,7 +211,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
     let work: Vec<usize> = (0..job.width())
         .filter(|at| proof.field(index(job), *at).map_or(own(*at) == "work", |it| it == "work"))
         .collect();
-    Ok(text::draft(&guesses, job, &work, &left, acks(job_ack), &fields))
+    text::draft(&guesses, job, &work, &left, acks(job_ack), (&fields, charset))
 }
 
 /// What is proven, for the lines of a draft.
@@ -282,8 +283,12 @@ fn kinds(said: &[Said]) -> Vec<Kind> {
 /// How many of these messages have the number of the job that follows, at this place of a job.
 fn asked(kind: &Kind, job: &Kind, number: usize) -> usize {
     let asks = |(at, values): &&(usize, Vec<String>)| {
-        let next = job.all.iter().find(|(of_job, _)| of_job > at).and_then(|(_, values)| values.get(number));
-        next.is_some_and(|next| values.iter().any(|value| value == next))
+        let next = match job.all.iter().find(|(of_job, _)| of_job > at) {
+            Some((_, values)) => values.get(number).cloned(),
+            // A robot also asks for the job after the last.
+            None => job.numbers(number).last().map(|last| (last + 1).to_string()),
+        };
+        next.is_some_and(|next| values.contains(&next))
     };
     kind.all.iter().filter(asks).count()
 }
@@ -300,9 +305,17 @@ fn steps(kind: &Kind, at: usize) -> usize {
 
 /// The numbers of orders: what the jobs have alike, and other messages too.
 fn orders(job: &Kind, kinds: &[Kind]) -> Vec<String> {
+    // A station's number, which is the same in every header.
+    let is_station = |at: usize| {
+        let of = job.constant(at);
+        at < job.header && of.is_some() && kinds.iter().all(|it| it.header <= at || it.constant(at) == of)
+    };
     let others = |value: &str| {
         let has = |kind: &&Kind| {
-            kind.all.iter().any(|(_, values)| values.iter().skip(kind.header).any(|it| it == value))
+            kind.all.iter().any(|(_, values)| {
+                let mut places = values.iter().enumerate();
+                places.any(|(at, it)| it == value && !(at < kind.header && is_station(at)))
+            })
         };
         kinds.iter().filter(has).count()
     };
@@ -310,7 +323,7 @@ fn orders(job: &Kind, kinds: &[Kind]) -> Vec<String> {
         let mut values: Vec<&str> = job.values(*at).collect();
         values.sort_unstable();
         values.dedup();
-        values.len() * 4 <= job.all.len()
+        values.len() * 4 <= job.all.len() && !is_station(*at)
     };
     let places = (0..job.width()).filter(few);
     let most = places.max_by_key(|at| job.values(*at).next().map_or(0, others));

@@ -2,11 +2,24 @@
 
 use core::fmt::Write as _;
 
-use super::super::{TWICE, toml_text};
-use super::{Fields, Guess, Kind, Line};
+use anyhow::Result;
+use cellwire_links::kawasaki_msg::layout::MAX_TEXT;
+
+use super::super::TWICE;
+use super::message::accepted;
+use super::{Fields, Guess, Kind, number};
+
+/// The most decimals of a number.
+const MAX_PLACES: usize = 6;
+
+/// The greatest number of a field without a range, in units of its last decimal.
+const WIDEST: f64 = 9_999_999.0;
 
 /// The roles that a plant may lack.
-const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
+pub(super) const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
+
+/// The fields of a drawing's line, as the simulated ends and pictures have them.
+const LINE: [&str; 5] = ["kind", "x1", "y1", "x2", "y2"];
 
 /// The draft: `work` are the places of a job's own fields, `left` the messages without a role.
 pub(super) fn draft(
@@ -15,8 +28,8 @@ pub(super) fn draft(
     work: &[usize],
     left: &[&Kind],
     acks: Option<i64>,
-    fields: &Fields<'_>,
-) -> String {
+    (fields, charset): (&Fields<'_>, &str),
+) -> Result<String> {
     let mut text = String::from("# A draft from a capture: correct what has a ?.\n\n");
     let is_latin1 =
         |name: &str, values: &[String]| !name.is_ascii() || values.iter().any(|it| !it.is_ascii());
@@ -24,79 +37,82 @@ pub(super) fn draft(
         .kinds
         .iter()
         .flat_map(|kind| kind.all.iter().filter(|(_, values)| is_latin1(&kind.name, values)));
-    let (charset, doubt) = match letters.count() {
-        0 => ("ascii", " # ? no other letter is in the capture"),
-        1 => ("latin1", " # ? one message has other letters"),
-        TWICE.. => ("latin1", ""),
+    let doubt = match letters.count() {
+        0 => " # ? no other letter is in the capture",
+        1 => " # ? one message has other letters",
+        TWICE.. => "",
     };
-    let mut line = |line: core::fmt::Arguments<'_>| {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{line}");
-    };
-    line(format_args!("charset = \"{charset}\"{doubt}"));
+    writeln!(text, "charset = \"{charset}\"{doubt}")?;
     match acks {
-        Some(every) => line(format_args!("acks = {every} # ? most acknowledged jobs have such numbers")),
-        None => line(format_args!("# acks = 1 # ? no job is acknowledged in the capture")),
+        Some(every) => writeln!(text, "acks = {every} # ? most acknowledged jobs have such numbers")?,
+        None => writeln!(text, "# acks = 1 # ? no job is acknowledged in the capture")?,
     }
     let highest = fields.jobs.iter().max().copied().unwrap_or_default();
-    line(format_args!("# max_number = 9999 # ? the highest in the capture is {highest}"));
+    writeln!(text, "# max_number = 9999 # ? the highest in the capture is {highest}")?;
     // Which of a job's values are its own fields.
     let is_divided = guesses.first().is_some_and(|job| job.header.is_sure && job.fields.is_sure);
+    let is_line = is_line(job, work);
     for (count, at) in work.iter().enumerate() {
-        line(format_args!("\n[[job]]\nname = \"field_{}\" # ? its name in your tables", count + 1));
-        own_field(job, *at, is_divided, &mut line);
+        match LINE.get(count).filter(|_| is_line) {
+            Some(name) => {
+                writeln!(text, "\n[[job]]\nname = \"{name}\" # ? it looks like a line of a drawing")?
+            }
+            None => writeln!(text, "\n[[job]]\nname = \"field_{}\" # ? its name in your tables", count + 1)?,
+        }
+        text += &own_field(job, *at, is_divided);
     }
-    for guess in guesses {
-        message(guess, &mut line);
+    for message in accepted(guesses, fields, charset) {
+        text += &message.text();
     }
     for kind in left {
         let (name, side, count) = (kind.name.escape_debug(), kind.side, kind.all.len());
-        line(format_args!("\n# ? {name} is sent by the {side}, {count} times: it fits no role"));
+        writeln!(text, "\n# ? {name} is sent by the {side}, {count} times: it fits no role")?;
     }
-    text
+    Ok(text)
 }
 
-fn own_field(job: &Kind, at: usize, is_divided: bool, line: &mut impl FnMut(core::fmt::Arguments<'_>)) {
+/// Whether a job's own fields are five whole numbers, the first of them 1 or 2: a line of a drawing.
+fn is_line(job: &Kind, work: &[usize]) -> bool {
+    let is_whole = |at: &usize| job.values(*at).all(|value| number(value).is_some());
+    let is_kind = |at: &usize| job.numbers(*at).iter().all(|kind| (1..=2).contains(kind));
+    work.len() == LINE.len() && work.iter().all(is_whole) && work.first().is_some_and(is_kind)
+}
+
+/// The kind of a job's own field. It has no range: another job than those of the capture is accepted, too.
+fn own_field(job: &Kind, at: usize, is_divided: bool) -> String {
     let decimals = job.values(at).filter_map(|value| value.split_once('.')).map(|(_, places)| places.len());
     let numbers: Vec<f64> = job.values(at).filter_map(|value| value.trim().parse().ok()).collect();
+    let (low, high) =
+        numbers.iter().fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
+    let places = decimals.max();
+    let is_number = |places: usize| {
+        let scale = 10_f64.powi(i32::try_from(places).unwrap_or(i32::MAX));
+        places <= MAX_PLACES && low.abs().max(high.abs()) * scale <= WIDEST
+    };
     let texts = job.all.len() - numbers.len();
-    if texts > 0 {
-        let longest = job.values(at).map(|value| value.chars().count()).max().unwrap_or_default();
+    if texts > 0 || !is_number(places.unwrap_or_default()) {
+        let lengths = || job.values(at).map(|value| value.chars().count());
+        let (shortest, longest) = (lengths().min().unwrap_or_default(), lengths().max().unwrap_or_default());
         let doubt = match texts {
             _ if !is_divided => " # ? it may be a part of the message",
             1 => " # ? one value is not a number",
             _ => "",
         };
-        line(format_args!("kind = \"text\"{doubt}\nlength = [0, {longest}] # ? the longest in the capture"));
-        return;
+        let limit = match longest {
+            0..=MAX_TEXT => "",
+            _ => "; such a job cannot be read",
+        };
+        return format!(
+            "kind = \"text\"{doubt}\n# length = [0, {MAX_TEXT}] # in the capture {shortest} to {longest}{limit}\n"
+        );
     }
-    let (low, high) =
-        numbers.iter().fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
     let doubt = "# ? a text may look like a number";
-    match decimals.max() {
-        None => {
-            line(format_args!("kind = \"whole\" {doubt}\nrange = [{low}, {high}] # ? that of the capture"))
-        }
-        Some(places) => line(format_args!(
-            "kind = \"decimal\" {doubt}\nplaces = {places} # ? the most in the capture\nrange = [{low:?}, {high:?}] # ? that of the capture"
-        )),
-    }
-}
-
-fn message(guess: &Guess<'_>, line: &mut impl FnMut(core::fmt::Arguments<'_>)) {
-    let Guess { role, kind, why, is_sure, header, fields } = guess;
-    line(format_args!("\n[messages.{role}]"));
-    let Some(kind) = kind else {
-        let lacks = if OPTIONAL.contains(role) { "sent = false " } else { "" };
-        let then =
-            if *role == "order_interrupt" { "; without it the PC needs takeover = \"end\"" } else { "" };
-        return line(format_args!("{lacks}# ? not in the capture{then}"));
-    };
-    let doubt = if *is_sure { "" } else { "? " };
-    line(format_args!("name = {} # {doubt}{} of them: {why}", toml_text(&kind.name), kind.all.len()));
-    for (key, Line { fields, is_sure }) in [("header", header), ("fields", fields)] {
-        let list: Vec<String> = fields.iter().map(|field| toml_text(field)).collect();
-        let doubt = if *is_sure { "" } else { " # ? guessed from few messages" };
-        line(format_args!("{key} = [{}]{doubt}", list.join(", ")));
+    match places {
+        None => format!(
+            "kind = \"whole\" {doubt}\n# range = [{low}, {high}] # in the capture; without it any number\n"
+        ),
+        Some(places) => format!(
+            "kind = \"decimal\" {doubt}\nplaces = {places} # ? the most in the capture\n# range = [{low:?}, {high:?}] # in the capture; without it any number\n"
+        ),
     }
 }

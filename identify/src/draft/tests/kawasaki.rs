@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings;
 use serde_json::json;
 
 use super::super::{Said, kawasaki};
@@ -21,7 +23,12 @@ fn draft(talk: &str) -> anyhow::Result<String> {
         Said { side, message, time: Duration::ZERO }
     };
     let lines = talk.split([';', '\n']).filter(|line| !line.trim().is_empty());
-    kawasaki::draft(&lines.map(said).collect::<Vec<_>>())
+    let said = lines.map(said).collect::<Vec<_>>();
+    let letters = said.iter().any(|it| !it.message.to_string().is_ascii());
+    let text = kawasaki::draft(&said, if letters { "latin1" } else { "ascii" })?;
+    let given = toml::from_str(&text).unwrap();
+    settings::read("plant", Plant::default(), &given).unwrap().check().unwrap();
+    Ok(text)
 }
 
 /// A plant with all roles and a header.
@@ -62,18 +69,18 @@ acks = 1 # ? most acknowledged jobs have such numbers
 [[job]]
 name = "field_1" # ? its name in your tables
 kind = "whole" # ? a text may look like a number
-range = [1, 2] # ? that of the capture
+# range = [1, 2] # in the capture; without it any number
 
 [[job]]
 name = "field_2" # ? its name in your tables
 kind = "decimal" # ? a text may look like a number
 places = 2 # ? the most in the capture
-range = [-3.25, 10.5] # ? that of the capture
+# range = [-3.25, 10.5] # in the capture; without it any number
 
 [[job]]
 name = "field_3" # ? its name in your tables
 kind = "text" # ? it may be a part of the message
-length = [0, 5] # ? the longest in the capture
+# length = [0, 32] # in the capture 4 to 5
 
 [messages.job]
 name = "Job" # ? 4 of them: the PC sends most of it, and its number counts
@@ -147,17 +154,17 @@ acks = 2 # ? most acknowledged jobs have such numbers
 [[job]]
 name = "field_1" # ? its name in your tables
 kind = "whole" # ? a text may look like a number
-range = [1, 6] # ? that of the capture
+# range = [1, 6] # in the capture; without it any number
 
 [[job]]
 name = "field_2" # ? its name in your tables
 kind = "whole" # ? a text may look like a number
-range = [3, 5] # ? that of the capture
+# range = [3, 5] # in the capture; without it any number
 
 [[job]]
 name = "field_3" # ? its name in your tables
 kind = "text" # ? it may be a part of the message
-length = [0, 0] # ? the longest in the capture
+# length = [0, 32] # in the capture 0 to 0
 
 [messages.job]
 name = "Työ" # ? 6 of them: the PC sends most of it, and its number counts
@@ -187,7 +194,7 @@ fields = ["number", "order"] # ? guessed from few messages
 [messages.order_ack]
 name = "Hello" # ? 1 of them: the first of the robot, before a job
 header = [] # ? guessed from few messages
-fields = ["unused"] # ? guessed from few messages
+fields = ["order"] # ? not recognized, and needed: order
 
 [messages.order_end]
 name = "End" # ? 1 of them: the last of the PC that comes after a job
@@ -207,10 +214,10 @@ fields = ["=up", "executed", "ended", "order"] # ? guessed from few messages
 [messages.status]
 name = "State" # 2 of them: both ends send it, with the most fields
 header = []
-fields = ["executed", "queued", "unused", "unused"] # ? guessed from few messages
+fields = ["executed", "queued", "order", "unused"] # ? not recognized, and needed: order
 
 [messages.filler]
-# ? not in the capture
+name = "filler" # ? not in the capture: fill in its name, header and fields
 
 # ? Taken is sent by the robot, 1 times: it fits no role
 
@@ -230,7 +237,7 @@ charset = "ascii" # ? no other letter is in the capture
 [messages.job]
 name = "Job" # ? 4 of them: the PC sends most of it, and its number counts
 header = [] # ? guessed from few messages
-fields = ["order", "number"] # ? guessed from few messages
+fields = ["order", "number", "work"] # ? not recognized, and needed: work
 
 [messages.job_ack]
 sent = false # ? not in the capture
@@ -254,19 +261,19 @@ header = [] # ? guessed from few messages
 fields = ["order"] # ? guessed from few messages
 
 [messages.order_end]
-# ? not in the capture
+name = "order_end" # ? not in the capture: fill in its name, header and fields
 
 [messages.order_interrupt]
-sent = false # ? not in the capture; without it the PC needs takeover = "end"
+sent = false # ? not in the capture; without it a PC ends an order after the queued jobs
 
 [messages.end_ack]
-# ? not in the capture
+name = "end_ack" # ? not in the capture: fill in its name, header and fields
 
 [messages.status]
-# ? not in the capture
+name = "status" # ? not in the capture: fill in its name, header and fields
 
 [messages.filler]
-# ? not in the capture
+name = "filler" # ? not in the capture: fill in its name, header and fields
 "#;
     assert_eq!(draft(LITTLE).unwrap(), expected);
 }
@@ -338,7 +345,7 @@ fn more_than_a_third_of_the_requests_ask_for_the_next_job() {
     let text = draft(&format!("{talk}; robot Ask 11")).unwrap();
     assert_eq!(fields(&text, "job_request"), None);
     // It comes before a job, then.
-    assert_eq!(fields(&text, "order_ack").as_deref(), Some(r#"["unused"]"#));
+    assert_eq!(fields(&text, "order_ack").as_deref(), Some(r#"["order"]"#));
 }
 
 #[test]
@@ -363,7 +370,7 @@ fn what_nothing_is_said_by_is_no_role() {
 fn a_place_is_an_order_in_most_messages_and_a_constant_in_all() {
     let text = draft(&format!("{LITTLE}; robot Hold 7; robot Hold 0; pc End 7; robot Done 7")).unwrap();
     let found = ["pause", "end_ack"].map(|role| fields(&text, role).unwrap());
-    assert_eq!(found, [r#"["unused"]"#, r#"["ended"]"#]);
+    assert_eq!(found, [r#"["unused"]"#, r#"["ended", "executed"]"#]);
     // The order is in the header of all but one.
     let text =
         draft("robot Hello 9 | 0; pc Job 7 | 11; pc Job 7 | 12; pc Job 7 | 13; pc Job 7 | 14").unwrap();

@@ -10,7 +10,8 @@ use cellwire_links::reference::story::{Do, Omits, line, step};
 use serde_json::{Map, Value, json};
 
 use super::OutArgs;
-use super::stretch::{Message, StretchArgs};
+use super::message::Message;
+use super::stretch::StretchArgs;
 use crate::command::compare::Compare;
 use crate::io::output::log;
 

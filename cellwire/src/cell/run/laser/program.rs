@@ -46,7 +46,10 @@ impl Program {
                     read.map_err(|error| anyhow!("the drawing {} {error:#}", file.display()))?;
                 Ok(Self { warnings, ..Self::of(instructions) })
             }
-            _ => gcode::read(&input::decode(file, data)?, mapping),
+            _ => gcode::read(&input::decode(file, data)?, mapping).map(|read| {
+                let (instructions, not_carried, warnings) = read;
+                Self { instructions, not_carried, warnings }
+            }),
         };
         let program = program.with_context(|| file.display().to_string())?;
         let instructions = &program.instructions;

@@ -68,65 +68,58 @@ impl Files {
     }
 
     fn pairs(&self) -> Vec<String> {
-        let edges: BTreeMap<(&Names, &Names), BTreeSet<String>> = self.edges();
-        let both = |((from, to), there): (&(&Names, &Names), &BTreeSet<String>)| {
-            let back = edges.get(&(*to, *from)).filter(|_| from < to)?;
-            let line = |file: &Names, imports: &BTreeSet<String>| {
-                let imports: Vec<&str> = imports.iter().map(String::as_str).collect();
-                Some(format!("  {}: {}", self.0.get(file)?.path.display(), imports.join(", ")))
-            };
-            Some(format!("two files import each other:\n{}\n{}", line(from, there)?, line(to, back)?))
-        };
-        edges.iter().filter_map(both).collect()
-    }
-
-    /// The imports by the files that they lead from and to.
-    fn edges(&self) -> BTreeMap<(&Names, &Names), BTreeSet<String>> {
         let mut edges = BTreeMap::<_, BTreeSet<String>>::new();
         for (from, file) in &self.0 {
-            for import in &file.imports {
-                if let Some(to) = self.target(&import.within, &import.path, 4)
+            for Import { within, path, .. } in &file.imports {
+                if let Some((to, target)) = self.target(within, path, 4)
+                    // What a module imports from one around it makes no pair.
                     && !from.starts_with(to)
-                    && !to.starts_with(from)
                 {
-                    edges.entry((from, to)).or_default().insert(import.path.join("::"));
+                    edges.entry([&file.path, &target.path]).or_default().insert(path.join("::"));
                 }
             }
         }
-        edges
+        let list = |imports: &BTreeSet<String>| imports.iter().cloned().collect::<Vec<_>>().join(", ");
+        let pair = |([one, two], there): (&[&PathBuf; 2], &BTreeSet<String>)| {
+            let (there, back) = (list(there), list(edges.get(&[*two, *one]).filter(|_| one < two)?));
+            let (one, two) = (one.display(), two.display());
+            Some(format!("two files import each other:\n  {one}: {there}\n  {two}: {back}"))
+        };
+        edges.iter().filter_map(pair).collect()
     }
 
-    /// The module whose file has the item of a path, after at most `further` re-exports.
-    fn target(&self, within: &[String], path: &[String], further: u8) -> Option<&Names> {
-        let mut at = within.to_vec();
-        let mut rest = path.iter().peekable();
-        match path.first()?.as_str() {
-            "crate" => {
-                at.clear();
-                rest.next();
-            }
-            "self" => _ = rest.next(),
-            "super" => {
-                while rest.next_if(|name| *name == "super").is_some() {
-                    at.pop();
-                }
-            }
-            child => _ = self.0.get(&[within, &[child.to_owned()]].concat())?,
-        }
-        while let Some(name) = rest.peek() {
-            at.push((*name).clone());
-            if !self.0.contains_key(&at) {
-                at.pop();
-                break;
-            }
-            rest.next();
-        }
-        let (module, file) = self.0.get_key_value(&at)?;
+    /// The module and the file of the item of a path, after at most `further` re-exports.
+    fn target(&self, within: &[String], path: &[String], further: u8) -> Option<(&Names, &File)> {
         let further = further.checked_sub(1)?;
-        let exported = rest.next().filter(|_| at != within).and_then(|item| {
-            file.imports.iter().find(|import| import.within == at && import.name.as_ref() == Some(item))
-        });
-        exported.and_then(|import| self.target(&at, &import.path, further)).or(Some(module))
+        let of = |module: &[String], name: &str| {
+            let imports = &self.0.get(module)?.imports;
+            imports.iter().find(|it| it.within == module && it.name.as_deref() == Some(name))
+        };
+        let (first, mut rest) = path.split_first()?;
+        let mut at = within.to_vec();
+        match first.as_str() {
+            "crate" => at.clear(),
+            "self" => {}
+            "super" => {
+                let more = rest.iter().take_while(|name| *name == "super").count();
+                at.truncate(at.len().saturating_sub(1 + more));
+                rest = rest.get(more..)?;
+            }
+            child if self.0.contains_key(&[within, &[child.to_owned()]].concat()) => rest = path,
+            name => {
+                let import = of(within, name).filter(|import| import.path != path)?;
+                return self.target(within, &[&import.path, rest].concat(), further);
+            }
+        }
+        while let Some((name, after)) = rest.split_first()
+            && self.0.contains_key(&[at.as_slice(), core::slice::from_ref(name)].concat())
+        {
+            at.push(name.clone());
+            rest = after;
+        }
+        let exported = rest.first().filter(|_| at != within).and_then(|name| of(&at, name));
+        let exported = exported.and_then(|import| self.target(&at, &import.path, further));
+        exported.or(self.0.get_key_value(&at))
     }
 }
 
@@ -156,7 +149,7 @@ impl File {
                     self.read_use(after.get(..end).unwrap_or_default(), &[], within);
                     rest = after.get(end..).unwrap_or_default();
                 }
-                (TokenTree::Ident(root), _) if root == "crate" || root == "super" => {
+                (TokenTree::Ident(root), [colon, _, ..]) if is(colon, ':') => {
                     let mut path = vec![root.to_string()];
                     while let [colon, _, TokenTree::Ident(name), after @ ..] = rest
                         && is(colon, ':')
@@ -216,10 +209,13 @@ mod tests {
         // A parent and its children, of which two meet through what the parent exports.
         write(
             "links/mod.rs",
-            "mod row;\nmod table;\npub use row::Row;\npub use table::Table;\nuse super::Other;",
+            "mod row;\nmod table;\npub use row::Row;\npub use table::Table;\npub struct Kind;",
         );
-        write("links/row.rs", "use super::Table;\n#[cfg(test)]\nmod tests { use crate::direct::Direct; }");
-        write("links/table.rs", "fn rows() -> Vec<super::Row> { vec![super::row::row(\"crate::direct\")] }");
+        write("links/row.rs", "use crate::links as all;\nstruct First(all::Table, super::Kind);");
+        write(
+            "links/table.rs",
+            "fn rows() -> Vec<super::Row> { vec![super::row::row(\"crate::direct\")] }\n#[cfg(test)]\nmod tests { use crate::direct::Direct; }",
+        );
         let pair = |[one, ones]: [&str; 2], [two, twos]: [&str; 2]| {
             format!("two files import each other:\n  toy/src/{one}: {ones}\n  toy/src/{two}: {twos}")
         };
@@ -230,7 +226,7 @@ mod tests {
                     ["direct.rs", "crate::other, crate::other::Other"],
                     ["other.rs", "crate::direct::Direct"]
                 ),
-                pair(["links/row.rs", "super::Table"], ["links/table.rs", "super::Row, super::row::row"]),
+                pair(["links/row.rs", "all::Table"], ["links/table.rs", "super::Row, super::row::row"]),
             ]
         );
     }

@@ -40,8 +40,8 @@ use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
 use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
-use super::share::{self, Share};
-use super::site::{Broker, Site};
+use super::share::Share;
+use super::site::{Broker, ShareSettings, Site};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire::io::interrupt;
@@ -161,7 +161,7 @@ impl<'a> Hub<'a> {
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
         let uplink = Uplink::new(&site.broker, site.share.is_some(), bd_seq, sender.clone())?;
         let share =
-            |with: &share::Settings| Share::new(&site.broker.node, &with.bridges, site.commands.max_age);
+            |with: &ShareSettings| Share::new(&site.broker.node, &with.bridges, site.commands.max_age);
         let share = site.share.as_ref().map(share);
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {

@@ -5,7 +5,6 @@
 //! own for [`LEASE`] from then that it said it. A bridge that was not heard for 16 s has none any more.
 
 mod message;
-mod settings;
 #[cfg(test)]
 mod tests;
 
@@ -17,8 +16,6 @@ use super::lease::Lease;
 use super::remembered::Entry;
 use super::report::Command;
 use message::{Alive, Message, What};
-pub use settings::Share as Settings;
-pub(crate) use settings::check;
 
 /// How often a bridge announces itself.
 const EVERY: Duration = Duration::from_millis(1500);

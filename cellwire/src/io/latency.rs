@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::timing::silence;
 use val2_alter::AXES;
 use val2_alter::timing::{min_reply_len, reply_slack};
 
-use super::serial;
+use super::ports;
 
 /// The time that a link leaves for delays on a serial line. The time on the line itself is subtracted already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,7 +45,7 @@ impl Deadline {
     /// Returns what to set if the adapter of a serial port delays bytes for too long; `None` if it does not, or the system does not report
     /// the delay. With `low_latency` (`setserial`), Linux reports 1 ms.
     pub fn advice(self, port: &str) -> Option<String> {
-        self.advice_at(port, serial::latency_timer(Path::new(port))?)
+        self.advice_at(port, ports::latency_timer(Path::new(port))?)
     }
 
     /// The advice for a delay in milliseconds.

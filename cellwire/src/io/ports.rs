@@ -5,8 +5,6 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use serialport::{SerialPortInfo, SerialPortType};
 
-use super::serial;
-
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Port {
@@ -50,7 +48,7 @@ fn of(info: SerialPortInfo) -> Port {
     let numbers = usb.as_ref().map(|usb| format!("{:04x}:{:04x}", usb.vid, usb.pid));
     let (adapter, maker, serial_number) =
         usb.map_or((None, None, None), |usb| (usb.product, usb.manufacturer, usb.serial_number));
-    let latency_timer_ms = serial::latency_timer(Path::new(&info.port_name));
+    let latency_timer_ms = latency_timer(Path::new(&info.port_name));
     Port { port: info.port_name, kind, adapter, maker, serial_number, usb: numbers, latency_timer_ms }
 }
 
@@ -58,6 +56,24 @@ fn of(info: SerialPortInfo) -> Port {
 fn key(name: &str) -> (&str, u32) {
     let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
     (letters, name.get(letters.len()..).and_then(|number| number.parse().ok()).unwrap_or(0))
+}
+
+/// How long the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.
+///
+/// FTDI's chips wait 16 ms by default for more bytes: a reply that is due in 15 ms comes too late over each of them.
+pub fn latency_timer(path: &Path) -> Option<u32> {
+    #[cfg(windows)]
+    return super::windows::latency_timer(path.to_str()?);
+    #[cfg(not(windows))]
+    return latency_timer_in(Path::new("/sys/class/tty"), path);
+}
+
+#[cfg(not(windows))]
+fn latency_timer_in(class: &Path, path: &Path) -> Option<u32> {
+    // A port may be named by a link, as in /dev/serial/by-id.
+    let port = path.canonicalize().ok()?;
+    let text = std::fs::read_to_string(class.join(port.file_name()?).join("device/latency_timer")).ok()?;
+    text.trim().parse().ok()
 }
 
 #[cfg(test)]
@@ -89,5 +105,20 @@ mod tests {
         let mut names = ["COM12", "COM5", "/dev/ttyUSB1", "COM", "/dev/ttyUSB0"];
         names.sort_by(|one, other| key(one).cmp(&key(other)));
         assert_eq!(names, ["/dev/ttyUSB0", "/dev/ttyUSB1", "COM", "COM5", "COM12"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_latency_timer_of_a_port_is_found_through_its_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let [port, link] = ["ttyUSB0", "by-id"].map(|name| folder.path().join(name));
+        std::fs::write(&port, "").unwrap();
+        std::os::unix::fs::symlink(&port, &link).unwrap();
+        let class = folder.path().join("class");
+        std::fs::create_dir_all(class.join("ttyUSB0/device")).unwrap();
+        assert_eq!(latency_timer_in(&class, &link), None);
+        std::fs::write(class.join("ttyUSB0/device/latency_timer"), "16\n").unwrap();
+        assert_eq!(latency_timer_in(&class, &link), Some(16));
+        assert_eq!(latency_timer_in(&class, Path::new("/nowhere")), None);
     }
 }

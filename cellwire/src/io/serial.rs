@@ -124,24 +124,6 @@ fn absent(path: &str) -> String {
     format!(": no such port, {there}")
 }
 
-/// How long the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.
-///
-/// FTDI's chips wait 16 ms by default for more bytes: a reply that is due in 15 ms comes too late over each of them.
-pub fn latency_timer(path: &Path) -> Option<u32> {
-    #[cfg(windows)]
-    return super::windows::latency_timer(path.to_str()?);
-    #[cfg(not(windows))]
-    return latency_timer_in(Path::new("/sys/class/tty"), path);
-}
-
-#[cfg(not(windows))]
-fn latency_timer_in(class: &Path, path: &Path) -> Option<u32> {
-    // A port may be named by a link, as in /dev/serial/by-id.
-    let port = path.canonicalize().ok()?;
-    let text = std::fs::read_to_string(class.join(port.file_name()?).join("device/latency_timer")).ok()?;
-    text.trim().parse().ok()
-}
-
 /// Everything that arrives within `time`.
 ///
 /// # Errors
@@ -271,19 +253,5 @@ mod tests {
     fn the_error_of_an_absent_port_says_so() {
         let error = open("/dev/no-such-port", 9600).err().unwrap().to_string();
         assert!(error.contains("no such port"), "{error}");
-    }
-
-    #[test]
-    fn the_latency_timer_of_a_port_is_found_through_its_link() {
-        let folder = tempfile::tempdir().unwrap();
-        let [port, link] = ["ttyUSB0", "by-id"].map(|name| folder.path().join(name));
-        std::fs::write(&port, "").unwrap();
-        std::os::unix::fs::symlink(&port, &link).unwrap();
-        let class = folder.path().join("class");
-        std::fs::create_dir_all(class.join("ttyUSB0/device")).unwrap();
-        assert_eq!(latency_timer_in(&class, &link), None);
-        std::fs::write(class.join("ttyUSB0/device/latency_timer"), "16\n").unwrap();
-        assert_eq!(latency_timer_in(&class, &link), Some(16));
-        assert_eq!(latency_timer_in(&class, Path::new("/nowhere")), None);
     }
 }

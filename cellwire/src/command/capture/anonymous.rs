@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Number, Value};
 
-use super::stretch::Message;
+use super::message::Message;
 use crate::command::codec::LinkArgs;
 use crate::io::output::remark;
 

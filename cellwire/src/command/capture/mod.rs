@@ -1,6 +1,7 @@
 //! `cellwire capture`: makes tests of what was recorded.
 
 mod anonymous;
+mod message;
 mod story;
 mod stretch;
 mod vectors;

@@ -10,7 +10,8 @@ use cellwire_links::reference::story::{Do, Omits, line, step};
 use serde_json::{Map, Value, json};
 
 use super::OutArgs;
-use super::stretch::{Message, StretchArgs};
+use super::message::Message;
+use super::stretch::StretchArgs;
 use crate::command::compare::{Compare, Follow};
 
 /// Writes a story of the session at one end, from the messages that this end received, at the captured times

@@ -7,6 +7,7 @@ use cellwire_links::codec::{Item, Kind, Stream};
 use serde_json::Value;
 
 use super::anonymous::Anonymous;
+use super::message::Message;
 use crate::command::codec::LinkArgs;
 use crate::command::recorded::{Conversation, ConversationArgs};
 
@@ -45,23 +46,6 @@ fn place(text: &str) -> Result<Place, String> {
         Ok(number @ 1..) => Ok(Place::Number(number)),
         _ => Err(format!("`{text}` is neither a number from 1 nor a time such as 2.5s")),
     }
-}
-
-/// A message, or bytes that are none.
-#[derive(Debug, Clone)]
-pub(super) struct Message {
-    /// From 1.
-    pub(super) number: usize,
-    /// When it was whole, since the first byte of the conversation.
-    pub(super) at: Duration,
-    /// The client's end, or the one that recorded.
-    pub(super) is_first: bool,
-    /// The side that sent it; none where it polls.
-    pub(super) side: Option<&'static str>,
-    pub(super) bytes: Vec<u8>,
-    pub(super) content: Result<Value, Value>,
-    /// Bytes are missing before it.
-    pub(super) after_gap: bool,
 }
 
 impl StretchArgs {

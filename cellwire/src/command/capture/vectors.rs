@@ -6,7 +6,7 @@ use cellwire_links::reference::json::{Object, hex, spaced};
 use serde_json::Value;
 
 use super::VectorsArgs;
-use super::stretch::Message;
+use super::message::Message;
 use crate::io::output::remark;
 
 pub(super) fn run(args: &VectorsArgs) -> Result<bool> {

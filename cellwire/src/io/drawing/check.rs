@@ -6,8 +6,8 @@ use anyhow::{Result, ensure};
 use simplecss::{AttributeOperator, DeclarationTokenizer, Element, PseudoClass, StyleSheet};
 use usvg::roxmltree::{Document, Node};
 
+use super::MAX_SHEETS;
 use super::findings::Findings;
-use super::reader::MAX_SHEETS;
 
 /// The greatest number in a coordinate, in any unit.
 const MAX_NUMBER: f64 = 1e9;

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use kurbo::{Affine, BezPath, Line, ParamCurve as _, PathEl, Point, Rect, Shape as _};
 use usvg::FillRule;
 
-use super::paths::{affine, bez_path};
+use super::curves::{affine, bez_path};
 
 /// A clip path: an area, and the clips of the same elements.
 #[derive(Debug)]

@@ -3,6 +3,7 @@
 mod arcs;
 mod check;
 mod clips;
+mod curves;
 mod findings;
 mod paths;
 mod reader;
@@ -17,7 +18,8 @@ use kurbo::{Affine, Point as CurvePoint, Size};
 
 use crate::io::files;
 use crate::io::output::remark;
-pub use reader::{Drawing, Tool, refuse_dxf};
+pub use paths::Tool;
+pub use reader::{Drawing, refuse_dxf};
 
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
 const BUILT_IN: &str = include_str!("../../../assets/robot.svg");
@@ -27,6 +29,9 @@ const TOLERANCE: f64 = 0.05;
 
 /// The lines of a drawing.
 const MAX_LINES: usize = 1_000_000;
+
+/// No curve goes further than this many sheets.
+const MAX_SHEETS: f64 = 100.0;
 
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

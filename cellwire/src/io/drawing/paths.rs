@@ -4,18 +4,26 @@ use std::rc::Rc;
 
 use anyhow::{Result, ensure};
 use kurbo::{Affine, BezPath, PathEl, Point, Rect, Shape as _, Size};
-use usvg::tiny_skia_path::PathSegment;
 
 use super::clips::Clip;
+use super::curves::{affine, bez_path};
 use super::findings::Findings;
-use super::reader::{MAX_SHEETS, Tool};
-use super::{MAX_LINES, arcs};
+use super::{MAX_LINES, MAX_SHEETS, arcs};
 
 /// The size, in pixels of CSS, below which an outline is a dot.
 const DOT: f64 = 0.004;
 
 /// The shapes of all clips.
 const MAX_CLIP_SHAPES: u32 = 100_000;
+
+/// The machine that follows the outlines of a drawing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tool {
+    /// Follows the outline of every visible shape, with or without a stroke.
+    Pen,
+    /// Cuts along opaque strokes. Shapes without a stroke and translucent shapes are listed as unsupported.
+    Laser,
+}
 
 /// An outline in pixels of the page, and its clip.
 #[derive(Debug)]
@@ -197,26 +205,6 @@ fn has_area(path: &BezPath) -> bool {
         let lines = part.iter().filter(|element| matches!(element, PathEl::LineTo(_))).count();
         curves || lines > 1
     })
-}
-
-pub(super) fn affine(transform: usvg::Transform) -> Affine {
-    let usvg::Transform { sx, kx, ky, sy, tx, ty } = transform;
-    Affine::new([sx, ky, kx, sy, tx, ty].map(f64::from))
-}
-
-pub(super) fn bez_path(path: &usvg::Path) -> BezPath {
-    path.data().segments().map(element).collect()
-}
-
-fn element(segment: PathSegment) -> PathEl {
-    let point = |p: usvg::tiny_skia_path::Point| Point::new(f64::from(p.x), f64::from(p.y));
-    match segment {
-        PathSegment::MoveTo(p) => PathEl::MoveTo(point(p)),
-        PathSegment::LineTo(p) => PathEl::LineTo(point(p)),
-        PathSegment::QuadTo(a, p) => PathEl::QuadTo(point(a), point(p)),
-        PathSegment::CubicTo(a, b, p) => PathEl::CurveTo(point(a), point(b), point(p)),
-        PathSegment::Close => PathEl::ClosePath,
-    }
 }
 
 fn points(element: &PathEl) -> impl Iterator<Item = Point> + use<> {

@@ -11,7 +11,7 @@ use usvg::roxmltree::{Document, Node, ParsingOptions};
 use super::check::Check;
 use super::clips::{Clip, Region};
 use super::findings::{Findings, with_ids};
-use super::paths::{Outline, Outlines};
+use super::paths::{Outline, Outlines, Tool};
 use super::{arcs, warnings};
 
 /// The bytes of the largest file that is read.
@@ -22,22 +22,11 @@ const MAX_ELEMENTS: u64 = 1_000_000;
 const MAX_DEPTH: u32 = 256;
 /// The sides of a view box, in its own units.
 const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
-/// No curve goes further than this many sheets.
-pub(super) const MAX_SHEETS: f64 = 100.0;
 
 /// The distance from the edge of a clip within which lines are visible, as a share of the sheet.
 const EDGE: f64 = 1e-5;
 /// The comparisons of lines with edges of clips, for each outline.
 const MAX_COMPARISONS: usize = 20_000_000;
-
-/// The machine that follows the outlines of a drawing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Tool {
-    /// Follows the outline of every visible shape, with or without a stroke.
-    Pen,
-    /// Cuts along opaque strokes. Shapes without a stroke and translucent shapes are listed as unsupported.
-    Laser,
-}
 
 /// The outlines of an SVG file in pixels of CSS, from the upper left corner of its page, with Y pointing down.
 #[derive(Debug)]

@@ -3,8 +3,8 @@
 mod args;
 mod commands;
 mod session;
+mod socket;
 
-use std::net::TcpListener;
 use std::sync::Arc;
 use std::thread;
 
@@ -15,27 +15,13 @@ use serde_json::{Map, Value, json};
 pub use self::args::{Args, Command, one_of};
 use self::commands::Commands;
 use self::session::Client;
+pub use self::socket::Control;
 use crate::io::line::Clock;
 use crate::io::listener::Listener;
 use crate::io::output::{announce, remark};
 use crate::io::serve::{Notice, Service};
-use crate::io::tcp;
 use crate::io::trace::Trace;
 use crate::links::device::SimulateOptions;
-
-/// The socket on which commands to a simulator arrive.
-#[derive(Debug)]
-pub struct Control(TcpListener);
-
-impl Control {
-    /// Listens on this address; a port alone means 127.0.0.1.
-    ///
-    /// # Errors
-    /// The address is invalid or in use.
-    pub fn bind(address: &str) -> Result<Self> {
-        Ok(Self(tcp::listen(address).context("--control")?))
-    }
-}
 
 /// The fields of an answer.
 pub type Fields = Map<String, Value>;

@@ -1,11 +1,10 @@
 //! The commands of `--control` to the simulated PUMA.
 
-use cellwire_sim::puma::MarkIii;
+use cellwire_sim::puma::{MarkIii, Pose};
 use serde::Deserialize;
 use serde_json::json;
 use val2_alter::ControllerState;
 
-use super::puma::position;
 use super::script;
 use crate::links::control::{Command, Fields, Own, fields};
 
@@ -42,6 +41,11 @@ pub(super) fn own() -> Own<MarkIii> {
         },
         show: Box::new(|moved| json!({"values": moved.values, "position_mm": position(&moved.pose)})),
     }
+}
+
+/// The position of a pose in mm, to a thousandth.
+pub(super) fn position(pose: &Pose) -> [f64; 3] {
+    pose.p.map(|mm| (mm * 1000.0).round() / 1000.0)
 }
 
 #[derive(Debug, Deserialize)]

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, ControllerState, ErrorCode};
 
-use super::control;
+use super::control::{self, position};
 use super::judge::{Judge, Taken};
 use super::robot_line::{Request, RobotLine};
 use super::script::{self, Script};
@@ -340,10 +340,6 @@ fn to_json(at: Duration, told: Notification) -> Value {
         // A reply is told of by where the arm is.
         _ => Value::Null,
     }
-}
-
-pub(super) fn position(pose: &Pose) -> [f64; 3] {
-    pose.p.map(|mm| (mm * 1000.0).round() / 1000.0)
 }
 
 /// An error code in words (§3.2.2).

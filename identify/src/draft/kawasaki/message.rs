@@ -7,8 +7,10 @@ use cellwire_links::settings::{self, Refused};
 use serde_json::{Map, Value, json};
 
 use super::super::toml_text;
-use super::text::OPTIONAL;
 use super::{Fields, Guess, Line};
+
+/// The roles that a plant may lack.
+const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
 
 /// The table of a message.
 #[derive(Clone)]

@@ -15,9 +15,6 @@ const MAX_PLACES: usize = 6;
 /// The greatest number of a field without a range, in units of its last decimal.
 const WIDEST: f64 = 9_999_999.0;
 
-/// The roles that a plant may lack.
-pub(super) const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
-
 /// The fields of a drawing's line, as the simulated ends and pictures have them.
 const LINE: [&str; 5] = ["kind", "x1", "y1", "x2", "y2"];
 

@@ -49,7 +49,10 @@ impl Program {
                     read.map_err(|error| anyhow!("the drawing {} {error:#}", file.display()))?;
                 Ok(Self { warnings, unit: "outline", ..Self::of(instructions) })
             }
-            _ => gcode::read(&input::decode(file, data)?, mapping),
+            _ => gcode::read(&input::decode(file, data)?, mapping).map(|read| {
+                let (instructions, not_carried, warnings) = read;
+                Self { not_carried, warnings, ..Self::of(instructions) }
+            }),
         };
         let program = program.with_context(|| file.display().to_string())?;
         let instructions = &program.instructions;

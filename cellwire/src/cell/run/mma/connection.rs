@@ -19,6 +19,9 @@ use crate::io::tcp::{self, Dialing};
 /// A peer that takes nothing for this long is gone.
 pub(super) const STUCK: Duration = Duration::from_secs(5);
 
+/// The most that waits to be taken, and is done in one turn.
+pub(super) const WAITING: usize = 64;
+
 /// What has come on a connection.
 #[derive(Debug)]
 pub(super) struct Arrival {

@@ -11,8 +11,7 @@ use anyhow::{Context, Result};
 use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
 use robot_session::{discard_unacknowledged, now};
 
-use super::connection::STUCK;
-use super::run::WAITING;
+use super::connection::{STUCK, WAITING};
 use super::settings::Part;
 use crate::io::bell::Bell;
 use crate::io::tcp::{self, Dialing};

@@ -10,7 +10,7 @@ use robot_session::now;
 use serde_json::json;
 
 use super::Journal;
-use super::connection::{Arrival, Connection, Inbox};
+use super::connection::{Arrival, Connection, Inbox, WAITING};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
 use crate::cell::run::{Answer, END_WITHIN, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
@@ -19,9 +19,6 @@ use crate::io::drive::Lost;
 use crate::io::input::Typed;
 use crate::io::journal::{Outcome, Span};
 use crate::io::tcp::Dialing;
-
-/// The most that waits to be taken, and is done in one turn.
-pub(super) const WAITING: usize = 64;
 
 /// Where the devices are.
 #[derive(Debug, Clone)]

@@ -8,10 +8,14 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use gcode::core::TokenType;
 use gcode::{Block, Code, DiagnosticKind, Value};
 
-use super::program::Program;
-use super::route::Route;
+use super::route::{Instruction, Route};
 use super::settings::{Coordinate, Mapping};
 
+/// The values that a program gives and its instructions do not carry, each with its first line.
+type NotCarried = Vec<(Coordinate, u64)>;
+
+/// Returns the instructions of a program, the values that they do not carry, and warnings.
+///
 /// Reads G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2, M3, M4, M5 and M30; F, S, X, Y, Z, A, B, C, I, J, R. These words are read and
 /// have no effect: G40, G49, G54, G69, G91.1, G94, G98 and G99, since their counterparts are refused, and M7, M8 and M9, since the link
 /// has no word for a coolant.
@@ -22,7 +26,7 @@ use super::settings::{Coordinate, Mapping};
 /// # Errors
 /// When a line has anything else, with its number, or a cut has no feed or power that the plant's words carry: a program that is not
 /// understood is not run. All such lines are named, the first twenty.
-pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Program> {
+pub(super) fn read(text: &str, mapping: &Mapping) -> Result<(Vec<Instruction>, NotCarried, Vec<String>)> {
     let mut wrong = Wrong::default();
     text::faults(text).for_each(|(line, fault)| wrong.add(line, &fault));
     if wrong.count > 0 {
@@ -54,7 +58,7 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Program> {
             "never switches the laser on: no G1, G2 or G3 has M3 or M4 before it and a power above 0".into(),
         );
     }
-    Ok(Program { instructions, unit: "line", not_carried, warnings })
+    Ok((instructions, not_carried, warnings))
 }
 
 /// What is wrong with a program, line by line.
@@ -103,7 +107,7 @@ struct Machine<'a> {
     relative: bool,
     laser: bool,
     /// The values of the program that the plant's words do not carry, with the first line of each.
-    not_carried: Vec<(Coordinate, u64)>,
+    not_carried: NotCarried,
 }
 
 /// The group of G0 to G3 and G80.

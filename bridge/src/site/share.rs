@@ -1,16 +1,16 @@
-//! What the site file says of cells that bridges share.
+//! The table `share` of the site file.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use crate::site::{Broker, Cell, check_name};
+use super::{Broker, Cell, check_name};
 use cellwire::io::port::AnyPort;
 
 /// The bridges that share cells.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Share {
+pub struct ShareSettings {
     /// The nodes of all of them, also of this one.
     pub bridges: Vec<String>,
 }
@@ -19,14 +19,14 @@ pub struct Share {
 type Wrong = (String, anyhow::Error);
 
 /// Checks what is shared, and with whom.
-pub(crate) fn check(
-    share: Option<&Share>,
+pub(super) fn check(
+    share: Option<&ShareSettings>,
     broker: &Broker,
     cells: &BTreeMap<String, Cell>,
 ) -> Result<(), Wrong> {
     let wrong = |name: &str, why: &str| Err((name.to_owned(), anyhow::anyhow!("{name}: {why}")));
     let mut shared = cells.iter().filter(|(_, cell)| cell.shared).peekable();
-    let Some(Share { bridges }) = share else {
+    let Some(ShareSettings { bridges }) = share else {
         return match shared.next() {
             Some((name, _)) => wrong(&format!("cell.{name}.shared"), "there is no table [share]"),
             None => Ok(()),

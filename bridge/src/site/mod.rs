@@ -1,5 +1,7 @@
 //! The file of a site: the broker, and a table for each cell.
 
+mod share;
+
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::net::IpAddr;
@@ -11,9 +13,10 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
-use crate::{remembered, share};
+use crate::remembered;
 use cellwire::io::input;
 use cellwire_links::settings;
+pub use share::ShareSettings;
 
 /// A site.
 #[derive(Debug, Deserialize)]
@@ -30,7 +33,7 @@ pub struct Site {
     #[serde(default)]
     pub commands: Commands,
     /// Who has cells in common.
-    pub share: Option<share::Settings>,
+    pub share: Option<ShareSettings>,
     /// The cells, by their names.
     #[serde(default)]
     pub cell: BTreeMap<String, Cell>,

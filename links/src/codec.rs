@@ -304,7 +304,7 @@ pub struct Stream {
     taken: u64,
     json: Vec<u8>,
     /// What is taken out.
-    flow_control: &'static [u8],
+    flow_control: Option<[u8; 2]>,
 }
 
 impl Stream {
@@ -315,12 +315,12 @@ impl Stream {
 
     /// A stream that goes on at another's offset, with a decoder that knows nothing of what was before.
     pub fn starting_at(codec: Box<dyn Codec>, begin: u64) -> Self {
-        Self { codec, begin, taken: 0, json: Vec::new(), flow_control: &[] }
+        Self { codec, begin, taken: 0, json: Vec::new(), flow_control: None }
     }
 
     /// Takes these bytes out wherever they are: they are in no item. One within an item counts in its offset as before it.
     #[must_use]
-    pub fn without(self, flow_control: &'static [u8]) -> Self {
+    pub fn without(self, flow_control: Option<[u8; 2]>) -> Self {
         Self { flow_control, ..self }
     }
 
@@ -334,12 +334,16 @@ impl Stream {
     /// # Errors
     /// Whatever `emit` returns.
     pub fn push(&mut self, bytes: &[u8], mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
-        let flow_control = self.flow_control;
-        for (before, piece) in bytes.split(|byte| flow_control.contains(byte)).enumerate() {
-            self.begin += u64::from(before > 0);
+        let mut rest = bytes;
+        while let Some([hold, go_on]) = self.flow_control
+            && let Some(at) = memchr::memchr2(hold, go_on, rest)
+        {
+            let (piece, after) = rest.split_at(at);
             self.push_piece(piece, &mut emit)?;
+            self.begin += 1;
+            rest = after.get(1..).unwrap_or_default();
         }
-        Ok(())
+        self.push_piece(rest, &mut emit)
     }
 
     fn push_piece(&mut self, mut bytes: &[u8], emit: &mut impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {

@@ -27,8 +27,8 @@ pub struct Link {
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
     /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.
     pub marks_begin: bool,
-    /// Bytes that hold the line or let it go on, wherever they are: a session takes them out of what its decoder sees.
-    pub flow_control: &'static [u8],
+    /// The two bytes that hold the line and let it go on, wherever they are: a session takes them out of what its decoder sees.
+    pub flow_control: Option<[u8; 2]>,
     /// The configurations of its crate.
     pub configs: &'static [Config],
     /// What can be set of its codec, and the defaults.

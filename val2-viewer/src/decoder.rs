@@ -26,9 +26,12 @@ impl Decoder {
     fn next_item(&mut self) -> Option<Result<PosePacket, DecodeError>> {
         let bytes = self.buffer.bytes();
         let window = bytes.get(..PosePacket::MAX_LEN).unwrap_or(bytes);
-        let is_end = |(at, byte): (usize, &u8)| *byte == b'\n' || *byte == b'$' && at > 0;
-        let end = window.iter().enumerate().skip(self.searched).position(is_end);
-        let end = end.map(|at| self.searched + at);
+        let begin = self.searched.max(1);
+        let is_end = |byte: &u8| matches!(byte, b'\n' | b'$');
+        let end = match window.first() {
+            Some(b'\n') => Some(0),
+            _ => window.get(begin..).unwrap_or_default().iter().position(is_end).map(|at| begin + at),
+        };
         if end.is_none() && window.len() < self.limit {
             self.searched = window.len();
             return None;

@@ -19,7 +19,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| Some(if is_client { "host" } else { "device" }),
     traces: &[],
     marks_begin: false,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "DeviceConfig", fields: |given| fields(DeviceConfig::default(), given) },

@@ -377,6 +377,28 @@ async fn every_request_ends_whatever_the_server_does() {
     }
 }
 
+/// The deadline of the first request passes while nothing is in flight.
+#[tokio::test(start_paused = true)]
+async fn a_request_after_a_rest_has_its_deadline() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let mut near = Some(near);
+    let dial = Dial(move || core::future::ready(near.take().ok_or(io::ErrorKind::NotConnected.into())));
+    let (robot, task) = client(ClientConfig::tcp(), dial).unwrap();
+    tokio::spawn(task.run());
+    let answer = async {
+        let mut request = [0; 12];
+        far.read_exact(&mut request).await.unwrap();
+        let [t0, t1, ..] = request;
+        far.write_all(&[t0, t1, 0, 0, 0, 4, request[6], 1, 1, 0]).await.unwrap();
+    };
+    tokio::join!(robot.read_coils(0..1), answer).0.unwrap();
+    for _ in 0..3 {
+        sleep(2 * ClientConfig::tcp().timeout).await;
+        let error = timeout(LONG, robot.read_coils(0..1)).await.expect("an outcome").unwrap_err();
+        assert!(matches!(error, Error::Failed(Failure::TimedOut)), "{error}");
+    }
+}
+
 /// Answers the requests of one connection after the other.
 async fn answering(answer: impl Fn(&[u8]) -> Vec<u8> + Send + 'static) -> SocketAddr {
     let listener = TcpListener::bind(ANY).await.unwrap();

@@ -27,7 +27,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| Some(if is_client { "client" } else { "server" }),
     traces: &[("fanuc", [Some("server"), Some("client")])],
     marks_begin: true,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "ClientConfig", fields: |given| fields(ClientConfig::default(), given) },
         Config { name: "ServerConfig", fields: |given| fields(ServerConfig::default(), given) },

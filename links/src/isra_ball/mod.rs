@@ -21,7 +21,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| if is_client { None } else { Some("ball") },
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
     marks_begin: true,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "BallConfig", fields: |given| fields(BallConfig::default(), given) },

@@ -28,7 +28,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| Some(if is_client { "robot" } else { "pc" }),
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
     marks_begin: true,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "Limits", fields: |given| fields(Limits::TCP, given) },
         Config { name: "RecoveryLimits", fields: |given| fields(RecoveryLimits::default(), given) },

@@ -26,7 +26,7 @@ pub const LINK: Link = Link {
         ("laser-host", [Some("host"), Some("controller")]),
     ],
     marks_begin: true,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "Profile", fields: |given| fields(Profile::default(), given) },
         Config { name: "ErrorCodes", fields: |given| fields(ErrorCodes::default(), given) },

@@ -27,7 +27,7 @@ pub const LINK: Link = Link {
         ("mma-platform", [Some("platform"), Some("central")]),
     ],
     marks_begin: false,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "Dialect", fields: |given| fields(Dialect::STRICT, given) },
         Config { name: "CentralConfig", fields: |given| fields(CentralConfig::DEFAULT, given) },

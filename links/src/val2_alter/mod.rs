@@ -21,7 +21,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| Some(if is_client { "host" } else { "robot" }),
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
     marks_begin: true,
-    flow_control: &[],
+    flow_control: None,
     configs: &[
         Config { name: "Framing", fields: |given| fields(Framing::DEFAULT, given) },
         Config { name: "Limits", fields: |given| fields(Limits::default(), given) },

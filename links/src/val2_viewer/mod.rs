@@ -21,7 +21,7 @@ pub const LINK: Link = Link {
     sender: |is_client, _server_port| if is_client { Some("host") } else { None },
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
     marks_begin: true,
-    flow_control: &[::val2_viewer::XON, ::val2_viewer::XOFF],
+    flow_control: Some([::val2_viewer::XON, ::val2_viewer::XOFF]),
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "WorkstationConfig", fields: |given| fields(WorkstationConfig::default(), given) },

@@ -25,10 +25,11 @@ struct Armed {
 }
 
 impl Timer {
-    /// Returns whether the task is woken in time without another [`poll`](Self::poll).
+    /// Returns whether the task is woken in time without another [`poll`](Self::poll). A wait that has ended while nothing was due wakes
+    /// nobody any more.
     pub(super) fn is_in_time(&self, due: Option<Duration>) -> bool {
         let Some(due) = due.filter(|due| *due < Duration::MAX) else { return true };
-        self.0.as_ref().is_some_and(|armed| armed.at <= due)
+        self.0.as_ref().is_some_and(|armed| armed.at <= due && !armed.sleep.is_elapsed())
     }
 
     /// Polls a wait until `due`. With `None` and [`Duration::MAX`] it never ends.

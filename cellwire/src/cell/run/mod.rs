@@ -39,12 +39,13 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done.
-    pub fn done(self, first: usize, count: usize) -> usize {
+    /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done; `None` for a number that is neither
+    /// one of them nor the one before them.
+    pub fn done(self, first: usize, count: usize) -> Option<usize> {
         match self {
-            Self::Done => count,
-            Self::Repeat => 0,
-            Self::Last(last) => last.saturating_sub(first).min(count),
+            Self::Done => Some(count),
+            Self::Repeat => Some(0),
+            Self::Last(last) => last.checked_sub(first).filter(|done| *done <= count),
         }
     }
 }

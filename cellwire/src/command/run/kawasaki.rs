@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
+use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::command::settings::connect_settings;
@@ -109,9 +109,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
             writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
         }
         log(&jobs.summary(config.limits.packet))?;
-        if let Some(journal) = &earlier {
-            log(&standing(&work, journal))?;
-        }
+        args.work.tell(&work, earlier.as_ref())?;
         return Ok(true);
     }
     let run = |journal: &mut Journal, progress: &ProgressBar| {

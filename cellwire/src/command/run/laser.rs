@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
+use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
 use crate::command::settings::connect_settings;
@@ -110,9 +110,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
             "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
             "not_carried": not_carried,
         }))?;
-        if let Some(journal) = &earlier {
-            log(&standing(&work, journal))?;
-        }
+        args.work.tell(&work, earlier.as_ref())?;
         return Ok(true);
     }
     if !not_carried.is_empty() {

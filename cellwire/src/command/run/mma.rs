@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use mmacell_task::Step;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed, standing};
+use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{
     Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated,
@@ -92,9 +92,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     if args.work.dry_run {
         dry_run(args, &settings, parts, &work.lines)?;
-        if let Some(journal) = &earlier {
-            log(&standing(&work, journal))?;
-        }
+        args.work.tell(&work, earlier.as_ref())?;
         return Ok(true);
     }
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);

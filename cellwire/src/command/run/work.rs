@@ -25,8 +25,8 @@ pub(super) struct WorkArgs {
     /// Draw the robot's path as SVG; in a dry run with a journal, marked by what is done, unknown and to do
     #[arg(long, value_name = "FILE")]
     pub(super) picture: Option<PathBuf>,
-    /// Write what became of each job as CSV
-    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
+    /// Write what became of each job as CSV; in a dry run, what the journal has
+    #[arg(long, value_name = "FILE")]
     outcomes: Option<PathBuf>,
     /// What is known of each job [default: FILE.journal]
     #[arg(long, value_name = "FILE")]
@@ -91,6 +91,39 @@ impl WorkArgs {
         })
     }
 
+    /// Prints and writes what the journal has, in a dry run.
+    ///
+    /// # Errors
+    /// When `--unknown` does not answer what is unknown, or the output cannot be written.
+    pub(super) fn tell<R: Record>(&self, work: &Work<'_>, journal: Option<&Journal<R>>) -> Result<()> {
+        let Some(journal) = journal else {
+            let is_asked = self.outcomes.is_some() || self.unknown.is_some();
+            ensure!(!is_asked, "--outcomes and --unknown are about a journal, and there is none");
+            return Ok(());
+        };
+        self.check_answer(journal)?;
+        if let Some(path) = &self.outcomes {
+            files::write(path, table(&work.lines, work.unit, journal).as_bytes())?;
+        }
+        log(&standing(work, journal, self.unknown))
+    }
+
+    /// Whether a number of `--unknown` is one that the question about what is unknown accepts.
+    fn check_answer<R: Record>(&self, journal: &Journal<R>) -> Result<()> {
+        let Some(Answer::Last(last)) = self.unknown else { return Ok(()) };
+        match journal.unknown() {
+            Some((first, count)) => ensure!(
+                (first..=first + count).contains(&last),
+                "--unknown {last}: {} to {} are unknown; give the number of the last that is done, {first} if none is",
+                first + 1,
+                first + count
+            ),
+            // What the machine has lost of its queue is known when it connects.
+            None => ensure!(journal.tally().queued > 0, "--unknown {last}: nothing is unknown"),
+        }
+        Ok(())
+    }
+
     /// Does the parts that the journal does not have as done. The table of all parts is written however that ends.
     ///
     /// # Errors
@@ -104,6 +137,7 @@ impl WorkArgs {
         let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
         let head = Head { robot: robot.into(), work: fingerprint, parts };
         let mut journal = Journal::open(&path, what, head, self.again)?;
+        self.check_answer(&journal)?;
         let ended = self.go_on(what, parts, &mut journal, run);
         let table = match &self.outcomes {
             Some(path) => files::write(path, table(&lines, unit, &journal).as_bytes()).context(NO_TABLE),
@@ -177,48 +211,6 @@ fn table<R: Record>(lines: &[u64], unit: &str, journal: &Journal<R>) -> String {
 /// The most runs of equal outcomes that a dry run prints.
 const MAX_SPANS: usize = 100;
 
-/// The line of a dry run about its journal: how many parts have which outcome, which these are, and what a run does next.
-pub(super) fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>) -> Value {
-    let (count, outcomes) = (|outcome| journal.count(outcome), journal.outcomes());
-    let mut first = 0;
-    let mut spans = Vec::new();
-    for span in outcomes.chunk_by(|a, b| a == b) {
-        let last = first + span.len() - 1;
-        let mut line = Map::new();
-        line.insert("outcome".into(), json!(span.first()));
-        line.extend([("first".into(), json!(first + 1)), ("count".into(), json!(span.len()))]);
-        if let [Some(from), Some(to)] = [first, last].map(|at| work.lines.get(at)) {
-            line.insert(format!("{}s", work.unit), json!([from, to]));
-        }
-        spans.push(Value::from(line));
-        first = last + 1;
-    }
-    let left_out = spans.len().saturating_sub(MAX_SPANS);
-    spans.truncate(MAX_SPANS);
-    let open = outcomes.iter().position(|it| matches!(it, Outcome::NotSent | Outcome::Refused));
-    let next = match (journal.unknown(), journal.tally().queued, open) {
-        (Some((first, count)), ..) => format!(
-            "a run asks whether {} to {} are done, unless --unknown answers",
-            first + 1,
-            first + count
-        ),
-        (None, 1.., _) => {
-            "a run takes over what the machine has queued, and asks if the machine has lost it".into()
-        }
-        (None, 0, Some(open)) => format!("a run goes on at {}", open + 1),
-        (None, 0, None) => format!("the {} is finished; --again repeats it", work.what),
-    };
-    let mut line = json!({
-        "event": "journal", "journal": journal.path(), "of": outcomes.len(),
-        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
-        "not_sent": count(Outcome::NotSent), "outcomes": spans, "next": next,
-    });
-    if let (Some(line), 1..) = (line.as_object_mut(), left_out) {
-        line.insert("left_out".into(), left_out.into());
-    }
-    line
-}
-
 /// The last line of a run, with how many parts have which outcome; `machine` is what the machine still does.
 pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -> Value {
     let count = |outcome| journal.count(outcome);
@@ -257,4 +249,51 @@ pub(super) fn say_resumed<R: Record>(journal: &Journal<R>) -> Result<()> {
         (0, _) => Ok(()),
         (done, of) => log(&json!({"event": "resumed", "done": done, "of": of})),
     }
+}
+
+/// The line of a dry run about its journal: how many parts have which outcome, which these are, and what a run does next.
+fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>, answer: Option<Answer>) -> Value {
+    let (count, outcomes) = (|outcome| journal.count(outcome), journal.outcomes());
+    let mut first = 0;
+    let mut spans = Vec::new();
+    for span in outcomes.chunk_by(|a, b| a == b) {
+        let last = first + span.len() - 1;
+        let mut line = Map::new();
+        line.insert("outcome".into(), json!(span.first()));
+        line.extend([("first".into(), json!(first + 1)), ("count".into(), json!(span.len()))]);
+        if let [Some(from), Some(to)] = [first, last].map(|at| work.lines.get(at)) {
+            line.insert(format!("{}s", work.unit), json!([from, to]));
+        }
+        spans.push(Value::from(line));
+        first = last + 1;
+    }
+    let left_out = spans.len().saturating_sub(MAX_SPANS);
+    spans.truncate(MAX_SPANS);
+    let open = outcomes.iter().position(|it| matches!(it, Outcome::NotSent | Outcome::Refused));
+    let answered = |(first, count)| Some(first + answer?.done(first, count)?);
+    let next = match (journal.unknown(), journal.tally().queued, open) {
+        (Some(unknown), ..) if answered(unknown).is_some_and(|next| next < outcomes.len()) => {
+            let next = answered(unknown).map_or(0, |next| next + 1);
+            format!("a run goes on at {}", open.map_or(next, |open| next.min(open + 1)))
+        }
+        (Some((first, count)), ..) => format!(
+            "a run asks whether {} to {} are done, unless --unknown answers",
+            first + 1,
+            first + count
+        ),
+        (None, 1.., _) => {
+            "a run takes over what the machine has queued, and asks if the machine has lost it".into()
+        }
+        (None, 0, Some(open)) => format!("a run goes on at {}", open + 1),
+        (None, 0, None) => format!("the {} is finished; --again repeats it", work.what),
+    };
+    let mut line = json!({
+        "event": "journal", "journal": journal.path(), "of": outcomes.len(),
+        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
+        "not_sent": count(Outcome::NotSent), "outcomes": spans, "next": next,
+    });
+    if let (Some(line), 1..) = (line.as_object_mut(), left_out) {
+        line.insert("left_out".into(), left_out.into());
+    }
+    line
 }

@@ -291,7 +291,7 @@ impl Direction {
         };
         // Flow control is in no item.
         let (flow, data): (Vec<u8>, Vec<u8>) =
-            bytes.iter().partition(|byte| link.flow_control.contains(byte));
+            bytes.iter().partition(|byte| link.flow_control.is_some_and(|bytes| bytes.contains(byte)));
         held.extend(data);
         stream.push(bytes, |item| tell(told(link, item, held)?))?;
         if self.is_datagrams {

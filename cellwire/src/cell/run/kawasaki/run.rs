@@ -398,8 +398,8 @@ impl<'a> Program for Runner<'a> {
             return Ok(true);
         }
         if let Some((first, count)) = self.journal.unknown() {
-            match self.answer {
-                Some(answer) => self.answer(first, count, answer.done(first, count))?,
+            match self.answer.and_then(|answer| answer.done(first, count)) {
+                Some(done) => self.answer(first, count, done)?,
                 None => self.ask(first, count),
             }
         } else if self.journal.count(Outcome::NotSent) == 0 {

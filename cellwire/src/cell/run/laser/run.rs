@@ -62,8 +62,9 @@ impl<'a> Runner<'a> {
     /// # Errors
     /// When the journal cannot be written.
     pub fn settle_earlier(&mut self, answer: Option<Answer>) -> Result<bool> {
-        while let (Some(answer), Some((first, count))) = (answer, self.journal.unknown()) {
-            let done = answer.done(first, count);
+        while let Some((first, count)) = self.journal.unknown()
+            && let Some(done) = answer.and_then(|answer| answer.done(first, count))
+        {
             if done > 0 {
                 self.answer(Outcome::Done, first, done)?;
             }

@@ -86,9 +86,8 @@ impl<'a> Runner<'a> {
     pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
-            if let Some(answer) = answer {
-                let is_done = answer.done(part, 1) > 0;
-                self.note(if is_done { Outcome::Done } else { Outcome::NotSent })?;
+            if let Some(done) = answer.and_then(|answer| answer.done(part, 1)) {
+                self.note(if done > 0 { Outcome::Done } else { Outcome::NotSent })?;
                 continue;
             }
             self.ask("an earlier run ended while the robot was at this part: clear the gripper");

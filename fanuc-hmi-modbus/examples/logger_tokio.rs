@@ -27,18 +27,24 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     tokio::spawn(report(robot.clone()));
 
     let mut ticks = interval(Duration::from_millis(100));
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip); // after an outage it does not catch up
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip); // after an outage one line is due at once, and no other
     let stop = tokio::signal::ctrl_c();
     tokio::pin!(stop);
     loop {
-        tokio::select! {
+        let next = async {
+            ticks.tick().await;
+            line(&robot).await
+        };
+        // A line that is stopped in the middle is a read: it may be dropped.
+        let line = tokio::select! {
             stopped = &mut stop => break stopped?,
-            _ = ticks.tick() => match line(&robot).await {
-                Ok(line) => writeln!(csv, "{line}")?,
-                Err(Error::NotConnected(_) | Error::Failed(_)) => {} // `report` prints the connection
-                Err(Error::Closed(closed)) => return Err(closed.into()),
-                Err(error) => eprintln!("{error}"),
-            },
+            line = next => line,
+        };
+        match line {
+            Ok(line) => writeln!(csv, "{line}")?,
+            Err(Error::NotConnected(_) | Error::Failed(_)) => {} // `report` prints the connection
+            Err(Error::Closed(closed)) => return Err(closed.into()),
+            Err(error) => eprintln!("{error}"),
         }
     }
     robot.handle().shutdown().await;

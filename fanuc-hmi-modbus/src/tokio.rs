@@ -242,7 +242,8 @@ impl Client {
             .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()))
     }
 
-    /// Writes a numeric variable in one request; the other arguments are those of [`read_number`](Self::read_number).
+    /// Writes a numeric variable in one request; the other arguments are those of [`read_number`](Self::read_number). Where it is shown as an
+    /// integer, the value is rounded to it.
     ///
     /// # Errors
     /// [`Error::Number`] if the registers cannot hold the value: nothing is sent. See [`Error`].

@@ -89,6 +89,20 @@ fn a_laser_program_that_was_killed_is_described_and_answered_by_an_option() {
         || Run::start(&arguments(&[]), Input::Null),
         &[("first", 8.into()), ("count", 7.into())],
     );
+    for (wrong, more) in [("15", &[][..]), ("6", &[]), ("15", &["--dry-run"])] {
+        let arguments = arguments(&[&["--unknown", wrong], more].concat());
+        let output = Command::new(env!("CARGO_BIN_EXE_cellwire")).args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            said.contains("8 to 14 are unknown; give the number of the last that is done, 7 if none is"),
+            "{said}"
+        );
+    }
+    let table = cell.path("outcomes.csv");
+    let outcomes = ["--unknown", "10", "--outcomes", table.to_str().unwrap()];
+    assert_eq!(dry_run(&arguments(&outcomes))["next"], "a run goes on at 11");
+    assert!(fs::read_to_string(&table).unwrap().contains("\n7,8,done\n8,9,unknown\n"));
     assert_eq!(fs::read(cell.path("part.csv.journal")).unwrap(), before, "nothing has changed");
     let run = Run::start(&arguments(&["--unknown", "10"]), Input::Null);
     let answers = [run.0.event("answered"), run.0.event("answered")]

@@ -15,7 +15,7 @@ use self::hex::HexReader;
 pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
-use crate::io::output::remark;
+use crate::io::output::{Unwritten, remark};
 use cellwire_links::codec::{Item, Kind};
 
 /// How much is read and written at once.
@@ -46,16 +46,20 @@ pub fn run(args: &Args) -> Result<bool> {
         !args.shadow || reading.is_some(),
         "--shadow needs both ends: use it with a capture, such as a file of pcap"
     );
-    let out = Rc::new(RefCell::new(BufWriter::with_capacity(CHUNK, io::stdout())));
+    let out =
+        Rc::new(RefCell::new(Printed { out: BufWriter::with_capacity(CHUNK, io::stdout()), error: None }));
     let input = Box::new(Tied { input, out: Rc::clone(&out) });
     let mut out = Lines { out, clean: true };
-    match (format, reading) {
-        (_, Some(reading)) => capture::decode(args, &reading, input, &mut out)?,
-        (Format::Trace, None) => trace::decode(args, input, &mut out)?,
-        (_, None) => decode_stream(args, format, input, &mut out)?,
+    let decoded = match (format, reading) {
+        (_, Some(reading)) => capture::decode(args, &reading, input, &mut out),
+        (Format::Trace, None) => trace::decode(args, input, &mut out),
+        (_, None) => decode_stream(args, format, input, &mut out),
+    };
+    let printed = decoded.and_then(|()| Ok(out.out.borrow_mut().flush()?));
+    if let Some(error) = out.out.borrow_mut().error.take() {
+        return Err(error).context(Unwritten);
     }
-    out.out.borrow_mut().flush()?;
-    Ok(out.clean)
+    printed.map(|()| out.clean)
 }
 
 fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
@@ -86,8 +90,36 @@ fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mu
     Ok(())
 }
 
+/// Standard output, and why it does not accept what is printed: an input that is tied to it has the error too.
+struct Printed {
+    out: BufWriter<io::Stdout>,
+    error: Option<io::Error>,
+}
+
+impl Printed {
+    fn note<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        result.map_err(|error| {
+            let kind = error.kind();
+            self.error.get_or_insert(error);
+            kind.into()
+        })
+    }
+}
+
+impl Write for Printed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes);
+        self.note(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.out.flush();
+        self.note(flushed)
+    }
+}
+
 /// Standard output, shared by the lines and by the input that is tied to it.
-type Output = Rc<RefCell<BufWriter<io::Stdout>>>;
+type Output = Rc<RefCell<Printed>>;
 
 /// Standard output, and whether every line so far was a message.
 struct Lines {

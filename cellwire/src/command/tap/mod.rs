@@ -61,8 +61,8 @@ Examples:
   cellwire decode kawasaki --format pcap tap.pcapng
       the same messages again, from the capture
 
-The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial line are not forwarded: for them, use
-listened to with a Y cable.";
+The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial line are not forwarded: a line
+that needs them is listened to with a Y cable (--listen-only).";
 
 /// On a line that carries both directions nothing more comes of what was sent before such a silence.
 const SILENCE: Duration = Duration::from_millis(100);

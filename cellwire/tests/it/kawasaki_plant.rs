@@ -253,3 +253,43 @@ fn a_simulated_pc_sends_example_jobs_in_a_plant_whose_jobs_are_not_lines() {
 fn pc_with(plant: &str) -> [&str; 6] {
     ["simulate", "kawasaki-pc", "--listen", "nowhere", "--settings", plant]
 }
+
+/// A run that lacks the plant's table of messages understands nothing of its robot.
+#[test]
+fn a_run_without_the_table_of_its_robot_says_so_and_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let jobs = folder.path().join("line.svg");
+    fs::write(&jobs, r#"<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M1 1H8" stroke="black"/></svg>"#).unwrap();
+    let arguments =
+        ["run", "kawasaki", jobs.to_str().unwrap(), "--listen", "127.0.0.1:0", "--robot-timeout", "1s"];
+    let mut run = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+    let mut run = run
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(run.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let ready: Value = serde_json::from_str(&lines.next().unwrap()).unwrap();
+    let robot = [
+        "simulate",
+        "kawasaki-robot",
+        "--settings",
+        &plant("other"),
+        "--connect",
+        ready["listen"].as_str().unwrap(),
+    ];
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_cellwire"))
+        .args(robot)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let hint = lines.find(|line| line.contains("\"hint\"")).unwrap();
+    assert!(hint.contains("no message of the robot is in the table of messages"), "{hint}");
+    let output = run.wait_with_output().unwrap();
+    robot.kill().unwrap();
+    robot.wait().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+}

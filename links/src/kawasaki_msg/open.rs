@@ -1,6 +1,9 @@
 //! What the source leaves open of the characters. The names of a plant's messages are its table, no setting of the bytes.
 
 use super::options::CodecSettings;
+use kawasaki_msg::Dialect;
+use serde_json::Value;
+
 use crate::link::{Deciding, Open};
 use crate::settings;
 
@@ -21,5 +24,20 @@ pub(super) const OPEN: Open = Open {
             "use kawasaki_msg::Charset;\n\npub fn charset() -> Charset {{\n    Charset::{charset:?}\n}}"
         ))
     },
+    notes,
     ..Open::NOTHING
 };
+
+/// The names that the default table of messages does not have.
+fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {
+    let is_own = |name: &&str| Dialect::DEFAULT.entries().iter().all(|entry| entry.name != *name);
+    let names = messages.iter().filter_map(|(_, message)| message["name"].as_str());
+    let mut own: Vec<&str> = names.filter(is_own).collect();
+    own.sort_unstable();
+    own.dedup();
+    let Some(first) = own.first() else { return Vec::new() };
+    vec![format!(
+        "{} names of messages are the plant's own, such as {first}: its ends need its table (--draft FILE)",
+        own.len()
+    )]
+}

@@ -19,6 +19,9 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
         }
         writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
     }
+    for note in (finding.link.open.notes)(&finding.read) {
+        writeln!(text, "# {note}")?;
+    }
     for (name, value, why) in (finding.link.open.places)(&finding.read) {
         writeln!(text, "# {name}: {why}\n{name} = {value}")?;
     }

@@ -3,8 +3,8 @@
 use std::io;
 use std::time::Duration;
 
-use anyhow::{Result, bail};
-use kawasaki_msg::{LargePc, PcConfig, PcEvent, Phase};
+use anyhow::{Result, bail, ensure};
+use kawasaki_msg::{LargePc, MessageError, PcConfig, PcEvent, Phase};
 use robot_session::now;
 use serde_json::{Value, json};
 
@@ -63,7 +63,13 @@ pub struct Runner<'a> {
     since: Duration,
     met: bool,
     alarm: bool,
+    /// How many messages of this connection are not in the table of messages; `None` once one is.
+    strange: Option<u32>,
 }
+
+/// The number of such messages that shows a wrong table.
+const STRANGE: u32 = 3;
+const NO_TABLE: &str = "no message of the robot is in the table of messages: give the plant's with --settings; `cellwire identify CAPTURE --link kawasaki --draft FILE` drafts one from a capture";
 
 impl<'a> Runner<'a> {
     /// A run that goes on where the journal has ended; `answer` is the outcome of jobs that an earlier run has left unknown. Without a robot
@@ -78,7 +84,7 @@ impl<'a> Runner<'a> {
         operator: Operator<'a>,
     ) -> Self {
         let (paused, stopping, ended, question, before, reported) = (false, false, None, None, 0, 0);
-        let (connected, since, met, alarm) = (false, now(), false, false);
+        let (connected, since, met, alarm, strange) = (false, now(), false, false, None);
         Self {
             jobs,
             config,
@@ -98,6 +104,7 @@ impl<'a> Runner<'a> {
             since,
             met,
             alarm,
+            strange,
         }
     }
 
@@ -278,6 +285,16 @@ impl<'a> Runner<'a> {
     }
 
     fn event(&mut self, event: PcEvent) -> Result<()> {
+        match (&event, &mut self.strange) {
+            (PcEvent::Rejected(MessageError::UnknownName { .. }), Some(strange)) => {
+                *strange = strange.saturating_add(1);
+                if *strange == STRANGE {
+                    self.operator.hint(NO_TABLE);
+                }
+            }
+            (PcEvent::Corrupt(_) | PcEvent::Rejected(MessageError::UnknownName { .. }), _) => {}
+            _ => self.strange = None,
+        }
         let shown = match event {
             PcEvent::Progress { executed, .. } => {
                 self.done(executed);
@@ -341,9 +358,12 @@ impl<'a> Runner<'a> {
     }
 
     fn check_absence(&self) -> Result<()> {
-        let Some(most) = self.absence.filter(|most| !self.connected && now() - self.since > *most) else {
+        let is_strange = self.strange.is_some_and(|strange| strange >= STRANGE);
+        let is_absent = !self.connected || is_strange;
+        let Some(most) = self.absence.filter(|most| is_absent && now() - self.since > *most) else {
             return Ok(());
         };
+        ensure!(!is_strange, NO_TABLE);
         let most = humantime::format_duration(most);
         match self.met {
             true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
@@ -415,10 +435,11 @@ impl<'a> Program for Runner<'a> {
             Notification::Event(event) => return self.event(event),
             Notification::Connected(peer) => {
                 (self.connected, self.since, self.met) = (true, now(), true);
+                self.strange = Some(0);
                 json!({"event": "connected", "peer": peer})
             }
             Notification::Disconnected(why) => {
-                (self.connected, self.since) = (false, now());
+                (self.connected, self.since, self.strange) = (false, now(), None);
                 json!({"event": "disconnected", "why": why})
             }
             Notification::Traced(path) => json!({"event": "trace", "path": path}),

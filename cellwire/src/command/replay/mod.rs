@@ -92,6 +92,13 @@ pub fn run(args: &Args) -> Result<bool> {
     let Script { parts, expected } = Script::new(&args.of, &conversation, parties)?;
     ensure!(!parts.is_empty(), "the capture has no messages from `{}`", args.end);
     let [ours, other] = parties;
+    let mut messages = parts.iter().flat_map(|part| &part.messages);
+    ensure!(
+        args.verbatim || ours.side.is_none() || messages.any(|(_, message)| message.is_some()),
+        "nothing that `{}` sent in the capture is a message of {}: `cellwire identify` says what it is, --verbatim sends it as it is",
+        args.end,
+        args.of.link.short
+    );
     args.events.choose();
     let follow = Follow::new(ours.side.or(other.side).map(|side| args.of.codec_of(side)).transpose()?);
     let mut play = Play {

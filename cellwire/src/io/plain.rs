@@ -50,10 +50,12 @@ fn pairs(fields: &Map<String, Value>) -> Vec<String> {
             Some(format!("{} of {} done", value(it), total.map_or_else(String::new, value)))
         }
         ("of", _) if fields.contains_key("done") => None,
-        ("lines", _) => Some(match it.as_array().map(Vec::as_slice) {
-            Some([first, last]) if first == last => format!("line {}", value(first)),
-            Some([first, last]) => format!("lines {} to {}", value(first), value(last)),
-            _ => format!("lines: {}", value(it)),
+        ("lines" | "outlines", _) => Some(match it.as_array().map(Vec::as_slice) {
+            Some([first, last]) if first == last => {
+                format!("{} {}", name.trim_end_matches('s'), value(first))
+            }
+            Some([first, last]) => format!("{name} {} to {}", value(first), value(last)),
+            _ => format!("{name}: {}", value(it)),
         }),
         _ => Some(format!("{}: {}", words(name), value(it))),
     };
@@ -146,6 +148,10 @@ mod tests {
                 "not sent: it is out of reach; numbers 1 to 20",
             ),
             (json!({"event": "done", "first": 4, "count": 1, "lines": [7, 7]}), "done: number 4; line 7"),
+            (
+                json!({"event": "done", "first": 1, "count": 5, "outlines": [2, 4]}),
+                "done: numbers 1 to 5; outlines 2 to 4",
+            ),
             (json!({"ready": "fanuc", "listen": "127.0.0.1:5020"}), "fanuc is ready; listen: 127.0.0.1:5020"),
             (json!({"event": "paused"}), "paused"),
             (json!({"event": "disconnected", "why": "the PC has ended"}), "disconnected: the PC has ended"),

@@ -47,7 +47,7 @@ fn an_output_without_room_is_an_error_and_no_panic() {
     let full = || fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let (status, _, said) =
         with_input(cellwire(&["decode", "isra-ball"]).stdout(full()), NOISE.repeat(9).as_bytes());
-    assert_eq!(status.code(), Some(2));
+    assert_eq!(status.code(), Some(4));
     assert!(said.starts_with("error: ") && said.contains("No space left"), "{said}");
     let (status, ..) = with_input(cellwire(&["decode", "isra-ball", "--from", "host"]).stderr(full()), b"");
     assert_eq!(status.code(), Some(2), "nobody reads the error either");

@@ -69,8 +69,9 @@ impl Fields for Table<'_> {
         let values = format!("[{} numbers], each {}", fields.len(), self.with_unit(within(&range), unit));
         let default = fields.iter().copied().map(shown).collect();
         self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
-            let given = value.as_array().filter(|given| given.len() == fields.len());
-            let given = given.ok_or("not as many numbers")?;
+            let given = value.as_array().ok_or("no list in brackets")?;
+            let given =
+                Some(given).filter(|given| given.len() == fields.len()).ok_or("not as many numbers")?;
             let numbers = given.iter().map(|value| number(value, &range)).collect::<Result<Vec<T>, _>>()?;
             fields.copy_from_slice(&numbers);
             Ok(())

@@ -1,10 +1,13 @@
 //! The pauses of a client before it connects again.
 
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// As `robot_session::tokio::Reconnect` has them.
 const FIRST: Duration = Duration::from_millis(100);
 const LONGEST: Duration = Duration::from_secs(5);
+/// The longest time between two looks at whether a pause goes on.
+const TURN: Duration = Duration::from_millis(20);
 
 /// Pauses that double from one attempt to the next, half of each random, until the peer answers: a connection alone is no answer, as that of
 /// a device which accepts and closes at once.
@@ -25,6 +28,15 @@ impl Backoff {
         let pause = self.next.mul_f64(0.5 + fastrand::f64() / 2.0);
         self.next = self.next.saturating_mul(2).min(LONGEST);
         pause
+    }
+
+    /// Pauses before the next attempt while `goes_on`; returns whether it still does.
+    pub fn wait(&mut self, goes_on: impl Fn() -> bool) -> bool {
+        let end = Instant::now() + self.pause();
+        while goes_on() && Instant::now() < end {
+            thread::sleep(end.saturating_duration_since(Instant::now()).min(TURN));
+        }
+        goes_on()
     }
 
     /// The peer has answered: the next pause is the first again.

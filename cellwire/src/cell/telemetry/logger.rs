@@ -2,7 +2,6 @@
 
 use std::net::TcpStream;
 use std::ops::ControlFlow;
-use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -180,18 +179,9 @@ impl Logger {
             self.client.handle_disconnected(robot_session::now());
         }
         while self.client.poll_event().is_some() {} // the request that was in flight: there is no block
-        loop {
-            let until = self.clock.now() + self.backoff.pause();
-            let until = end.map_or(until, |end| until.min(end));
-            while self.clock.now() < until {
-                if interrupt::requested() {
-                    return Ok(false);
-                }
-                thread::sleep(TURN.min(until.saturating_sub(self.clock.now())));
-            }
-            if end.is_some_and(|end| self.clock.now() >= end) {
-                return Ok(false);
-            }
+        let clock = self.clock;
+        let goes_on = || !interrupt::requested() && end.is_none_or(|end| clock.now() < end);
+        while self.backoff.wait(goes_on) {
             match tcp::connect(&self.source.server, self.source.dialing) {
                 Ok(stream) => {
                     self.connection = Ok(Driver::new(stream));
@@ -205,6 +195,7 @@ impl Logger {
                 }
             }
         }
+        Ok(false)
     }
 }
 

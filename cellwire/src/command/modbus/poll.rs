@@ -1,6 +1,5 @@
 //! `cellwire modbus poll`.
 
-use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result};
@@ -113,10 +112,7 @@ fn open(port: &Port, duration: Option<Duration>) -> Result<Client> {
             (Err(error), PortKind::Tcp { .. }) if !goes_on() => return Err(Lost(format!("{error:#}")).into()),
             _ => {}
         }
-        let until = clock.now() + backoff.pause();
-        while goes_on() && clock.now() < until {
-            thread::sleep(until.saturating_sub(clock.now()).min(TURN));
-        }
+        backoff.wait(goes_on);
     }
 }
 

@@ -21,8 +21,6 @@ use crate::io::tcp::{self, Dialing};
 
 /// A connection that the client itself has replaced is tried again for this long.
 const REGAINED: Duration = Duration::from_secs(5);
-/// An interrupt is seen after this time at the latest.
-const TURN: Duration = Duration::from_millis(100);
 
 /// Where the servers are.
 #[derive(Debug, Clone)]
@@ -250,18 +248,12 @@ impl Client {
     /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
     /// Returns false when `goes_on` is over before.
     pub fn regain(&mut self, goes_on: impl Fn() -> bool) -> bool {
-        loop {
-            let end = Instant::now() + self.backoff.pause();
-            while goes_on() && Instant::now() < end {
-                thread::sleep(end.saturating_duration_since(Instant::now()).min(TURN));
-            }
-            if !goes_on() {
-                return false;
-            }
+        while self.backoff.wait(&goes_on) {
             if self.reconnect().is_ok() {
                 return true;
             }
         }
+        false
     }
 
     /// Reads what comes in the meantime, for this long: unexpected replies, and the end of the connection.

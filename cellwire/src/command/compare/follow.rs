@@ -55,6 +55,11 @@ impl Follow {
         }
     }
 
+    /// Returns whether a message is the captured one, as it is or with the values that the other end has chosen.
+    pub(super) fn is_same(&self, then: &Value, now: &Value) -> bool {
+        then == now || self.followed(then).as_ref() == Some(now)
+    }
+
     /// Returns a captured message with the values that the other end has chosen, if it has chosen any of them.
     pub(in crate::command) fn followed(&self, message: &Value) -> Option<Value> {
         if self.chosen.is_empty() {

@@ -51,7 +51,7 @@ impl Compare {
     /// A message has come.
     pub(super) fn take(&mut self, at: Duration, now: &Value) -> Result<()> {
         let rest = self.expected.get(self.passed..).unwrap_or_default();
-        let is_same = |then: &Value| then == now || self.follow.followed(then).as_ref() == Some(now);
+        let is_same = |then: &Value| self.follow.is_same(then, now);
         if rest.first().is_some_and(is_same) {
             (self.passed, self.same) = (self.passed + 1, self.same + 1);
             return Ok(());
@@ -65,18 +65,18 @@ impl Compare {
         let Some(then) = rest.first() else { return self.tell("more", number, None, Some((at, now))) };
         let ahead = || rest.iter().take(AHEAD);
         // A message that is in the capture once is known again.
-        let known = ahead().position(is_same);
-        let known = known.filter(|_| self.expected.iter().filter(|it| is_same(it)).count() == 1);
+        let is_once = || self.expected.iter().filter(|it| is_same(it)).nth(1).is_none();
+        let known = || ahead().position(is_same).filter(|_| is_once());
         let alike = || ahead().position(|it| is_alike(it, now));
         let before = self.passed.checked_sub(1).and_then(|before| self.expected.get(before));
         if !is_alike(then, now) && before.is_some_and(is_same) {
             return self.tell("again", number, None, Some((at, now)));
         }
-        match known.or_else(alike) {
+        match known().or_else(alike) {
             Some(missing) => {
                 self.missed(missing);
                 let then = self.expected.get(self.passed).cloned().unwrap_or_default();
-                if then == *now || self.follow.followed(&then).as_ref() == Some(now) {
+                if self.follow.is_same(&then, now) {
                     self.same += 1;
                 } else {
                     self.follow.learn(&then, now);

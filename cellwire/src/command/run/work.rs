@@ -60,7 +60,7 @@ pub(super) struct Work<'a> {
     pub(super) parts: usize,
     /// The line of the file of each part, as far as they have one.
     pub(super) lines: Vec<u64>,
-    /// What `lines` counts: `line`, or `outline` of a drawing.
+    /// The unit of `lines`: `line`, or `outline` of a drawing.
     pub(super) unit: &'a str,
 }
 
@@ -76,16 +76,25 @@ pub(super) struct Ran<R, T> {
     table: Result<()>,
 }
 
+impl Work<'_> {
+    /// The head of its journal.
+    fn head(&self) -> Head {
+        Head { robot: self.robot.into(), work: self.fingerprint.clone(), parts: self.parts }
+    }
+}
+
 impl WorkArgs {
+    /// The file of the journal.
+    fn path(&self, work: &Work<'_>) -> PathBuf {
+        self.journal.clone().unwrap_or_else(|| journal::beside(work.file))
+    }
+
     /// Returns the journal for a dry run. `None` without one, and with --again; one that cannot be used is reported.
     pub(super) fn look<R: Record>(&self, work: &Work<'_>) -> Option<Journal<R>> {
         if !self.dry_run || self.again {
             return None;
         }
-        let Work { robot, file, what, fingerprint, parts, .. } = work;
-        let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
-        let head = Head { robot: (*robot).into(), work: fingerprint.clone(), parts: *parts };
-        Journal::look(&path, what, head).unwrap_or_else(|error| {
+        Journal::look(&self.path(work), work.what, work.head()).unwrap_or_else(|error| {
             remark(&format!("warning: {error:#}"));
             None
         })
@@ -103,7 +112,7 @@ impl WorkArgs {
         };
         self.check_answer(journal)?;
         if let Some(path) = &self.outcomes {
-            files::write(path, table(&work.lines, work.unit, journal).as_bytes())?;
+            files::write(path, table(work, journal).as_bytes())?;
         }
         log(&standing(work, journal, self.unknown))
     }
@@ -118,7 +127,7 @@ impl WorkArgs {
                 first + 1,
                 first + count
             ),
-            // What the machine has lost of its queue is known when it connects.
+            // A machine shows when it connects whether it has lost its queue.
             None => ensure!(journal.tally().queued > 0, "--unknown {last}: nothing is unknown"),
         }
         Ok(())
@@ -133,14 +142,11 @@ impl WorkArgs {
         work: Work<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
     ) -> Result<Ran<R, T>> {
-        let Work { robot, file, what, fingerprint, parts, lines, unit } = work;
-        let path = self.journal.clone().unwrap_or_else(|| journal::beside(file));
-        let head = Head { robot: robot.into(), work: fingerprint, parts };
-        let mut journal = Journal::open(&path, what, head, self.again)?;
+        let mut journal = Journal::open(&self.path(&work), work.what, work.head(), self.again)?;
         self.check_answer(&journal)?;
-        let ended = self.go_on(what, parts, &mut journal, run);
+        let ended = self.go_on(work.what, work.parts, &mut journal, run);
         let table = match &self.outcomes {
-            Some(path) => files::write(path, table(&lines, unit, &journal).as_bytes()).context(NO_TABLE),
+            Some(path) => files::write(path, table(&work, &journal).as_bytes()).context(NO_TABLE),
             None => Ok(()),
         };
         match (ended, table) {
@@ -199,7 +205,7 @@ impl<R, T> Ran<R, T> {
 }
 
 /// `number,line,outcome` of each part; `outline` in place of `line` of a drawing.
-fn table<R: Record>(lines: &[u64], unit: &str, journal: &Journal<R>) -> String {
+fn table<R: Record>(Work { lines, unit, .. }: &Work<'_>, journal: &Journal<R>) -> String {
     let mut text = format!("number,{unit},outcome\n");
     for (number, outcome) in journal.outcomes().iter().enumerate() {
         let line = lines.get(number).map(u64::to_string).unwrap_or_default();
@@ -270,22 +276,20 @@ fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>, answer: Option<Ans
     let left_out = spans.len().saturating_sub(MAX_SPANS);
     spans.truncate(MAX_SPANS);
     let open = outcomes.iter().position(|it| matches!(it, Outcome::NotSent | Outcome::Refused));
-    let answered = |(first, count)| Some(first + answer?.done(first, count)?);
-    let next = match (journal.unknown(), journal.tally().queued, open) {
-        (Some(unknown), ..) if answered(unknown).is_some_and(|next| next < outcomes.len()) => {
-            let next = answered(unknown).map_or(0, |next| next + 1);
-            format!("a run goes on at {}", open.map_or(next, |open| next.min(open + 1)))
-        }
-        (Some((first, count)), ..) => format!(
+    let answered = journal.unknown().and_then(|(first, count)| Some(first + answer?.done(first, count)?));
+    let answered = answered.filter(|next| *next < outcomes.len());
+    let next = match (answered, journal.unknown(), journal.tally().queued, open) {
+        (Some(next), ..) => format!("a run goes on at {}", open.map_or(next, |open| open.min(next)) + 1),
+        (None, Some((first, count)), ..) => format!(
             "a run asks whether {} to {} are done, unless --unknown answers",
             first + 1,
             first + count
         ),
-        (None, 1.., _) => {
+        (None, None, 1.., _) => {
             "a run takes over what the machine has queued, and asks if the machine has lost it".into()
         }
-        (None, 0, Some(open)) => format!("a run goes on at {}", open + 1),
-        (None, 0, None) => format!("the {} is finished; --again repeats it", work.what),
+        (None, None, 0, Some(open)) => format!("a run goes on at {}", open + 1),
+        (None, None, 0, None) => format!("the {} is finished; --again repeats it", work.what),
     };
     let mut line = json!({
         "event": "journal", "journal": journal.path(), "of": outcomes.len(),

@@ -4,7 +4,7 @@ pub use crate::error::TextError;
 
 /// The registers of one string register SR\[n\]: 80 characters. An assignment of more registers goes on with SR\[n + 1\].
 /// (From public notes; not verified on a controller.)
-pub const REGISTERS: usize = 40;
+pub const REGISTERS: usize = QUANTITY as usize;
 /// [`REGISTERS`] as the quantity of a request, or to count addresses.
 pub const QUANTITY: u16 = 40;
 

@@ -258,14 +258,13 @@ impl<T: Transport> Driver<T> {
                 left.unannounced = false;
             }
             let bytes = left.of(out);
-            let (length, sent) = (bytes.len(), transport.send(bytes)?);
-            if let Sent::Part(length) = sent {
-                left.take(length, transport.now());
-                return Ok(report(session, handler));
-            }
-            left.take(length, transport.now());
-            if sent == Sent::Transmitted {
-                session.handle_transmitted(transport.now());
+            let sent = transport.send(bytes)?;
+            let taken = if let Sent::Part(length) = sent { length } else { bytes.len() };
+            left.take(taken, transport.now());
+            match sent {
+                Sent::Part(_) => return Ok(report(session, handler)),
+                Sent::Buffered => {}
+                Sent::Transmitted => session.handle_transmitted(transport.now()),
             }
         }
     }

@@ -70,8 +70,9 @@ impl Fields for Table<'_> {
         let default = fields.iter().copied().map(shown).collect();
         self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
             let given = value.as_array().ok_or("no list in brackets")?;
-            let given =
-                Some(given).filter(|given| given.len() == fields.len()).ok_or("not as many numbers")?;
+            if given.len() != fields.len() {
+                return Err("not as many numbers".into());
+            }
             let numbers = given.iter().map(|value| number(value, &range)).collect::<Result<Vec<T>, _>>()?;
             fields.copy_from_slice(&numbers);
             Ok(())

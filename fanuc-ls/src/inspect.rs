@@ -40,7 +40,7 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundin
     placed(text, &found)
 }
 
-/// What there is to find in how a text is laid out, and in its names and numbers.
+/// The findings in the layout of a text, and in its names and numbers.
 pub(crate) fn layout(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
     placed(text, &reading(text, parts, rules))
 }

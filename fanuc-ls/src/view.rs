@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use crate::operation::Operation;
 
 impl Instruction {
-    /// What it does. None for a motion, a comment, a line of a block, and for a text that is none of these: such an instruction is
+    /// Its operation. None for a motion, a comment, a line of a block, and for a text that is none of these: such an instruction is
     /// kept and not understood.
     pub fn operation(&self) -> Option<Operation> {
         match self {
@@ -61,7 +61,7 @@ impl Motion {
 }
 
 impl Operation {
-    /// What an instruction's text does.
+    /// The operation in an instruction's text.
     pub fn decode(text: &str) -> Option<Self> {
         grammar::operation(text).ok()
     }

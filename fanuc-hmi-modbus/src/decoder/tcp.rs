@@ -69,7 +69,7 @@ pub(super) fn is_placed(at: usize, from: usize, start: usize) -> bool {
     at == from && from > start + 1
 }
 
-/// What to skip of a frame whose header is bad: all of it, if its length can be one.
+/// The bytes to skip of a frame whose header is bad: all of them, if its length can be one.
 pub(super) fn foreign_len(data: &[u8]) -> usize {
     let length = data.get(4..6).and_then(<[u8]>::first_chunk);
     let length = length.map_or(usize::MAX, |length| usize::from(u16::from_be_bytes(*length)));

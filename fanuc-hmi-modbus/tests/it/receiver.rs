@@ -1,4 +1,4 @@
-//! What a server reads of its stream, in each framing.
+//! A server's reading of its stream, in each framing.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ fn server(config: ServerConfig) -> Server<Bank, 2> {
     server
 }
 
-/// What a server answers and reports, of these bytes and a silence after them.
+/// The replies and events of a server that gets these bytes, and then a silence.
 fn outcome(config: ServerConfig, stream: &[u8]) -> (Vec<Vec<u8>>, Vec<ServerEvent>) {
     let mut server = server(config);
     server.handle_input(MS, stream);

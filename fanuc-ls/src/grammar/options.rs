@@ -17,7 +17,7 @@ const fn choice(words: &'static [&'static str], form: fn(&str) -> Parsed<'_, ()>
     Choice { words, form }
 }
 
-/// What may follow the speed and the termination of a motion.
+/// The options that may follow the speed and the termination of a motion.
 pub(crate) static OPTIONS: &[Choice] = &[
     choice(&["FINE"], nothing),
     choice(&["ACC"], |input| amount(input, 0.0, 500.0)),

@@ -156,7 +156,7 @@ pub fn located(error: anyhow::Error) -> anyhow::Error {
         None => String::new(),
     };
     let origin = ORIGIN.lock().unwrap_or_else(PoisonError::into_inner);
-    // What the command line sets overrides the files.
+    // A setting of the command line overrides the files.
     let files = origin.files.iter().rev().filter(|_| !origin.set.contains(name));
     let line = |file: &PathBuf| Some((file.clone(), settings::line_of(&input::text(file).ok()?, name)?));
     match files.filter_map(line).next() {

@@ -29,7 +29,7 @@ pub struct Jobs {
     pub work: Vec<AnyWork>,
     /// Where each is from: a line of the table, or an outline of the drawing, from 1.
     pub lines: Vec<u64>,
-    /// What `lines` counts: `line`, or `outline`.
+    /// The unit of `lines`: `line`, or `outline`.
     pub unit: &'static str,
     layout: Layout,
     /// The bytes of all of them on the wire, and a number that other jobs do not have: FNV-1a of those bytes.

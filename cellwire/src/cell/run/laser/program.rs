@@ -22,7 +22,7 @@ const OVERHEAD: (usize, usize) = (6, 7);
 pub struct Program {
     /// In order.
     pub instructions: Vec<Instruction>,
-    /// What the lines of the instructions count: `line`, or `outline` of a drawing.
+    /// The unit of the instructions' lines: `line`, or `outline` of a drawing.
     pub unit: &'static str,
     /// The values that the program gives and its instructions do not carry, feed or power, each with its first line.
     pub not_carried: Vec<(Coordinate, u64)>,

@@ -101,7 +101,7 @@ impl<'a> Parts<'a> {
         self.take(length, name, clause);
     }
 
-    /// What was taken last is this, too.
+    /// The last part is this, too.
     pub fn also(&mut self, name: impl Into<String>, clause: &'static str) {
         if let Some(last) = self.parts.last() {
             self.parts.push(Part { name: name.into(), bytes: last.bytes.clone(), clause });

@@ -426,7 +426,7 @@ macro_rules! core {
     };
 }
 
-/// What an [`End`](crate::end::End) does with its field `echo`, an [`Echo`](crate::end::Echo), and the event of an [`EchoError`](crate::EchoError).
+/// The methods of an [`End`](crate::end::End) for its field `echo`, an [`Echo`](crate::end::Echo), and the event of an [`EchoError`](crate::EchoError).
 #[macro_export]
 macro_rules! echo {
     ($event:path) => {

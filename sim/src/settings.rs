@@ -9,7 +9,7 @@ use crate::simulator::Simulator;
 
 /// The settings of a device, from which it is made.
 pub trait Settings: Clone {
-    /// What they are settings of.
+    /// The device that is made of them.
     type Device: Device;
 
     /// The device, just switched on.

@@ -72,7 +72,7 @@ impl Files {
         for (from, file) in &self.0 {
             for Import { within, path, .. } in &file.imports {
                 if let Some((to, target)) = self.target(within, path, 4)
-                    // What a module imports from one around it makes no pair.
+                    // An import from a module around this one makes no pair.
                     && !from.starts_with(to)
                 {
                     edges.entry([&file.path, &target.path]).or_default().insert(path.join("::"));

@@ -1,4 +1,4 @@
-//! What a link adds to its session for handles.
+//! The part of a handle that a link adds to its session.
 
 use core::future::{Future, ready};
 use core::time::Duration;

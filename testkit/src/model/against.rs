@@ -48,7 +48,7 @@ pub trait Peer {
     /// What a word is to the end, if anything.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
-    /// What is held is given up as corrupt, before [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
+    /// The bytes that are held are given up as corrupt, before [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
     fn cut(&self, _known: &mut Self::Known) {}
 
     /// What else the same bytes are to the end, one after the other, after what was heard or given up.

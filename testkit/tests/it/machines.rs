@@ -1,4 +1,4 @@
-//! What `robot_session::end::Machine` says of times, for every machine; and their sizes.
+//! The times of every machine, as `robot_session::end::Machine` says; and their sizes.
 #![allow(missing_docs)]
 
 #[test]

@@ -26,7 +26,7 @@ struct Count {
     drafts: usize,
     right: usize,
     wrong: Vec<String>,
-    /// Those that a command refuses.
+    /// The drafts that a command refuses.
     refused: Vec<String>,
     asked: usize,
     /// The roles that are named without a question mark.

@@ -28,7 +28,7 @@ pub struct AnyController {
     pub delay: u8,
 }
 
-/// What happens.
+/// An input of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The controller sends a message.

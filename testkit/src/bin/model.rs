@@ -13,6 +13,7 @@ use testkit::links::{MARGINS, PAIRS};
 use testkit::model::{
     Broken, Depth, Explored, Margin, Measured, MustFail, Options, Pair, Setting, check_or_write,
 };
+use testkit::soak::Log;
 
 /// Explores every pair of ends exhaustively: both machines, the line between them with every fault that it can commit, and
 /// what their users may do.
@@ -57,6 +58,9 @@ enum Command {
         /// Prints the traces, too.
         #[arg(long)]
         traces: bool,
+        /// Also walks each session without its rule from this many seeds, and prints the share that notices.
+        #[arg(long, default_value_t = 0)]
+        seeds: u64,
     },
     /// Prints, as Markdown, what is known of the peers that have no machine, and what holds all the same.
     Peers,
@@ -91,7 +95,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "stateright")]
         None if cli.stateright => cross_check(&pairs, depth, &common),
         None => explore(&pairs, depth, &common),
-        Some(Command::MustFail { traces }) => must_fail(&pairs, traces, &common),
+        Some(Command::MustFail { traces, seeds }) => must_fail(&pairs, traces, seeds, &common),
         Some(Command::Peers) => peers(&pairs, depth, &common),
         Some(Command::Margins) => margins(&common),
         Some(Command::Diagrams { check }) => diagrams(&pairs, !check),
@@ -165,18 +169,19 @@ fn verdict(row: &Explored) -> String {
     }
 }
 
-fn must_fail(pairs: &[Pair], traces: bool, common: &Common) -> bool {
+fn must_fail(pairs: &[Pair], traces: bool, seeds: u64, common: &Common) -> bool {
     let work = |pair: &Pair| (pair.must_fail)().into_iter().map(|case| (pair.name, case)).collect::<Vec<_>>();
     let cases: Vec<(&str, MustFail)> = pairs.iter().flat_map(work).collect();
     let rows = run(&cases, common, |(_, case), options| case.caught(options));
+    let shares = run(&cases, common, |(_, case), _| noticed(case, seeds));
 
-    let mut table = table(&["pair", "without", "in", "steps", "breaks"], 3..4);
-    for ((pair, case), caught) in cases.iter().zip(&rows) {
+    let mut table = table(&["pair", "without", "in", "steps", "seeds", "breaks"], 3..5);
+    for (((pair, case), caught), share) in cases.iter().zip(&rows).zip(shares) {
         let (steps, breaks) = match caught {
             Some(broken) => (broken.steps.to_string(), broken.property.into()),
             None => (String::new(), format!("NOTHING; expected: {}", case.property)),
         };
-        table.add_row([(*pair).into(), case.rule.into(), case.without.name.clone(), steps, breaks]);
+        table.add_row([(*pair).into(), case.rule.into(), case.without.name.clone(), steps, share, breaks]);
     }
     println!("{table}\n");
     if traces {
@@ -191,6 +196,13 @@ fn must_fail(pairs: &[Pair], traces: bool, common: &Common) -> bool {
     let good = missed == 0 && !rows.is_empty();
     println!("{}", if good { "every rule is needed" } else { "FAILED" });
     good
+}
+
+/// The share of seeds whose random walk notices that a rule is missing.
+fn noticed(case: &MustFail, seeds: u64) -> String {
+    let walk = |seed| case.without.walk(seed, Log::OFF).map(|tally| u32::from(tally.is_bad()));
+    let noticed = (0..seeds).map(walk).sum::<Option<u32>>().filter(|_| seeds > 0);
+    noticed.map(|count| format!("{:.1} %", f64::from(count) * 100.0 / seeds as f64)).unwrap_or_default()
 }
 
 fn peers(pairs: &[Pair], depth: Depth, common: &Common) -> bool {

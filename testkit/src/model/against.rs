@@ -7,7 +7,6 @@ use core::time::Duration;
 use robot_session::end::{Expiry, Input as _, Machine};
 
 use super::machine::{Drawn, Edge, age, drive};
-use super::pair::{Setting, Terms};
 use super::system::System;
 
 /// What the model calls an input that the state of the end does not allow.
@@ -82,6 +81,11 @@ pub trait Peer {
         true
     }
 
+    /// Whether one of [`words`](Self::words) is said before time passes.
+    fn is_urgent(&self, _end: &Self::End, _known: &Self::Known) -> bool {
+        false
+    }
+
     /// What a patient user and a peer that keeps the rules do next, where no fault happens: one of [`words`](Self::words).
     /// `None`: they let time pass.
     fn benign(&self, _end: &Self::End, _known: &Self::Known) -> Option<Self::Word> {
@@ -135,21 +139,6 @@ pub struct Against<P> {
     pub breaks: bool,
 }
 
-/// What the setting of such a peer is called.
-pub const fn at(keeps_rules: bool) -> &'static str {
-    if keeps_rules { "keeps the rules" } else { "does anything" }
-}
-
-/// The settings of a peer that keeps the rules, and of one that does anything.
-pub fn both<P>(system: impl Fn(bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
-where
-    P: Peer<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
-{
-    [(true, rules), (false, anything)]
-        .map(|(keeps_rules, terms)| Setting::new(at(keeps_rules), system(keeps_rules)).on(terms))
-        .into()
-}
-
 /// The end, and what is known beside it.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Scene<E, K> {
@@ -180,7 +169,8 @@ pub enum Act<W> {
     Word(W),
 }
 
-type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
+/// The [`Scene`] of a peer.
+pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
 
 impl<P: Peer> Against<P> {
     /// With an end that is called late, and connections that break.
@@ -271,7 +261,8 @@ impl<P: Peer> System for Against<P> {
         let mut words = Vec::new();
         self.peer.words(&scene.end, &scene.known, &mut words);
         acts.extend(words.into_iter().map(Act::Word));
-        if self.late || !(is_due || sends) {
+        let is_urgent = self.peer.is_urgent(&scene.end, &scene.known);
+        if !is_urgent && (self.late || !(is_due || sends)) {
             acts.push(Act::Tick);
         }
         if !scene.is_connected {
@@ -294,7 +285,7 @@ impl<P: Peer> System for Against<P> {
                 scene.is_connected = false;
                 self.drive(&mut scene, Cause::Disconnected, InputOf::<P>::DISCONNECTED, edges);
             }
-            Act::Due => self.time_out(&mut scene, edges),
+            Act::Due => self.expire(&mut scene, &[P::End::EXPIRY], edges),
             Act::Send => self.send(&mut scene, edges),
             Act::Restart => {
                 (scene.end, scene.is_connected) = (self.peer.end(), false);

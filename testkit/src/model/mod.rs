@@ -24,15 +24,21 @@ mod runs;
 mod second;
 mod system;
 mod table;
+#[cfg(feature = "links")]
+mod walk;
+mod wired;
 
-pub use against::{ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, TransmitOf, at, both};
+pub use against::{Act, ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, TransmitOf};
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
 pub use machine::{Drawn, Edge, Edges, age, drive};
 pub use margins::{Margin, Measured, Step};
 pub use matrix::{Cell, NOW, Rows};
-pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, Terms, draw};
+pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, Terms, at, both, draw};
 pub use refine::{Refined, refine};
 pub use system::{System, trace};
 pub use table::Table;
+#[cfg(feature = "links")]
+pub use walk::walk;
+pub use wired::{Follower, Speech, WRITTEN, Wired};

@@ -5,11 +5,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::against::{Against, Peer};
 use super::diagram::mermaid;
 use super::explore::{Options, explore};
 use super::machine::Edge;
 use super::refine::Refined;
 use super::system::{System, trace};
+#[cfg(feature = "links")]
+use super::{walk::walk, wired::Wired};
+#[cfg(feature = "links")]
+use crate::soak::{Log, Tally};
 
 /// Two ends that are explored together.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +47,13 @@ pub struct Setting {
     /// What a peer that has no machine keeps, and what must hold all the same.
     pub terms: Option<Terms>,
     system: Box<dyn Explorable>,
+    #[cfg(feature = "links")]
+    walk: Option<Walk>,
 }
+
+/// A random walk of a seed over bytes.
+#[cfg(feature = "links")]
+type Walk = Box<dyn Fn(u64, Log) -> Tally + Send + Sync>;
 
 /// What is known of a peer that has no machine.
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +62,8 @@ pub struct Terms {
     pub keeps: &'static str,
     /// What is open.
     pub free: &'static str,
+    /// The clauses that the end is shown to keep by this, each with the property that says so: what the peer of the other end keeps.
+    pub shows: &'static [(&'static str, &'static str)],
     /// What must hold.
     pub properties: &'static [&'static str],
 }
@@ -67,7 +80,35 @@ impl Setting {
     where
         S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
     {
-        Self { name: name.into(), terms: None, system: Box::new(Arc::new(system)) }
+        Self {
+            name: name.into(),
+            terms: None,
+            system: Box::new(Arc::new(system)),
+            #[cfg(feature = "links")]
+            walk: None,
+        }
+    }
+
+    /// One end against any peer, which can also be walked at random over bytes.
+    #[cfg(feature = "links")]
+    pub fn walked<P>(name: impl Into<String>, against: Against<P>) -> Self
+    where
+        P: Wired<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+    {
+        let against = Arc::new(against);
+        let walked = against.clone();
+        Self {
+            name: name.into(),
+            terms: None,
+            system: Box::new(against),
+            walk: Some(Box::new(move |seed, log| walk(&walked, seed, log))),
+        }
+    }
+
+    /// Walks the session of the end at random over bytes, if its peer is [`Wired`].
+    #[cfg(feature = "links")]
+    pub fn walk(&self, seed: u64, log: Log) -> Option<Tally> {
+        self.walk.as_ref().map(|walk| walk(seed, log))
     }
 
     /// With one end against a peer of which only this is known.
@@ -151,6 +192,20 @@ impl MustFail {
         Self { rule, property, without: Setting::new(setting, without) }
     }
 
+    /// The same of one end against any peer.
+    #[cfg(feature = "links")]
+    pub fn walked<P>(
+        rule: &'static str,
+        property: &'static str,
+        setting: impl Into<String>,
+        without: Against<P>,
+    ) -> Self
+    where
+        P: Wired<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+    {
+        Self { rule, property, without: Setting::walked(setting, without) }
+    }
+
     /// The property broken, with the shortest trace; `None` if the removal is not caught.
     pub fn caught(&self, options: &Options<'_>) -> Option<Broken> {
         let explored = self.without.explore(&Options { until: Some(self.property), ..*options });
@@ -173,6 +228,21 @@ pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name(link).join("diagrams");
     let draw = |end: &&str| Diagram { path: folder.join(format!("{end}.md")), text: mermaid(&edges, end) };
     ends.iter().map(draw).collect()
+}
+
+/// What the setting of such a peer is called.
+pub const fn at(keeps_rules: bool) -> &'static str {
+    if keeps_rules { "keeps the rules" } else { "does anything" }
+}
+
+/// The settings of a peer that keeps the rules, and of one that does anything.
+pub fn both<P>(system: impl Fn(bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
+where
+    P: Peer<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+{
+    [(true, rules), (false, anything)]
+        .map(|(keeps_rules, terms)| Setting::new(at(keeps_rules), system(keeps_rules)).on(terms))
+        .into()
 }
 
 /// A [`System`] whose types are forgotten.

@@ -478,7 +478,33 @@ fn another_checker_counts_the_same() {
 #[cfg(feature = "links")]
 mod pairs {
     use testkit::links::PAIRS;
-    use testkit::model::check_or_write;
+    use testkit::model::{Depth, Terms, WRITTEN, check_or_write};
+
+    /// What one end's peer keeps, the other end is shown to keep with any peer: that both hold together follows.
+    #[test]
+    fn what_a_peer_keeps_the_other_end_is_shown_to_keep() {
+        for link in ["isra-ball", "mmacell-proto"] {
+            let pairs = PAIRS.iter().filter(|pair| pair.name.starts_with(link));
+            let terms: Vec<(&str, Terms)> = pairs
+                .flat_map(|pair| {
+                    (pair.settings)(Depth::Quick).into_iter().map(|setting| (pair.name, setting))
+                })
+                .filter_map(|(name, setting)| Some((name, setting.terms?)))
+                .collect();
+            for (name, Terms { keeps, shows, properties, .. }) in &terms {
+                for (clause, property) in *shows {
+                    assert!(*property == WRITTEN || properties.contains(property), "{name}: {clause}");
+                }
+                // What is no clause is an assumption about time.
+                for clause in keeps.split(", ").filter(|clause| clause.starts_with(char::is_uppercase)) {
+                    let shown = |(other, terms): &(&str, Terms)| {
+                        other != name && terms.shows.iter().any(|(shown, _)| *shown == clause)
+                    };
+                    assert!(terms.iter().any(shown), "{name} relies on {clause}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn the_committed_diagrams_are_what_the_model_shows() {

@@ -28,7 +28,7 @@ fn fingerprints_lose_no_state() {
             (explore(system, &Options::default()), explore_whole(system, &Options::default()));
         assert_eq!((graph.states, graph.steps), (whole.states, whole.steps));
     }
-    count(&isra_ball::Exchange::steady());
+    count(&isra_ball::any_ball(true));
     count(&val2_viewer::Exchange::free());
     count(&Queue::new(2, Looks::Find));
 }

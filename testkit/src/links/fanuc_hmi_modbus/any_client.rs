@@ -18,9 +18,11 @@ const PROPERTIES: &[&str] = &[ANSWERED, UNANSWERED, TAKEN, REST, GIVEN_UP, OTHER
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-2, FM-4, FM-10, FM-43",
     free: "what it asks, when it gives up, whether it waits through TCP, what other units send, what the line damages, in which pieces it arrives",
+    shows: &[],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "any bytes at any time", properties: PROPERTIES };
+pub(super) const ANYTHING: Terms =
+    Terms { keeps: "", free: "any bytes at any time", shows: &[], properties: PROPERTIES };
 
 /// A client, and the other units of its line, of which only this is known.
 #[derive(Debug, Clone, Copy)]

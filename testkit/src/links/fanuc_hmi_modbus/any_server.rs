@@ -22,6 +22,7 @@ pub(super) const SENT: &str = "not sent was not sent, everything else was; nothi
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-44, FM-57",
     free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, what the line returns, and damaged replies whose data looks like an exception",
+    shows: &[],
     properties: &[
         FOREIGN_REPLY,
         FITS,
@@ -40,6 +41,7 @@ pub(super) const RULES: Terms = Terms {
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
+    shows: &[],
     properties: &[FITS, DATA, REST, PROVEN, RETURNED, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
 };
 

@@ -2,15 +2,13 @@
 
 use core::time::Duration;
 
-use isra_ball::HostConfig;
 use isra_ball::host::machine::{Action, Enquiry, HostMachine, Input, Poll};
+use isra_ball::{ENQ, Host, HostConfig, HostEvent, Keys, Packet as Message, Status};
 
-use super::pair::{AGE, ONE_OUTCOME, PAIRED, STALE};
-use super::world::{Config, LINE, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use super::world::{AGE, CLAIMED, Config, FAULTS, FOUND_OUT, LINE, ONE_OUTCOME, PAIRED, STALE, TICK};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
 
-/// Ticks: the ball and the line are late by this many at most, which is in time.
-const DELAY: u8 = 1;
 /// Ticks after which every time of a poll or a connection has passed.
 const LONG: u8 = 6;
 
@@ -24,11 +22,25 @@ pub(super) const MARKED: &str = "values that the ball marks as old are not new";
 pub(super) const RULES: Terms = Terms {
     keeps: "IB-3, IB-33, IB-34, IB-35, replies no later than max_delay",
     free: "when it measures and answers, what is lost or corrupt, another ball with each connection",
+    shows: &[("IB-9", WRITTEN), ("IB-25", PAIRED)],
     properties: &[AGE, STALE, ONE_OUTCOME, PAIRED, ANSWERED, EXPECTED],
+};
+pub(super) const PROMPT: Terms = Terms {
+    keeps: "IB-3, IB-33, IB-34, IB-35, replies no later than max_delay, new values for each poll, no faults",
+    free: "by how much a packet is late",
+    shows: &[],
+    properties: &[CLAIMED, AGE, STALE, ONE_OUTCOME, PAIRED, ANSWERED, EXPECTED],
+};
+pub(super) const LATE: Terms = Terms {
+    keeps: "IB-3, IB-33, IB-34, IB-35, new values for each poll, all packets equally late",
+    free: "what else goes wrong",
+    shows: &[],
+    properties: &[AGE, FOUND_OUT, STALE, ONE_OUTCOME, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "packets at any time",
+    shows: &[("IB-9", WRITTEN), ("IB-25", APART)],
     properties: &[STALE, ONE_OUTCOME, WINDOW, DRAINED, APART, PROVED, MARKED, EXPECTED],
 };
 
@@ -36,10 +48,16 @@ pub(super) const ANYTHING: Terms = Terms {
 #[derive(Debug, Clone, Copy)]
 pub struct AnyBall {
     /// The host's configuration.
-    pub(super) config: Config,
+    pub config: Config,
     /// It sends nothing unasked (IB-3), one packet to all polls of a connection (IB-34, IB-35), and marks what it has sent as old (IB-33). No
     /// packet is later than `max_delay`. When it measures and whether it answers is open.
     pub keeps_rules: bool,
+    /// Ticks: ball and line are late by this many at most, which is in time.
+    pub(super) delay: u8,
+    /// Each packet is later by this many.
+    pub(super) lag: u8,
+    /// It answers each poll, with new values. If so: how many polls and packets are lost all the same.
+    pub(super) prompt: Option<u8>,
 }
 
 /// What is known of the ball, the line and the values.
@@ -62,6 +80,11 @@ pub struct Known {
     proof: Option<u8>,
     /// How old the values may be that are used.
     using: Option<u8>,
+    /// With a ball that is late: what went wrong besides, a packet was reported as no reply, and for how many ticks values are used
+    /// that are too old.
+    faults: u8,
+    said: bool,
+    too_old: u8,
     wrong: Option<&'static str>,
 }
 
@@ -101,18 +124,34 @@ pub enum Word {
 }
 
 impl AnyBall {
+    pub(super) const fn new(config: Config, keeps_rules: bool) -> Self {
+        Self { config, keeps_rules, delay: 1, lag: 0, prompt: None }
+    }
+
+    fn may_lose(&self, known: &Known) -> bool {
+        self.prompt.is_none_or(|most| known.faults < most)
+    }
+
+    fn lose(&self, known: &mut Known) {
+        known.faults += u8::from(self.prompt.is_some());
+    }
+
     /// From this age on values are just as old.
     fn oldest(&self) -> u8 {
-        self.config.max_age() + 1
+        self.config.max_age() + if self.lag > 0 { LINE + 3 } else { 1 }
     }
 
     /// What must hold with a ball that keeps the rules.
     fn judge(&self, known: &mut Known, read: Packet, action: Action) {
+        if self.lag > 0 {
+            known.said |= action == Action::Unasked;
+            return;
+        }
         let is_outcome = matches!(action, Action::New | Action::Old);
         if is_outcome && !read.reply {
             known.wrong = Some(PAIRED);
         }
-        if !is_outcome && read.reply && known.since_poll <= LINE + DELAY {
+        if !is_outcome && read.reply && known.since_poll <= LINE + self.delay {
             known.wrong = Some(ANSWERED);
         }
     }
@@ -174,6 +213,9 @@ impl Peer for AnyBall {
             since_connected: 0,
             proof: None,
             using: None,
+            faults: 0,
+            said: false,
+            too_old: 0,
             wrong: None,
         }
     }
@@ -187,13 +229,20 @@ impl Peer for AnyBall {
             return;
         }
         if let Some(waits) = known.asked {
-            for late in 0..=DELAY - waits {
-                words.extend([true, false].map(|fresh| Word::Answer { fresh, late }));
+            for late in 0..=self.delay - waits {
+                words.push(Word::Answer { fresh: true, late });
+                if self.prompt.is_none() {
+                    words.push(Word::Answer { fresh: false, late });
+                }
             }
-            words.push(Word::LosePoll);
+            if self.may_lose(known) {
+                words.push(Word::LosePoll);
+            }
         }
         if let Some(packet) = known.up.first() {
-            words.push(Word::Lose);
+            if self.may_lose(known) {
+                words.push(Word::Lose);
+            }
             if is_connected && packet.ticks == 0 {
                 words.push(Word::Read);
             }
@@ -212,16 +261,23 @@ impl Peer for AnyBall {
             Word::Answer { fresh, late } => {
                 // A stream keeps its order.
                 let last = known.up.last().map_or(0, |packet| packet.ticks);
-                let age = if fresh { known.unsent } else { self.oldest() };
-                known.up.push(Packet { ticks: (LINE + late).max(last), fresh, age, reply: known.open });
+                let age = match (fresh, self.prompt) {
+                    (true, Some(_)) => 0,
+                    (true, None) => known.unsent,
+                    (false, _) => self.oldest(),
+                };
+                let ticks = (LINE + late + self.lag).max(last);
+                known.up.push(Packet { ticks, fresh, age, reply: known.open });
                 (known.asked, known.unsent) = (None, 0);
                 None
             }
             Word::LosePoll => {
+                self.lose(known);
                 known.asked = None;
                 None
             }
             Word::Lose => {
+                self.lose(known);
                 known.up.remove(0);
                 None
             }
@@ -245,6 +301,10 @@ impl Peer for AnyBall {
         }
         if let Some(read) = read {
             self.judge(known, read, action);
+        }
+        let is_claimed = self.prompt.is_some() && self.lag == 0;
+        if is_claimed && matches!(action, Action::Missed | Action::Stale | Action::Unasked) {
+            known.wrong = Some(CLAIMED);
         }
         match action {
             Action::New | Action::Old => {
@@ -277,7 +337,7 @@ impl Peer for AnyBall {
             }
             Cause::Sent(Enquiry) => {
                 // What has come before is read before, and is no reply.
-                known.up.retain(|packet| packet.ticks > 0);
+                known.up.retain(|packet| packet.ticks > 0 || self.lag > 0);
                 known.up.iter_mut().for_each(|packet| packet.reply = false);
                 (known.open, known.since_poll) = (true, 0);
                 if self.keeps_rules {
@@ -298,17 +358,20 @@ impl Peer for AnyBall {
             return;
         }
         older(&mut known.unsent, oldest);
-        known.asked = known.asked.map(|waits| waits + 1).filter(|waits| *waits <= DELAY);
+        known.asked = known.asked.map(|waits| waits + 1).filter(|waits| *waits <= self.delay);
         known.using.iter_mut().for_each(|age| older(age, oldest));
         for packet in &mut known.up {
             packet.ticks = packet.ticks.saturating_sub(1);
             older(&mut packet.age, oldest);
         }
+        let is_too_old = self.lag > 0 && known.using.is_some_and(|age| age > self.config.max_age());
+        known.too_old = if is_too_old { (known.too_old + 1).min(oldest) } else { 0 };
     }
 
     fn restarted(&self, known: &mut Known) {
         let up = known.up.iter().map(|packet| Packet { reply: false, ..*packet }).collect();
-        *known = Known { asked: known.asked, up, wrong: known.wrong, ..self.known() };
+        let (faults, said) = (known.faults, known.said);
+        *known = Known { asked: known.asked, up, faults, said, wrong: known.wrong, ..self.known() };
     }
 
     fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
@@ -321,14 +384,32 @@ impl Peer for AnyBall {
             broken.push(STALE);
         }
         let (Some(age), Some(until)) = (known.using, live) else { return };
-        if self.keeps_rules && !until.is_zero() && u32::from(age) * TICK + until > self.config.0.max_age {
+        if known.too_old > self.config.max_age() {
+            broken.push(FOUND_OUT);
+        }
+        let is_alone = self.lag == 0 || self.prompt == Some(0);
+        if self.keeps_rules
+            && is_alone
+            && !until.is_zero()
+            && u32::from(age) * TICK + until > self.config.0.max_age
+        {
             broken.push(AGE);
         }
     }
 
     /// Each poll has its outcome; where the ball measures, answers and keeps the rules, there are values to be used.
     fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
-        if self.keeps_rules { known.using.is_some() } else { !is_waiting(end) }
+        match self.keeps_rules {
+            true if self.lag > 0 => known.said,
+            true => known.using.is_some(),
+            false => !is_waiting(end),
+        }
+    }
+
+    fn is_urgent(&self, end: &HostMachine, known: &Known) -> bool {
+        let comes =
+            *end != HostMachine::Disconnected && known.up.first().is_some_and(|packet| packet.ticks == 0);
+        self.prompt.is_some() && (comes || known.asked.is_some_and(|waits| waits >= self.delay))
     }
 
     fn benign(&self, _: &HostMachine, known: &Known) -> Option<Word> {
@@ -336,6 +417,67 @@ impl Peer for AnyBall {
             Some(packet) if packet.ticks == 0 => Some(Word::Read),
             _ => known.asked.map(|_| Word::Answer { fresh: true, late: 0 }),
         }
+    }
+}
+
+impl Wired for AnyBall {
+    type Session = Host;
+
+    const FAULTS: Faults = FAULTS;
+
+    fn session(&self) -> Host {
+        Host::new(self.config.0).expect("a configuration that works")
+    }
+
+    /// The host reads a packet that has begun before its poll as no reply. No ball that keeps the rules sends one.
+    fn may_pause(&self, _: Word) -> bool {
+        self.keeps_rules
+    }
+
+    fn speak(&self, known: &Known, word: Word, _: &mut Host, now: Duration) -> Speech {
+        let fresh = match word {
+            Word::Read => known.up.first().is_some_and(|packet| packet.fresh),
+            Word::Packet { fresh } => fresh,
+            Word::Answer { .. } | Word::LosePoll | Word::Lose => return Speech::Elsewhere,
+        };
+        let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
+        let status = if fresh { Status::Fresh } else { Status::Old };
+        let packet =
+            Message { sensor_type: 3, sensor: 4, status, force: [a, b, c], moment: [a; 3], keys: Keys::NONE };
+        Speech::Bytes(packet.to_bytes().expect("it is a packet").to_vec())
+    }
+
+    fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {
+        bytes == [ENQ]
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        let names: &[&str] = match action {
+            Action::New => &["new"],
+            Action::Old => &["old"],
+            Action::Unasked => &["unasked"],
+            Action::Missed | Action::Closed { missed: true, stale: false } => &["missed"],
+            Action::Stale | Action::Closed { missed: false, stale: true } => &["stale"],
+            Action::Closed { missed: true, stale: true } => &["missed", "stale"],
+            Action::Closed { missed: false, stale: false } | Action::Nothing | Action::Sent => &[],
+        };
+        reports.extend(names.iter().map(ToString::to_string));
+    }
+
+    fn reported(&self, event: &HostEvent) -> Option<String> {
+        Some(match event {
+            HostEvent::Packet(packet) if packet.status == Status::Fresh => "new".into(),
+            HostEvent::Old(_) => "old".into(),
+            HostEvent::Missed => "missed".into(),
+            HostEvent::Stale => "stale".into(),
+            HostEvent::Unasked(_) => "unasked".into(),
+            HostEvent::Corrupt(_) => return None,
+            other => format!("{other:?}"),
+        })
+    }
+
+    fn lost(&self, _: &Known, word: Word, words: &mut Vec<Word>) {
+        words.extend((word == Word::Read).then_some(Word::Lose));
     }
 }
 

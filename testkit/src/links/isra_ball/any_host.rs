@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
-use isra_ball::BallConfig;
 use isra_ball::ball::machine::{Action, BallMachine, Input, Link, Reply};
+use isra_ball::{Ball, BallConfig, BallEvent, ENQ, Frame, Keys};
 
-use super::pair::ASKED;
-use super::world::{LINE, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms};
+use super::world::{ASKED, FAULTS, LINE, TICK};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Speech, Terms, Wired};
 
 /// Ticks after which a host that keeps the rules polls again, if no reply has come.
 const WINDOW: u8 = LINE + 2;
@@ -16,12 +16,15 @@ pub(super) const MARKED: &str = "values are new if they were measured after what
 pub(super) const IGNORED: &str = "a poll is ignored if one is not answered, and only then";
 
 const PROPERTIES: &[&str] = &[ASKED, MARKED, IGNORED, STANDSTILL, EXPECTED];
+const SHOWS: &[(&str, &str)] = &[("IB-3", ASKED), ("IB-33", MARKED), ("IB-34", ASKED), ("IB-35", IGNORED)];
 pub(super) const RULES: Terms = Terms {
     keeps: "IB-9, IB-25",
     free: "when it polls, what is lost, when the sensor measures",
+    shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "polls at any time", properties: PROPERTIES };
+pub(super) const ANYTHING: Terms =
+    Terms { keeps: "", free: "polls at any time", shows: SHOWS, properties: PROPERTIES };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -138,5 +141,48 @@ impl Peer for AnyHost {
     /// Each poll is answered.
     fn is_over(&self, _: &BallMachine, known: &Known) -> bool {
         !known.asked
+    }
+}
+
+impl Wired for AnyHost {
+    type Session = Ball;
+
+    const FAULTS: Faults = FAULTS;
+
+    fn session(&self) -> Ball {
+        Ball::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, _: &Known, word: Word, session: &mut Ball, now: Duration) -> Speech {
+        match word {
+            Word::Enquiry => Speech::Bytes(vec![ENQ]),
+            Word::Measured => {
+                let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
+                session.measure([a, b, c], [c, b, a], Keys::NONE);
+                Speech::Call
+            }
+        }
+    }
+
+    fn is_written(&self, what: &Reply, bytes: &[u8]) -> bool {
+        let Ok(Some((frame, length))) = Frame::decode(bytes) else { return false };
+        length == bytes.len() && frame.packet().is_ok_and(|packet| packet.status.is_fresh() == what.fresh)
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Nothing => {}
+            Action::Ignore => reports.push("ignored".into()),
+            Action::Sent { fresh } => reports.push(format!("reply {fresh}")),
+        }
+    }
+
+    fn reported(&self, event: &BallEvent) -> Option<String> {
+        match event {
+            BallEvent::Reply(packet) => Some(format!("reply {}", packet.status.is_fresh())),
+            BallEvent::Ignored => Some("ignored".into()),
+            BallEvent::Unknown(_) => None,
+            other => Some(format!("{other:?}")),
+        }
     }
 }

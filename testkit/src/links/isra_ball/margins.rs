@@ -7,7 +7,7 @@ use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
 use robot_session::Session as _;
 use robot_session::end::{End as _, Machine as _};
 
-use super::pair::{AGE, CLAIMED};
+use super::world::{AGE, CLAIMED};
 use crate::model::{Margin, Step};
 use robot_session::contract::Rng;
 

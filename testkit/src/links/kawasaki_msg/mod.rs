@@ -244,11 +244,13 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
     let rules = Terms {
         keeps: "KM-3, KM-4, KM-7, KM-94, KM-95, KM-96",
         free: "how many jobs a packet has, whether it repeats the end; the line corrupts, splits, delays and breaks",
+        shows: &[],
         properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, NO_ALARM, BOUND],
     };
     let anything = Terms {
         keeps: "",
         free: "any message at any time",
+        shows: &[],
         properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, BOUND],
     };
     let kept = vec![
@@ -285,6 +287,7 @@ fn with_any_robot(depth: Depth) -> Vec<Setting> {
     let anything = Terms {
         keeps: "",
         free: "any message at any time",
+        shows: &[],
         properties: &[
             any_robot::AGAIN,
             any_robot::COUNTS,

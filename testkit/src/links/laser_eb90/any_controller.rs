@@ -3,11 +3,13 @@
 use core::time::Duration;
 
 use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome};
-use laser_eb90::{Class, HostConfig, Refusal};
+use laser_eb90::robot_session::Encode as _;
+use laser_eb90::{Class, Frame as Message, Host, HostConfig, HostEvent, Payload, Profile, Refusal};
 
 use super::pair::{DONE, ONCE, ONE_OUTCOME, REFUSED};
 use super::world::{CUT, SWITCH};
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Speech, Terms, Wired};
 
 const TICK: Duration = Duration::from_millis(50);
 /// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
@@ -22,10 +24,15 @@ pub(super) const CLAIMED: &str = "done: its word has come since it was sent";
 pub(super) const RULES: Terms = Terms {
     keeps: "LE-5, LE-25, LE-72, LE-102, LE-103",
     free: "when it takes a frame, what it refuses, whether it keeps a first half and answers each, what the line loses",
+    shows: &[],
     properties: &[DONE, REFUSED, ONCE, ONE_OUTCOME, EXPECTED],
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any answer at any time", properties: &[CLAIMED, ONE_OUTCOME, EXPECTED] };
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any answer at any time",
+    shows: &[],
+    properties: &[CLAIMED, ONE_OUTCOME, EXPECTED],
+};
 
 /// A controller of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -133,6 +140,8 @@ pub enum Word {
         /// It is.
         corrupt: bool,
     },
+    /// It is lost.
+    Lose,
     /// An unsolicited answer comes.
     Say(Answer),
 }
@@ -228,6 +237,9 @@ impl Peer for AnyController {
         if is_connected && !known.answers.is_empty() {
             words.extend([Word::Read { corrupt: false }, Word::Read { corrupt: true }]);
         }
+        if !known.answers.is_empty() {
+            words.push(Word::Lose);
+        }
         for (at, frame) in known.frames.iter().enumerate() {
             match frame.stage {
                 Stage::Executing => words.extend([Word::Finish(at, true), Word::Finish(at, false)]),
@@ -253,7 +265,7 @@ impl Peer for AnyController {
         match word {
             Word::Submit(_) | Word::Resume => By::User,
             Word::Read { .. } | Word::Say(_) => By::Line,
-            Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => By::Others,
+            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => By::Others,
         }
     }
 
@@ -264,6 +276,9 @@ impl Peer for AnyController {
             Word::Read { corrupt } => {
                 let (answer, _) = known.answers.remove(0);
                 return Some(self.hear(known, if corrupt { Answer::Corrupt } else { answer }));
+            }
+            Word::Lose => {
+                known.answers.remove(0);
             }
             Word::Say(answer) => return Some(self.hear(known, answer)),
             Word::Take(at) => {
@@ -348,6 +363,108 @@ impl Peer for AnyController {
 
     fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
         matches!(end.link, HostLink::Held { .. }).then_some(Word::Resume)
+    }
+}
+
+/// The values of an instruction, so that its frame takes [`LINE`] ticks.
+const VALUES: [u8; 37] = [7; 37];
+
+fn answer(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
+    let (mut buffer, mut out) = ([0; 64], [0; Message::MAX_LEN]);
+    let mut written = Payload::new(&mut buffer, &Profile::default());
+    payload(&mut written);
+    let length = written.frame().expect("a frame").encode(&mut out).expect("it has a form");
+    out[..length].to_vec()
+}
+
+impl Wired for AnyController {
+    type Session = Host;
+
+    const FAULTS: Faults =
+        Faults { flip: 0.004, lose_byte: 0.002, insert: 0.002, lose: 0.02, split: 0.3, ..Faults::NONE };
+
+    fn session(&self) -> Host {
+        Host::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Speech {
+        let answered = match said {
+            Word::Submit(class) => {
+                session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
+                return Speech::Call;
+            }
+            Word::Resume => {
+                session.resume();
+                return Speech::Call;
+            }
+            Word::Read { corrupt: false } => {
+                known.answers.first().map_or(Answer::Corrupt, |(answer, _)| *answer)
+            }
+            Word::Read { corrupt: true } => Answer::Corrupt,
+            Word::Say(answer) => answer,
+            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => {
+                return Speech::Elsewhere;
+            }
+        };
+        let code = match answered {
+            Answer::Echo(class) => word(class),
+            Answer::Error(refusal) => self.config.words.errors().code(refusal),
+            Answer::Corrupt => CUT,
+        };
+        let mut bytes = answer(|payload| _ = payload.word(code));
+        if answered == Answer::Corrupt {
+            bytes[6] ^= 0x04;
+        }
+        Speech::Bytes(bytes)
+    }
+
+    fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {
+        bytes.len() == self.config.longest_frame
+            && Message::decode(bytes, &mut [0; Message::MAX_LEN], &self.config.profile).is_ok()
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Nothing | Action::Sent(_) => {}
+            Action::Report(_, Outcome::Done { resends, unanswered }) => {
+                reports.push(format!("done {resends} {unanswered}"))
+            }
+            Action::Report(_, Outcome::Refused(refusal)) => reports.push(format!("{refusal:?}")),
+            Action::Report(_, Outcome::Unknown(reason)) => reports.push(format!("{reason:?}")),
+            Action::Unasked { word } => reports.push(format!("unasked {word}")),
+        }
+    }
+
+    fn reported(&self, event: &HostEvent) -> Option<String> {
+        Some(match event {
+            HostEvent::Done { resends, unanswered, .. } => format!("done {resends} {unanswered}"),
+            HostEvent::Refused { refusal, .. } => format!("{refusal:?}"),
+            HostEvent::Unknown { reason, .. } => format!("{reason:?}"),
+            HostEvent::Unasked { word } => format!("unasked {word}"),
+            HostEvent::Corrupt(_) => return None,
+            other => format!("{other:?}"),
+        })
+    }
+
+    fn lost(&self, _: &Known, said: Word, words: &mut Vec<Word>) {
+        match said {
+            Word::Read { .. } => words.extend([Word::Read { corrupt: true }, Word::Lose]),
+            _ => words.push(Word::Say(Answer::Corrupt)),
+        }
+    }
+
+    fn given_up(&self) -> Option<Word> {
+        Some(Word::Say(Answer::Corrupt))
+    }
+
+    /// Instructions have numbers.
+    fn forget(&self, machine: &mut HostMachine) {
+        machine.next.iter_mut().for_each(|batch| batch.first = 0);
+        match &mut machine.link {
+            HostLink::Awaiting(sent) => sent.batch.first = 0,
+            HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.first = 0,
+            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => {}
+        }
     }
 }
 

@@ -23,10 +23,11 @@ const ASKED: &str = "nothing is sent before bytes have come";
 pub(super) const RULES: Terms = Terms {
     keeps: "LE-45, LE-67; it sends a frame again for each error code",
     free: "when it sends and reads, where its port pauses and for how long, one fault of the line in each transmission",
+    shows: &[],
     properties: &[ONE_ANSWER, ONCE, HEARD, DONE, INNER, EXPECTED],
 };
 pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any bytes at any time", properties: &[INNER, ASKED, EXPECTED] };
+    Terms { keeps: "", free: "any bytes at any time", shows: &[], properties: &[INNER, ASKED, EXPECTED] };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]

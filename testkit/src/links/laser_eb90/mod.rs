@@ -91,10 +91,14 @@ pub const ANY_CONTROLLER: Pair = Pair {
         ]
     },
     diagrams: Vec::new,
-    refined: Vec::new,
+    refined: || {
+        let systems = [(true, false), (true, true), (false, false)];
+        systems.map(|(keeps_rules, drops)| any_controller(keeps_rules, drops).refined()).into()
+    },
 };
 
-fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {
+/// A controller of which only the rules are known, or nothing.
+pub fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {
     Against { late: !keeps_rules, ..Against::new(AnyController::new(keeps_rules, drops)) }
 }
 

@@ -4,26 +4,36 @@ use core::time::Duration;
 
 use mmacell_proto::device::machine::{Action, Axes, DeviceLink, DeviceMachine, Input};
 use mmacell_proto::{
-    Command, DecodeError, DeviceConfig, DeviceEvent as Event, ErrorCode, Mode, Order, Reply,
+    Command, DecodeError, Device, DeviceConfig, DeviceEvent as Event, ErrorCode, Mode, Order, Rejection,
+    Reply,
 };
+use robot_session::end::Machine as _;
 
-use super::world::{HOME, IN_FAULT, ONE_MOTION, Pose, SERVO_OFF, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use super::world::{HOME, IN_FAULT, ONE_MOTION, PENDING, Pose, SERVO_OFF, TICK, bytes};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 
 const ASKED: &str = "nothing is asked of the owner but the command that was read last";
 pub(super) const ANSWERED: &str = "each line has one answer, and nothing is sent unasked";
-const AGREED: &str = "OK: the owner has accepted; ER: it has not";
+pub(super) const AGREED: &str = "OK: the owner has accepted; ER: it has not";
 
-const PROPERTIES: &[&str] = &[ANSWERED, AGREED, ASKED, IN_FAULT, SERVO_OFF, ONE_MOTION, EXPECTED];
+const PROPERTIES: &[&str] = &[ANSWERED, AGREED, ASKED, PENDING, IN_FAULT, SERVO_OFF, ONE_MOTION, EXPECTED];
+const SHOWS: &[(&str, &str)] =
+    &[("MM-3", ANSWERED), ("MM-4", ANSWERED), ("MM-18", AGREED), ("MM-20", WRITTEN)];
 pub(super) const RULES: Terms = Terms {
     keeps: "MM-3, MM-4, MM-13",
     free: "which commands, when, whether it waits for the answer, on how many connections",
+    shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any line at any time, more bytes than are wanted", properties: PROPERTIES };
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any line at any time, more bytes than are wanted",
+    shows: SHOWS,
+    properties: PROPERTIES,
+};
 
 /// A central controller of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -117,7 +127,7 @@ impl Peer for AnyCentral {
         if end.link != DeviceLink::Down {
             words.extend(COMMANDS.map(Word::Command));
             if !self.keeps_rules {
-                words.extend([Word::Corrupt, Word::Overrun]);
+                words.push(if end.reads() { Word::Corrupt } else { Word::Overrun });
             }
         }
         let asked = if let Open::Asked(order) = known.open { Some(order) } else { None };
@@ -132,7 +142,9 @@ impl Peer for AnyCentral {
 
     fn by(&self, word: Word) -> By {
         match word {
-            Word::Command(_) | Word::Corrupt | Word::Overrun => By::Line,
+            Word::Command(_) | Word::Corrupt => By::Line,
+            // It does not wait for the end to read.
+            Word::Overrun => By::Others,
             Word::Accept(_) | Word::Refuse(_) | Word::Arrived | Word::Failed | Word::Pose(_) => By::User,
         }
     }
@@ -149,8 +161,11 @@ impl Peer for AnyCentral {
             }
             Word::Overrun => Input::Overrun,
             Word::Accept(order) => {
-                known.answer(end, order)?;
+                let is_pending = known.answer(end, order);
+                // With the machine as it is, another one is not accepted.
+                { *end }.on(TICK, Input::Accept(order), &self.config).ok()?;
                 known.forbids = match (order, end.axes) {
+                    _ if !is_pending => Some(PENDING),
                     (Order::Move { .. }, Axes::Fault { .. }) => Some(IN_FAULT),
                     (Order::Move { .. }, Axes::Off) => Some(SERVO_OFF),
                     (Order::Move { .. }, Axes::Moving | Axes::Stopping) => Some(ONE_MOTION),
@@ -159,7 +174,7 @@ impl Peer for AnyCentral {
                 Input::Accept(order)
             }
             Word::Refuse(order) => {
-                known.answer(end, order)?;
+                known.answer(end, order).then_some(())?;
                 Input::Refuse(order, ErrorCode::Other(77))
             }
             Word::Arrived => Input::Arrived,
@@ -214,12 +229,12 @@ impl Known {
         self.open = Open::Line { status };
     }
 
-    /// The owner answers an order; `None` if it is not the one that is pending, which the session tells it.
-    fn answer(&mut self, end: &DeviceMachine<Pose>, order: Order<Pose>) -> Option<()> {
+    /// The owner answers an order: whether it is the one that is pending.
+    fn answer(&mut self, end: &DeviceMachine<Pose>, order: Order<Pose>) -> bool {
         if self.open != Open::Asked(order) {
             self.earlier = None;
         }
-        matches!(end.link, DeviceLink::Asked { order: pending } if pending == order).then_some(())
+        matches!(end.link, DeviceLink::Asked { order: pending } if pending == order)
     }
 
     fn sent(&mut self, reply: Reply<Pose>) {
@@ -242,5 +257,52 @@ impl Known {
             self.earlier = Some(order);
         }
         self.open = Open::Nothing;
+    }
+}
+
+impl Wired for AnyCentral {
+    type Session = Device<Pose>;
+
+    const FAULTS: Faults = Faults { split: 0.5, ..Faults::NONE };
+
+    fn session(&self) -> Device<Pose> {
+        let mut device = Device::new(self.config).expect("a configuration that works");
+        device.set_pose(HOME);
+        device
+    }
+
+    fn speak(&self, _: &Known, word: Word, session: &mut Device<Pose>, _: Duration) -> Speech {
+        match word {
+            Word::Command(command) => return Speech::Bytes(bytes(&command)),
+            Word::Corrupt => return Speech::Bytes(b"XYZ\r\n".into()),
+            Word::Overrun => return Speech::Bytes(vec![b'X'; 2 * Device::<Pose>::BACKLOG]),
+            Word::Accept(order) => _ = session.accept(order),
+            Word::Refuse(order) => _ = session.refuse(order, ErrorCode::Other(77)),
+            Word::Arrived => session.arrived(),
+            Word::Failed => session.fail(ErrorCode::Servo1),
+            Word::Pose(pose) => session.set_pose(pose.unwrap_or(Pose::from_units([i32::MAX, 0]))),
+        }
+        Speech::Call
+    }
+
+    fn is_written(&self, what: &Reply<Pose>, sent: &[u8]) -> bool {
+        sent == bytes(what)
+    }
+
+    fn reports(&self, action: &Action<Pose>, reports: &mut Vec<String>) {
+        match action {
+            Action::Report(event) => reports.extend(self.reported(event)),
+            Action::Left => reports.push("Closed Agreed".into()),
+            Action::Nothing | Action::Connected | Action::Sent => {}
+        }
+    }
+
+    fn reported(&self, event: &Event<Pose>) -> Option<String> {
+        Some(match event {
+            Event::Closed { reason } => format!("Closed {reason:?}"),
+            // Which bytes were not understood is for the decoder's tests.
+            Event::Rejected { reason: Rejection::Malformed(_) } => "Malformed".into(),
+            event => format!("{event:?}"),
+        })
     }
 }

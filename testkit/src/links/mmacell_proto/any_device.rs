@@ -4,12 +4,16 @@ use core::time::Duration;
 
 use mmacell_proto::central::machine::{self as central, CentralLink, CentralMachine, Input};
 use mmacell_proto::{
-    CentralConfig, CentralEvent as Event, Closing, Command, DecodeError, ErrorCode, Mode, Progress, Reply,
-    Status, Unfinished,
+    Central, CentralConfig, CentralEvent as Event, Closing, Command, DecodeError, ErrorCode, Mode, Progress,
+    Reply, Status, Unfinished,
 };
 
-use super::world::{ARRIVED, BETWEEN, DONE, HOME, NO_BREAK, NO_TARGET, NOT_DONE, OUTCOME, Pose, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use super::world::{
+    ARRIVED, BETWEEN, DONE, HOME, NO_BREAK, NO_TARGET, NOT_DONE, NOT_MISSED, ONCE, OUTCOME, Pose, STRAY,
+    TICK, bytes,
+};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 const MOVE: Command<Pose> = Command::Move { mode: Mode::Absolute, pose: THERE };
@@ -19,12 +23,14 @@ const CLAIMED: &str = "done: the device has said so since it was asked";
 pub(super) const RULES: Terms = Terms {
     keeps: "MM-3, MM-4, MM-18, MM-20",
     free: "when it answers and obeys, what it refuses, what stops its axes and where",
-    properties: &[OUTCOME, CLAIMED, DONE, NOT_DONE, ARRIVED, NO_TARGET, NO_BREAK, EXPECTED],
+    shows: &[("MM-3", ONCE), ("MM-4", ONCE), ("MM-13", WRITTEN)],
+    properties: &[OUTCOME, ONCE, CLAIMED, DONE, NOT_DONE, ARRIVED, NOT_MISSED, NO_TARGET, NO_BREAK, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any line at any time",
-    properties: &[OUTCOME, CLAIMED, NOT_DONE, ARRIVED, NO_TARGET, EXPECTED],
+    shows: &[],
+    properties: &[OUTCOME, CLAIMED, NOT_DONE, ARRIVED, NO_TARGET, STRAY, EXPECTED],
 };
 
 /// A device of which only this is known.
@@ -35,6 +41,8 @@ pub struct AnyDevice {
     /// It answers each command once, with what is true of its axes, and says nothing unasked (MM-3, MM-18, MM-20). When it answers,
     /// whether it obeys, and what stops its axes is open.
     pub keeps_rules: bool,
+    /// It answers once more what it has agreed to before, when the next command was sent. No central controller can see that.
+    pub repeats: bool,
 }
 
 /// What is known of the device and of the caller's command.
@@ -47,6 +55,10 @@ pub struct Known {
     /// Whether it has carried that out.
     obeyed: bool,
     axes: Axes,
+    /// It has begun to move in this tick: it may still say that it is at rest.
+    young: bool,
+    /// What comes is no answer.
+    stray: bool,
     /// The device has accepted a motion on this connection, and nothing else that ends it, as the caller knows it.
     has_target: bool,
     wrong: Option<&'static str>,
@@ -152,6 +164,7 @@ impl AnyDevice {
     /// What a status is said to mean.
     fn judge(&self, known: &mut Known, status: Status<Pose>, motion: Progress) {
         match motion {
+            Progress::Missed(_) if self.keeps_rules && known.axes.moving => known.wrong = Some(NOT_MISSED),
             Progress::Arrived if !known.has_target => known.wrong = Some(NO_TARGET),
             Progress::Arrived if status.moving || !status.servo || status.pose != THERE => {
                 known.wrong = Some(ARRIVED)
@@ -178,7 +191,16 @@ impl Peer for AnyDevice {
 
     fn known(&self) -> Known {
         let axes = Axes { moving: false, at: HOME, servo: true };
-        Known { pending: None, asked: None, obeyed: false, axes, has_target: false, wrong: None }
+        Known {
+            pending: None,
+            asked: None,
+            obeyed: false,
+            axes,
+            young: false,
+            stray: false,
+            has_target: false,
+            wrong: None,
+        }
     }
 
     fn words(&self, end: &CentralMachine<Pose>, known: &Known, words: &mut Vec<Word>) {
@@ -202,9 +224,17 @@ impl Peer for AnyDevice {
         }
         match known.asked {
             None => {}
-            Some(Command::Status) => words.extend([known.axes.status(), REFUSAL].map(Word::Reply)),
+            Some(Command::Status) => {
+                words.extend([known.axes.status(), REFUSAL].map(Word::Reply));
+                if known.young {
+                    words.push(Word::Reply(Axes { moving: false, ..known.axes }.status()));
+                }
+            }
             Some(_) if known.obeyed => words.push(Word::Reply(Reply::Ok)),
             Some(_) => words.extend([Word::Obey, Word::Reply(REFUSAL)]),
+        }
+        if self.repeats && known.asked.is_some() {
+            words.push(Word::Reply(Reply::Ok));
         }
     }
 
@@ -226,6 +256,9 @@ impl Peer for AnyDevice {
             Word::Abort => Some(Input::Abort),
             Word::Reply(reply) => {
                 known.asked = None;
+                // What has said that it moves does not say that it has not begun.
+                known.young &= !matches!(reply, Reply::Status(status) if status.moving);
+                known.stray = matches!(end.link, CentralLink::Idle | CentralLink::Sending { .. });
                 let fits = matches!(end.link, CentralLink::Awaiting { .. });
                 if let (Some((_, fate)), true) = (&mut known.pending, fits) {
                     *fate = Fate::Answered;
@@ -236,7 +269,10 @@ impl Peer for AnyDevice {
             Word::Obey => {
                 known.obeyed = true;
                 match known.asked {
-                    Some(MOVE | Command::Reset) => axes = Axes { moving: true, servo: true, ..axes },
+                    Some(MOVE | Command::Reset) => {
+                        axes = Axes { moving: true, servo: true, ..axes };
+                        known.young = true;
+                    }
                     Some(Command::Stop) => axes.moving = false,
                     Some(Command::Servo { on }) => axes = Axes { moving: false, servo: on, ..axes },
                     _ => {}
@@ -253,6 +289,7 @@ impl Peer for AnyDevice {
             }
         };
         known.axes = axes;
+        known.young &= axes.moving;
         input
     }
 
@@ -268,10 +305,20 @@ impl Peer for AnyDevice {
         action: central::Action<Pose>,
     ) {
         if let Cause::Sent(command) = cause {
+            if self.keeps_rules && known.asked.is_some() {
+                known.wrong = Some(ONCE);
+            }
             (known.asked, known.obeyed) = (Some(command), false);
             if let Some((_, fate)) = &mut known.pending {
+                if *fate != Fate::Unsent {
+                    known.wrong = Some(ONCE);
+                }
                 *fate = Fate::Sent;
             }
+        }
+        let is_ended = matches!(action, central::Action::Report(Event::Closed { .. }));
+        if core::mem::take(&mut known.stray) && !is_ended {
+            known.wrong = Some(STRAY);
         }
         match action {
             central::Action::Nothing
@@ -286,6 +333,10 @@ impl Peer for AnyDevice {
         }
     }
 
+    fn tick(&self, known: &mut Known) {
+        known.young = false;
+    }
+
     fn restarted(&self, known: &mut Known) {
         (known.pending, known.asked, known.has_target) = (None, None, false);
     }
@@ -297,6 +348,53 @@ impl Peer for AnyDevice {
     /// Whatever the device does, a command has an outcome in the end.
     fn is_over(&self, _: &CentralMachine<Pose>, known: &Known) -> bool {
         known.pending.is_none()
+    }
+}
+
+impl Wired for AnyDevice {
+    type Session = Central<Pose>;
+
+    const FAULTS: Faults = Faults { split: 0.5, ..Faults::NONE };
+
+    fn session(&self) -> Central<Pose> {
+        Central::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, _: &Known, word: Word, session: &mut Central<Pose>, now: Duration) -> Speech {
+        match word {
+            Word::Request(command) => _ = session.request(command),
+            Word::Abort => session.abort(now),
+            Word::Reply(reply) => return Speech::Bytes(bytes(&reply)),
+            Word::Corrupt => return Speech::Bytes(b"Ok\r\n".into()),
+            Word::Obey | Word::Rest(_) | Word::Off => return Speech::Elsewhere,
+        }
+        Speech::Call
+    }
+
+    fn is_written(&self, what: &Command<Pose>, sent: &[u8]) -> bool {
+        sent == bytes(what)
+    }
+
+    fn reports(&self, action: &central::Action<Pose>, reports: &mut Vec<String>) {
+        match action {
+            central::Action::Report(event) | central::Action::Connected { before: Some(event) } => {
+                reports.extend(self.reported(event));
+            }
+            central::Action::Nothing
+            | central::Action::Sent
+            | central::Action::Connected { before: None } => {}
+        }
+    }
+
+    fn reported(&self, event: &Event<Pose>) -> Option<String> {
+        match event {
+            Event::Connected => None,
+            // Which bytes were not understood is for the decoder's tests.
+            Event::Closed { reason: Closing::Malformed(_), unfinished } => {
+                Some(format!("Malformed {unfinished:?}"))
+            }
+            event => Some(format!("{event:?}")),
+        }
     }
 }
 

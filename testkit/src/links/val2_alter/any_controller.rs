@@ -35,6 +35,7 @@ pub(super) const RULES: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply, what it makes of words that come in an interruption, what is \
            lost or corrupt, when it interrupts, ends and restarts",
+    shows: &[],
     properties: &[
         ONCE,
         DONE,
@@ -56,12 +57,14 @@ pub(super) const LATER: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
     free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what is lost or corrupt, when it \
            interrupts and ends",
+    shows: &[],
     properties: &[WORDS, ZEROS, FITS, SILENT, SILENCE, ANSWERED, EXPECTED],
 };
 pub(super) const LATE: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply and takes one that is late, what it makes of words that come in an \
            interruption, what is lost, or corrupt after the start, when it interrupts, ends and restarts",
+    shows: &[],
     properties: &[
         ONCE,
         DONE,
@@ -80,6 +83,7 @@ pub(super) const LATE: Terms = Terms {
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any message and noise at any time",
+    shows: &[],
     properties: &[
         OUTCOME,
         AGAIN,

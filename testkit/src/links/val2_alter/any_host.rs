@@ -25,10 +25,11 @@ const PROPERTIES: &[&str] =
 pub(super) const RULES: Terms = Terms {
     keeps: "AL-53, AL-54, AL-67",
     free: "whether and when it answers and what, what is lost, corrupt, in pieces or late",
+    shows: &[],
     properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any message and noise at any time", properties: PROPERTIES };
+    Terms { keeps: "", free: "any message and noise at any time", shows: &[], properties: PROPERTIES };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]

@@ -24,10 +24,11 @@ const PROPERTIES: &[&str] = &[ONE_OUTCOME, CREDIT, MISSED, ENDED, STALE, HELD, R
 pub(super) const RULES: Terms = Terms {
     keeps: "VV-1, VV-3",
     free: "when it answers, how many requests with one packet, what the line corrupts, when it holds the line",
+    shows: &[],
     properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "packets, noise, XOFF and XON at any time", properties: PROPERTIES };
+    Terms { keeps: "", free: "packets, noise, XOFF and XON at any time", shows: &[], properties: PROPERTIES };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]

@@ -14,10 +14,11 @@ const PROPERTIES: &[&str] = &[ASKED, PACED, PILED, FRESH, HELD, RESUMED, EXPECTE
 pub(super) const RULES: Terms = Terms {
     keeps: "VV-1, VV-8, VV-25, VV-27",
     free: "when it asks, pauses and holds the line, and for how long",
+    shows: &[],
     properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", properties: PROPERTIES };
+    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", shows: &[], properties: PROPERTIES };
 
 /// A workstation of which only this is known.
 #[derive(Debug, Clone, Copy)]

@@ -38,6 +38,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
     let terms = Terms {
         keeps: "the types of the interface",
         free: "every interleaving of loads and stores; when each end acts, resets, is dropped",
+        shows: &[],
         properties: &[
             rule::EXECUTED_ONCE,
             rule::NOT_LOST,

@@ -2,46 +2,40 @@
 //!
 //! Values are followed from the sensor to their use: none is used that is older than the host's greatest age. The line of one half
 //! of the sessions keeps the host's assumption about delays, that of the other half does not; then values may be older by the
-//! longest delay that there was. With a hostile ball, which sends anything at any time, only the polls' outcomes are checked.
-//! Some balls that are not ours are late, by the same time at each poll, and keep every other rule: then nothing else goes wrong, and no
-//! value is too old.
-
-mod any_ball;
-mod any_host;
+//! longest delay that there was. Ends that are not ours are those of the model.
 
 use core::time::Duration;
-use std::collections::VecDeque;
 
-use isra_ball::robot_session::{Encode as _, Session as _};
-use isra_ball::{
-    Ball, BallConfig, BallEvent, DecodeError, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status,
-};
+use isra_ball::robot_session::Session as _;
+use isra_ball::{Ball, BallConfig, BallEvent, DecodeError, Frame, Host, HostConfig, HostEvent, Keys, Packet};
 
-use self::any_ball::AnyBall;
-pub(super) use self::any_host::{ANY_HOST, HOSTILE_HOST};
-use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
-use crate::link::{Delivery, End, Faults};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use crate::link::{End, Faults};
+use crate::links::isra_ball::{any_ball, any_host};
+use crate::model::walk;
 use crate::turn;
 use robot_session::contract::Rng;
 
-pub(super) const SERIAL: Row = Row {
-    link: "isra-ball",
-    transport: "serial",
-    job: "polls",
-    one_in: Some(256),
-    session: |seed, log| session(seed, Peer::Ours, log),
-};
+pub(super) const SERIAL: Row =
+    Row { link: "isra-ball", transport: "serial", job: "polls", one_in: Some(256), session };
 
-pub(super) const ANY_BALL: Row = Row {
-    transport: "serial, any ball",
-    session: |seed, log| session(seed, Peer::Any(End::B), log),
-    ..SERIAL
-};
-
+pub(super) const ANY_BALL: Row =
+    Row { transport: "serial, any ball", session: |seed, log| walk(&any_ball(true), seed, log), ..SERIAL };
 pub(super) const HOSTILE_BALL: Row = Row {
     transport: "serial, hostile ball",
-    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    session: |seed, log| walk(&any_ball(false), seed, log),
     ..SERIAL
+};
+pub(super) const ANY_HOST: Row = Row {
+    transport: "serial, any host",
+    one_in: None,
+    session: |seed, log| walk(&any_host(true), seed, log),
+    ..SERIAL
+};
+pub(super) const HOSTILE_HOST: Row = Row {
+    transport: "serial, hostile host",
+    session: |seed, log| walk(&any_host(false), seed, log),
+    ..ANY_HOST
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -58,11 +52,8 @@ struct Made {
     received: bool,
 }
 
-fn session(seed: u64, peer: Peer, log: Log) -> Tally {
+fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
-    if peer == Peer::Any(End::B) && rng.chance(0.3) {
-        return late(seed, log, &mut rng);
-    }
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
     let is_kept = rng.chance(0.5);
     let config = HostConfig::default();
@@ -78,14 +69,11 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     };
     // The greatest age. A poll that noise has made is answered too, and its packet may be taken for a reply.
     let mut most = config.max_age + config.max_delay;
-    let is_hostile = peer == Peer::Hostile(End::B);
-    let mut other = (peer == Peer::Any(End::B)).then(|| AnyBall::new(&mut rng));
-    let longest = if is_kept { 3 * MS } else { 100 * MS };
     let mut wire = Wire::new(seed, faults.at_baud(9600), ["host", "ball"], false, log);
     wire.poll_late(0.01);
     let mut hand = Hand::new(rng.chance(0.5));
     let (mut host, mut ball) = (Host::new(config).unwrap(), new_ball());
-    let (mut ledger, mut now, mut buffer) = (Ledger::default(), Duration::ZERO, [0; 64]);
+    let (mut ledger, mut now) = (Ledger::default(), Duration::ZERO);
     let mut made: Vec<Made> = Vec::new();
     let mut aliens: Vec<Packet> = Vec::new();
     let (mut polls, mut open, mut invented) = (5 + rng.below(60), None, 0);
@@ -95,8 +83,11 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     loop {
         hand.measure(now, &mut ball, &mut rng);
         if healed.is_none() {
-            if misfortune_of_ball(now, log, &mut rng, &mut ball, &mut hand) {
-                other = other.map(|_| AnyBall::new(&mut rng));
+            if rng.chance(0.002) {
+                log.line(now, format_args!("the ball is restarted"));
+                ball = new_ball();
+                ball.handle_connected(now);
+                hand.measured = None;
             }
             if rng.chance(0.002) {
                 log.line(now, format_args!("the port is closed and opened again"));
@@ -133,7 +124,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                             if is_new {
                                 work += 1;
                                 using = made.measured;
-                                if using.is_none() && !is_hostile {
+                                if using.is_none() {
                                     log.line(now, format_args!("!!! these values were never measured"));
                                     invented += 1;
                                 }
@@ -180,7 +171,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                 }
             }
         }
-        if let Some(measured) = using.filter(|measured| !is_hostile && now.saturating_sub(*measured) > most) {
+        if let Some(measured) = using.filter(|measured| now.saturating_sub(*measured) > most) {
             log.line(now, format_args!("!!! values of {measured:?} are used"));
             invented += 1;
             using = None;
@@ -196,9 +187,6 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
             open = Some(ledger.send(wire.mark()));
         }
         let mut events = Vec::new();
-        if let Some(other) = &mut other {
-            made.extend(other.turn(&mut wire, now, &hand, longest, healed.is_some(), &mut rng));
-        }
         turn(&mut wire, End::B, &mut ball, now, |_, event| events.push(event));
         for event in events {
             log.line(now, format_args!("  ball: {event:?}"));
@@ -206,21 +194,10 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                 made.push(Made { packet, measured: hand.measured, at: now, received: false });
             }
         }
-        if is_hostile && healed.is_none() && rng.chance(0.2) {
-            let packet = anything(&mut rng);
-            let n = packet.encode(&mut buffer).unwrap();
-            // The whole packet, a piece of it, or noise before it.
-            let from = if rng.chance(0.7) { 0 } else { rng.below(n) };
-            if from == 0 {
-                made.push(Made { packet, measured: Some(now), at: now, received: false });
-            }
-            wire.send(End::B, now, &buffer[from..n]);
-        }
         if healed.is_some_and(|until| now >= until || work >= WORK) {
             break;
         }
-        let answer = other.as_ref().and_then(AnyBall::next);
-        now = wire.next(now, [host.poll_timeout(), Some(now + 10 * MS), answer]);
+        now = wire.next(now, [host.poll_timeout(), Some(now + 10 * MS)]);
     }
     let mut tally = Tally { invented, stuck: u64::from(work < WORK), ..Tally::default() };
     let unseen = wire.settle(now, &mut tally, Frame::MAX_LEN, |from, bytes| match from {
@@ -234,86 +211,12 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     });
     for alien in aliens {
         let made = |bytes: &[u8]| matches!(Frame::decode(bytes), Ok(Some((frame, _))) if frame.packet() == Ok(alien));
-        if !is_hostile && !unseen.iter().any(|unseen| made(&unseen.bytes)) {
+        if !unseen.iter().any(|unseen| made(&unseen.bytes)) {
             log.line(now, format_args!("!!! nobody measured {alien:?}"));
             tally.invented += 1;
         }
     }
     ledger.settle(now, log, &mut tally, |_| false);
-    tally
-}
-
-/// A ball, or an adapter, that answers each poll so late, from the beginning or from some time on. What it does besides the
-/// source permits: values that are old, packets of other layouts.
-fn late(seed: u64, log: Log, rng: &mut Rng) -> Tally {
-    let config = HostConfig::default();
-    let mut wire = Wire::new(seed, Faults::NONE.at_baud(9600), ["host", "ball"], false, log);
-    let lag = rng.log_uniform(10 * MS, 3000 * MS);
-    let begins_at = if rng.chance(0.5) { Duration::ZERO } else { MS * rng.below(3000) as u32 };
-    let old = [0.0, 0.1, 0.5][rng.below(3)];
-    let (mut host, mut ball) = (Host::new(config).unwrap(), new_ball());
-    let mut hand = Hand::new(false);
-    let mut packets: VecDeque<(Duration, Packet)> = VecDeque::new();
-    let mut made: Vec<(Packet, Duration)> = Vec::new();
-    let (mut now, mut using, mut tally) = (Duration::ZERO, None, Tally::default());
-    let (mut polls, mut unasked) = (0, 0);
-    host.handle_connected(now);
-    ball.handle_connected(now);
-    let end = begins_at + 4 * lag + 3000 * MS;
-    while now < end {
-        hand.measure(now, &mut ball, rng);
-        let mut buffer = [0; 64];
-        while let Some((at, packet)) = packets.front().copied().filter(|(at, _)| *at <= now) {
-            log.line(now, format_args!("the packet of {at:?} leaves"));
-            packets.pop_front();
-            let n = packet.encode(&mut buffer).unwrap();
-            wire.send(End::B, now, &buffer[..n]);
-        }
-        let mut events = Vec::new();
-        turn(&mut wire, End::A, &mut host, now, |_, event| events.push(event));
-        for event in events {
-            log.line(now, format_args!("  host: {event:?}"));
-            match event {
-                HostEvent::Packet(packet) => {
-                    using = made.iter().rev().find(|(made, _)| *made == packet).map(|(_, at)| *at);
-                    tally.once += 1;
-                }
-                HostEvent::Old(_) => tally.once += 1,
-                HostEvent::Missed => tally.not_done += 1,
-                HostEvent::Stale => using = None,
-                HostEvent::Unasked(_) => unasked += 1,
-                _ => {}
-            }
-        }
-        if let Some(measured) = using.filter(|measured| now - *measured > config.max_age) {
-            log.line(now, format_args!("!!! values of {measured:?} are used"));
-            tally.invented += 1;
-            using = None;
-        }
-        while let Some(delivery) = wire.receive(End::B, now) {
-            let Delivery::Bytes(bytes) = delivery else { continue };
-            for _ in bytes {
-                polls += 1;
-                ball.handle_input(now, &[isra_ball::ENQ]);
-                let n = ball.poll_transmit(now, &mut buffer).unwrap();
-                let mut packet = Frame::decode(&buffer[..n]).unwrap().unwrap().0.packet().unwrap();
-                if rng.chance(old) {
-                    packet.status = Status::Old;
-                }
-                let at = now + if now >= begins_at { lag } else { Duration::ZERO };
-                made.push((packet, now));
-                packets.push_back((at, packet));
-            }
-        }
-        while ball.poll_event().is_some() {}
-        let next = packets.front().map(|(at, _)| *at);
-        now = wire.next(now, [host.poll_timeout(), next.or(Some(now + 10 * MS))]);
-    }
-    // It is found out, unless it is in time.
-    tally.stuck = u64::from(unasked == 0 && lag > config.max_delay + MS);
-    tally.jobs = tally.once + tally.not_done;
-    // The last poll may be open, or on the line.
-    tally.lost = u64::from(polls > tally.jobs + 1);
     tally
 }
 
@@ -350,33 +253,6 @@ impl Hand {
     }
 }
 
-/// Whether the ball is restarted.
-fn misfortune_of_ball(now: Duration, log: Log, rng: &mut Rng, ball: &mut Ball, hand: &mut Hand) -> bool {
-    let is_restarted = rng.chance(0.002);
-    if is_restarted {
-        log.line(now, format_args!("the ball is restarted"));
-        *ball = new_ball();
-        ball.handle_connected(now);
-        hand.measured = None;
-    }
-    is_restarted
-}
-
 fn new_ball() -> Ball {
     Ball::new(BallConfig { sensor_type: 3, sensor: 4, ..BallConfig::default() }).unwrap()
-}
-
-fn anything(rng: &mut Rng) -> Packet {
-    let bytes = rng.next_u64().to_le_bytes().map(u8::cast_signed);
-    let [x, y, z, mx, my, mz, keys, status] = bytes;
-    let status = [Status::Fresh, Status::Old, Status::Reserved, Status::Reserved11]
-        [usize::from(status.cast_unsigned() & 3)];
-    Packet {
-        sensor_type: 7,
-        sensor: 7,
-        status,
-        force: [x, y, z],
-        moment: [mx, my, mz],
-        keys: Keys(keys.cast_unsigned()),
-    }
 }

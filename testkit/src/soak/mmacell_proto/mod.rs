@@ -1,8 +1,5 @@
 //! A central controller and a robot over TCP. A job is a motion or an override.
 
-mod any_central;
-mod any_device;
-mod hostile;
 mod robot;
 
 use core::time::Duration;
@@ -13,40 +10,28 @@ use mmacell_proto::{
     Rejection, RobotPose, Unfinished,
 };
 
-use self::any_central::AnyCentral;
-use self::any_device::AnyDevice;
-use self::hostile::{Pipeline, any_command, any_reply};
 use self::robot::{Line, Robot};
-use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
-use crate::link::{Delivery, End, Faults};
-use crate::{Carrier, turn};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use crate::link::{End, Faults};
+use crate::links::mmacell_proto::{any_central, any_device};
+use crate::model::walk;
+use crate::turn;
 use robot_session::contract::Rng;
 
-pub(super) const TCP: Row = Row {
-    link: "mmacell-proto",
-    transport: "tcp",
-    job: "commands",
-    one_in: None,
-    session: |seed, log| session(seed, Peer::Ours, log),
-};
+pub(super) const TCP: Row =
+    Row { link: "mmacell-proto", transport: "tcp", job: "commands", one_in: None, session };
 
 pub(super) const ANY_CENTRAL: Row =
-    Row { transport: "tcp, any central", session: |seed, log| session(seed, Peer::Any(End::A), log), ..TCP };
-
+    Row { transport: "tcp, any central", session: |seed, log| walk(&any_central(true), seed, log), ..TCP };
 pub(super) const ANY_DEVICE: Row =
-    Row { transport: "tcp, any device", session: |seed, log| session(seed, Peer::Any(End::B), log), ..TCP };
-
+    Row { transport: "tcp, any device", session: |seed, log| walk(&any_device(true), seed, log), ..TCP };
 pub(super) const HOSTILE_CENTRAL: Row = Row {
     transport: "tcp, hostile central",
-    session: |seed, log| session(seed, Peer::Hostile(End::A), log),
+    session: |seed, log| walk(&any_central(false), seed, log),
     ..TCP
 };
-
-pub(super) const HOSTILE_DEVICE: Row = Row {
-    transport: "tcp, hostile device",
-    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
-    ..TCP
-};
+pub(super) const HOSTILE_DEVICE: Row =
+    Row { transport: "tcp, hostile device", session: |seed, log| walk(&any_device(false), seed, log), ..TCP };
 
 const MS: Duration = Duration::from_millis(1);
 const S: Duration = Duration::from_secs(1);
@@ -77,16 +62,9 @@ struct Cell {
     sent: Vec<Order<RobotPose>>,
     /// How often things go wrong: 0 in the last minute.
     bad: f64,
-    /// The end that does not keep the rules.
-    hostile: Option<End>,
-    /// A central controller that does not wait for answers, which are then checked.
-    pipeline: Option<Pipeline>,
-    /// Instead of the project's own.
-    other_central: Option<AnyCentral>,
-    other_robot: Option<AnyDevice>,
 }
 
-fn session(seed: u64, peer: Peer, log: Log) -> Tally {
+fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = rng.unit();
     // Some delays outlast the central controller's patience.
@@ -112,25 +90,13 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         is_done: false,
         sent: Vec::new(),
         bad,
-        pipeline: None,
-        hostile: if let Peer::Hostile(end) = peer { Some(end) } else { None },
-        other_central: (peer == Peer::Any(End::A)).then(AnyCentral::default),
-        other_robot: (peer == Peer::Any(End::B)).then(AnyDevice::default),
         rng,
     };
     cell.wire.poll_late(0.02 * bad);
-    if cell.hostile == Some(End::A) && cell.rng.chance(0.5) {
-        cell.pipeline = Some(Pipeline::default());
-    }
     let jobs = 5 + cell.rng.below(36);
     while cell.ledger.len() < jobs && cell.now < LIMIT {
         cell.command();
         cell.step();
-        // A hostile central controller has no jobs.
-        let is_done = cell.pipeline.as_ref().is_none_or(|pipeline| pipeline.open.is_empty() || cell.cut);
-        if cell.hostile == Some(End::A) && cell.now > 60 * S && is_done {
-            break;
-        }
     }
     let mut tally = Tally::default();
     cell.last_minute(&mut tally);
@@ -144,16 +110,10 @@ impl Cell {
     /// Nothing goes wrong any more: the robot has to arrive where it is sent.
     fn last_minute(&mut self, tally: &mut Tally) {
         self.wire.heal(self.now);
-        if self.hostile.is_some() || self.other_central.take().is_some() {
-            // The end that is not ours goes, and its connection with it.
-            self.central.handle_disconnected(self.now);
-            self.turn_central();
-            self.connects_at = Some(self.now);
-        }
         if let Some(job) = self.under_way.take() {
             self.ledger.report(job, Reported::Unknown, self.wire.mark());
         }
-        (self.bad, self.cut, self.hostile) = (0.0, false, None);
+        (self.bad, self.cut) = (0.0, false);
         let end = self.now + 60 * S;
         while !self.is_done && self.now < end {
             if self.central.is_idle() {
@@ -175,7 +135,7 @@ impl Cell {
 
     /// Requests the next command, when the last one is finished.
     fn command(&mut self) {
-        if !self.central.is_idle() || self.hostile == Some(End::A) || self.other_central.is_some() {
+        if !self.central.is_idle() {
             return;
         }
         let (works, moves) = self.status();
@@ -201,9 +161,6 @@ impl Cell {
 
     /// Whether the robot can be moved, and whether it moves.
     fn status(&self) -> (bool, bool) {
-        if let Some(other) = &self.other_robot {
-            return (other.servo, other.is_moving());
-        }
         let status = self.robot.device.status();
         let works = status.is_some_and(|status| status.servo && status.error == ErrorCode::None);
         (works, status.is_some_and(|status| status.moving))
@@ -213,7 +170,7 @@ impl Cell {
     /// meant.
     fn execute(&mut self, order: Order<RobotPose>) {
         let job = self.sent.iter().rposition(|sent| *sent == order);
-        if self.hostile != Some(End::A) && !job.is_some_and(|job| self.ledger.execute(job)) {
+        if !job.is_some_and(|job| self.ledger.execute(job)) {
             self.log.line(self.now, format_args!("!!! nobody sent {order:?}"));
             self.invented += 1;
         }
@@ -230,31 +187,14 @@ impl Cell {
     fn step(&mut self) {
         let robot = [self.robot.arrival.map(|(at, _)| at), self.robot.asked.map(|(at, _)| at)];
         let central = [self.central.poll_timeout(), self.connects_at];
-        let idle = self.hostile.map(|_| self.now + 20 * MS);
-        let others = [
-            self.other_central.as_ref().and_then(AnyCentral::next),
-            self.other_robot.as_ref().and_then(AnyDevice::next),
-        ];
-        let times = robot.into_iter().chain(central).chain([idle]).chain(others);
+        let times = robot.into_iter().chain(central);
         // The line is silent where it is cut: time passes there, too.
         let silent = self.cut.then_some(self.now + 100 * MS);
         self.now = self.wire.next(self.now, times.chain([silent]));
         self.fail();
         self.connect();
-        match self.other_robot.take() {
-            None => self.turn_robot(),
-            Some(mut other) => {
-                self.turn_other_robot(&mut other);
-                self.other_robot = Some(other);
-            }
-        }
-        match self.other_central.take() {
-            None => self.turn_central(),
-            Some(mut other) => {
-                self.turn_other_central(&mut other);
-                self.other_central = Some(other);
-            }
-        }
+        self.turn_robot();
+        self.turn_central();
     }
 
     /// What goes wrong beside the transport.
@@ -268,7 +208,6 @@ impl Cell {
         if self.rng.chance(0.004 * bad) {
             log.line(now, format_args!("  the robot restarts"));
             self.robot = Robot::new(self.robot.pose);
-            self.other_robot = self.other_robot.take().map(|_| AnyDevice::default());
             // Half of the time the central controller is not notified: its commands are not answered.
             if self.rng.chance(0.5) {
                 self.wire.disconnect(now);
@@ -278,7 +217,6 @@ impl Cell {
         if self.rng.chance(0.004 * bad) {
             log.line(now, format_args!("  the central controller restarts"));
             self.central = Central::new(CentralConfig::DEFAULT).unwrap();
-            self.other_central = self.other_central.take().map(|_| AnyCentral::default());
             if let Some(job) = self.under_way.take() {
                 // Nobody is left who knows.
                 self.ledger.report(job, Reported::Unknown, self.wire.mark());
@@ -294,18 +232,6 @@ impl Cell {
             log.line(now, format_args!("  the caller aborts"));
             self.central.abort(now);
         }
-        if self.hostile.is_some() && self.wire.is_connected() && !self.cut {
-            let (end, rng) = (self.hostile.unwrap_or(End::A), &mut self.rng);
-            if let Some(pipeline) = &mut self.pipeline {
-                if rng.chance(0.05) && now < 60 * S {
-                    let bytes = pipeline.write(now, rng);
-                    self.wire.send(End::A, now, &bytes);
-                }
-            } else if rng.chance(0.5) {
-                let bytes = if end == End::A { any_command(rng) } else { any_reply(rng) };
-                self.wire.send(end, now, bytes);
-            }
-        }
     }
 
     /// A new connection; the robot may not know that the one before is gone.
@@ -314,15 +240,13 @@ impl Cell {
             return;
         }
         self.cut = false;
-        self.pipeline = self.pipeline.is_some().then(Pipeline::default);
         self.wire.reconnect(self.now);
         self.robot.device.handle_connected(self.now);
-        self.other_robot.iter_mut().for_each(AnyDevice::reconnect);
         self.central.handle_connected(self.now);
     }
 
     fn turn_robot(&mut self) {
-        let Self { robot, wire, cut, now, rng, log, invented, bad, hostile, .. } = self;
+        let Self { robot, wire, cut, now, rng, log, invented, bad, .. } = self;
         let (now, log, bad) = (*now, *log, *bad);
         let mut executed = Vec::new();
         if let Some((_, pose)) = robot.arrival.take_if(|(at, _)| *at <= now) {
@@ -331,11 +255,6 @@ impl Cell {
             robot.device.arrived();
         }
         let mut line = Line { wire, cut: *cut };
-        if *hostile == Some(End::B) {
-            // It reads what arrives and answers as it likes.
-            while line.receive(End::B, now, usize::MAX).is_some() {}
-            return;
-        }
         let due = robot.asked.take_if(|(at, _)| *at <= now).map(|(_, order)| order);
         let mut asked = due;
         loop {
@@ -357,7 +276,7 @@ impl Cell {
             let mut pending = None;
             turn(&mut line, End::B, &mut robot.device, now, |_, event| match event {
                 DeviceEvent::Asked { order } => pending = Some(order),
-                DeviceEvent::Rejected { reason: Rejection::Malformed(error) } if *hostile != Some(End::A) => {
+                DeviceEvent::Rejected { reason: Rejection::Malformed(error) } => {
                     log.line(now, format_args!("!!! TCP corrupts nothing: {error}"));
                     *invented += 1;
                 }
@@ -383,31 +302,6 @@ impl Cell {
         let (now, log) = (self.now, self.log);
         let mut events = Vec::new();
         let mut line = Line { wire: &mut self.wire, cut: self.cut };
-        if self.hostile == Some(End::A) {
-            while let Some(delivery) = line.receive(End::A, now, usize::MAX) {
-                let (Delivery::Bytes(bytes), Some(pipeline)) = (delivery, &mut self.pipeline) else {
-                    continue;
-                };
-                if !pipeline.reads(now, &bytes) {
-                    log.line(now, format_args!("!!! not one answer for each command, in their order"));
-                    self.invented += 1;
-                }
-            }
-            let broken = !self.wire.is_connected() || self.cut;
-            if let Some(pipeline) = &mut self.pipeline
-                && !broken
-                && !pipeline.open.is_empty()
-                && now > pipeline.moved + 60 * S
-            {
-                log.line(now, format_args!("!!! {} commands are not answered", pipeline.open.len()));
-                self.invented += 1;
-                pipeline.open.clear();
-            }
-            if broken && self.connects_at.is_none() {
-                self.connects_at = Some(now + 100 * MS);
-            }
-            return;
-        }
         turn(&mut line, End::A, &mut self.central, now, |_, event| events.push(event));
         for event in events {
             log.line(now, format_args!("  central: {event:?}"));
@@ -421,13 +315,13 @@ impl Cell {
                 }
                 CentralEvent::Refused { .. } | CentralEvent::Aborted { .. } => Reported::NotDone,
                 CentralEvent::Status { status, motion } => {
-                    if motion == Progress::Arrived && self.hostile.is_none() {
+                    if motion == Progress::Arrived {
                         self.check_arrival(status.pose, status.servo);
                     }
                     continue;
                 }
                 CentralEvent::Closed { reason, unfinished } => {
-                    if let (Closing::Malformed(_) | Closing::Mismatch, None) = (reason, self.hostile) {
+                    if let Closing::Malformed(_) | Closing::Mismatch = reason {
                         log.line(now, format_args!("!!! TCP corrupts nothing"));
                         self.invented += 1;
                     }
@@ -445,10 +339,6 @@ impl Cell {
                 }
             };
             if let Some(job) = self.under_way.take() {
-                if self.hostile == Some(End::B) && reported == Reported::Done {
-                    // Whoever answers so has executed it.
-                    self.ledger.execute(job);
-                }
                 self.ledger.report(job, reported, self.wire.mark());
             }
         }

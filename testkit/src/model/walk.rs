@@ -1,0 +1,367 @@
+//! One end and any peer: a random walk of the model's [`Peer`](crate::model::Peer), whose words are bytes on a bad line.
+//!
+//! After every step the session is compared with its machine, the bytes that it sends and its events with the machine's decisions, and
+//! the jobs with the properties of the model. A job is a word that the end hears or loses.
+
+use core::time::Duration;
+use std::collections::HashMap;
+
+use robot_session::contract::Rng;
+use robot_session::end::Machine as _;
+
+use super::against::{Act, Against, By, SceneOf};
+use super::fingerprint::fingerprint;
+use super::system::System as _;
+use super::wired::{Follower, Wired};
+use crate::link::{Delivery, End, Link};
+use crate::soak::{Log, Tally};
+
+/// The most steps to the end of all work, without faults.
+const CALM: usize = 5000;
+/// The most ticks for which the end is not called.
+const ASLEEP: u64 = 200;
+
+/// The walk of a seed.
+pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
+    let mut rng = Rng::new(!seed);
+    let (steps, bad) = (50 + rng.below(2000), [0.2, 0.5, 0.9][rng.below(3)]);
+    // How often something happens where a patient user and an obliging peer would let time pass.
+    let idle = [bad, 0.8, 0.97, 0.97][rng.below(4)];
+    let mut walk = Walk {
+        against,
+        follower: Follower::new(&against.peer),
+        scene: against.init(),
+        link: Link::new(seed, P::FAULTS),
+        rng,
+        log,
+        tally: Tally::default(),
+        visits: HashMap::new(),
+        rest: None,
+        held: None,
+        is_clean: true,
+        is_calm: false,
+        is_forged: false,
+    };
+    for step in 0..steps + CALM {
+        if step == steps {
+            walk.calm();
+        }
+        if walk.is_judged() || walk.is_calm && against.is_over(&walk.scene) {
+            break;
+        }
+        let often = if against.benign(&walk.scene) == Some(Act::Tick) { idle } else { bad };
+        if !walk.turn(often) {
+            break;
+        }
+    }
+    let is_stuck = !walk.is_judged() && !against.is_over(&walk.scene);
+    let jobs = walk.tally.once + walk.tally.not_done + walk.tally.forged;
+    Tally { jobs, stuck: is_stuck.into(), faults: walk.link.counts(), ..walk.tally }
+}
+
+struct Walk<'a, P: Wired> {
+    against: &'a Against<P>,
+    follower: Follower<'a, P>,
+    scene: SceneOf<P>,
+    link: Link,
+    rng: Rng,
+    log: Log,
+    tally: Tally,
+    /// How often each state was visited.
+    visits: HashMap<u128, u32>,
+    /// A word of which the beginning has arrived, and the bytes that follow.
+    rest: Option<(P::Word, Vec<u8>)>,
+    /// A word that the session holds until it reads again.
+    held: Option<P::Word>,
+    /// The decoder holds no bytes of a word that the line has damaged.
+    is_clean: bool,
+    /// The faults have ended.
+    is_calm: bool,
+    /// The end has heard a word that nobody has said: corruption that no check sees. What follows proves nothing.
+    is_forged: bool,
+}
+
+impl<P: Wired> Walk<'_, P> {
+    fn is_judged(&self) -> bool {
+        self.tally.invented > 0 || self.is_forged
+    }
+
+    /// Ends the faults.
+    fn calm(&mut self) {
+        self.is_calm = true;
+        self.link.heal();
+        if self.rest.is_some() {
+            self.step(Act::Connect);
+        }
+    }
+
+    /// The next step, or some. False: none is possible.
+    fn turn(&mut self, often: f64) -> bool {
+        if self.rest.is_some() && self.rng.chance(0.5) {
+            self.finish();
+            return true;
+        }
+        let benign =
+            self.against.benign(&self.scene).filter(|act| self.rest.is_none() || !self.is_heard(*act));
+        let is_bad = !self.is_calm && self.rng.chance(often);
+        let Some(act) = benign.filter(|_| !is_bad).or_else(|| self.choose()) else { return false };
+        // A program that is not called for a while.
+        let is_asleep = act == Act::Tick && self.against.late && !self.is_calm && self.rng.chance(0.01);
+        let times = if is_asleep { 1 + self.rng.next_u64() % ASLEEP } else { 1 };
+        for _ in 0..times {
+            if !self.is_judged() && (act != Act::Tick || self.acts().contains(&act)) {
+                self.step(act);
+            }
+        }
+        true
+    }
+
+    /// Whether the act is bytes that the end reads.
+    fn is_heard(&self, act: Act<P::Word>) -> bool {
+        matches!(act, Act::Word(word) if self.against.peer.by(word) == By::Line)
+    }
+
+    fn acts(&self) -> Vec<Act<P::Word>> {
+        let mut acts = Vec::new();
+        self.against.acts(&self.scene, &mut acts);
+        acts.retain(|act| self.rest.is_none() || !self.is_heard(*act));
+        acts
+    }
+
+    /// The act that leads to the state with the fewest visits. Few acts break the connection.
+    fn choose(&mut self) -> Option<Act<P::Word>> {
+        let acts = self.acts();
+        let breaks = |act: &Act<P::Word>| matches!(act, Act::Connect | Act::Disconnect | Act::Restart);
+        let has_others = acts.iter().any(|act| !breaks(act));
+        let is_likely = |act: &Act<P::Word>| !(breaks(act) && has_others && self.rng.chance(0.95));
+        let likely: Vec<_> = acts.iter().copied().filter(is_likely).collect();
+        let visits = |act: &Act<P::Word>| {
+            let next = self.against.step(&self.scene, *act, None);
+            let times = |of: u128| self.visits.get(&of).copied().unwrap_or_default();
+            (times(fingerprint(&next)), times(fingerprint(&next.end)), self.rng.next_u64())
+        };
+        let visited: Vec<_> = likely.iter().map(visits).zip(&likely).collect();
+        visited.into_iter().min_by_key(|(visits, _)| *visits).map(|(_, act)| *act)
+    }
+
+    fn step(&mut self, act: Act<P::Word>) {
+        self.log.line(self.follower.now, format_args!("{act:?}"));
+        if matches!(act, Act::Connect | Act::Disconnect | Act::Restart) {
+            (self.rest, self.held) = (None, None);
+        }
+        let bytes = match self.follower.act(&self.scene, act) {
+            Ok(bytes) => bytes,
+            Err(error) => return self.find(&error),
+        };
+        match act {
+            Act::Word(word) if self.is_heard(act) => {
+                if self.scene.end.reads() {
+                    self.say(word, bytes);
+                }
+            }
+            act => {
+                if !bytes.is_empty()
+                    && let Err(error) = self.follower.hear([bytes.as_slice()])
+                {
+                    return self.find(&error);
+                }
+                // A connection begins with nothing of the one before.
+                self.is_clean |= matches!(act, Act::Connect | Act::Restart);
+                let next = self.against.step(&self.scene, act, None);
+                self.follow(act, next);
+            }
+        }
+        self.visited();
+    }
+
+    /// Says a word: whole, in two parts with a pause between them, with the next word, or until the connection breaks.
+    fn say(&mut self, word: P::Word, mut bytes: Vec<u8>) {
+        // Bytes that arrive at a deadline do what is due first.
+        if self.is_calm || self.scene.end.expires(Duration::ZERO) {
+            return self.deliver(word, &bytes);
+        }
+        if self.against.breaks && self.rng.chance(0.01) {
+            bytes.truncate(self.rng.below(bytes.len() + 1));
+            return self.cut(word, &bytes);
+        }
+        if !self.is_clean || self.held.is_some() {
+            return self.deliver(word, &bytes);
+        }
+        if bytes.len() > 1 && self.against.peer.may_pause(word) && self.rng.chance(0.05) {
+            let rest = bytes.split_off(1 + self.rng.below(bytes.len() - 1));
+            self.log.line(self.follower.now, format_args!("  {} bytes come later", rest.len()));
+            if let Err(error) = self.follower.hear([bytes.as_slice()]) {
+                return self.find(&error);
+            }
+            self.rest = Some((word, rest));
+            let same = self.scene.clone();
+            return self.follow(Act::Word(word), same);
+        }
+        if self.rng.chance(0.1) {
+            return self.glue(word, bytes);
+        }
+        self.deliver(word, &bytes);
+    }
+
+    /// The rest of a word arrives, if its peer may still say it; else it never comes.
+    fn finish(&mut self) {
+        let Some((word, rest)) = self.rest.take() else { return };
+        let act = Act::Word(word);
+        if self.acts().contains(&act) && self.scene.end.reads() {
+            self.log.line(self.follower.now, format_args!("{act:?}, its last {} bytes", rest.len()));
+            if let Err(error) = self.follower.hear([rest.as_slice()]) {
+                return self.find(&error);
+            }
+            let heard = self.against.step(&self.scene, act, None);
+            self.tally.once += 1;
+            self.follow(act, heard);
+            self.visited();
+        } else {
+            self.is_clean = false;
+            self.tally.not_done += 1;
+        }
+    }
+
+    /// Another word arrives in the same read.
+    fn glue(&mut self, word: P::Word, mut bytes: Vec<u8>) {
+        let between = self.against.step(&self.scene, Act::Word(word), None);
+        let mut acts = Vec::new();
+        self.against.acts(&between, &mut acts);
+        acts.retain(|act| self.is_heard(*act));
+        let Some(Act::Word(next)) = acts.get(self.rng.below(acts.len().max(1))).copied() else {
+            return self.deliver(word, &bytes);
+        };
+        self.log.line(self.follower.now, format_args!("  and {next:?}"));
+        bytes.extend(self.follower.speak(&between.known, next));
+        if let Err(error) = self.follower.hear([bytes.as_slice()]) {
+            return self.find(&error);
+        }
+        self.tally.once += 2;
+        let heard = if between.end.reads() {
+            self.against.step(&between, Act::Word(next), None)
+        } else {
+            self.held = Some(next);
+            between
+        };
+        self.follow(Act::Word(next), heard);
+    }
+
+    /// The session holds what the model says of it. A word that it holds is heard when it reads again.
+    fn follow(&mut self, act: Act<P::Word>, mut next: SceneOf<P>) {
+        if next.end.reads()
+            && let Some(held) = self.held.take()
+        {
+            self.log.line(self.follower.now, format_args!("  {held:?} was held"));
+            next = self.against.step(&next, Act::Word(held), None);
+        }
+        let Some(difference) = self.follower.differs(&next) else {
+            self.scene = next;
+            return;
+        };
+        if self.is_clean {
+            return self.find(&difference);
+        }
+        match self.late(act).into_iter().find(|scene| self.follower.differs(scene).is_none()) {
+            Some(late) => self.scene = late,
+            None => self.forge(),
+        }
+    }
+
+    /// The connection ends within a word.
+    fn cut(&mut self, word: P::Word, bytes: &[u8]) {
+        self.log.line(self.follower.now, format_args!("  cut after {} bytes", bytes.len()));
+        if let Err(error) = self.follower.hear([bytes]) {
+            return self.find(&error);
+        }
+        let heard = self.against.step(&self.scene, Act::Word(word), None);
+        let mut scenes = self.lost(word);
+        scenes.extend([self.scene.clone(), heard]);
+        match scenes.into_iter().find(|scene| self.follower.differs(scene).is_none()) {
+            Some(scene) => {
+                self.tally.not_done += 1;
+                self.scene = scene;
+                self.step(Act::Connect);
+            }
+            None if self.is_clean => self.find(&format!("{word:?}, cut")),
+            None => self.forge(),
+        }
+    }
+
+    /// A word arrives over the bad line: it is heard or lost.
+    fn deliver(&mut self, word: P::Word, bytes: &[u8]) {
+        let before = self.link.counts();
+        self.link.send(End::A, Duration::ZERO, bytes);
+        let delivered = core::iter::from_fn(|| self.link.receive(End::B, Duration::MAX));
+        let pieces: Vec<Vec<u8>> = delivered
+            .filter_map(|part| if let Delivery::Bytes(bytes) = part { Some(bytes) } else { None })
+            .collect();
+        if let Err(error) = self.follower.hear(pieces.iter().map(Vec::as_slice)) {
+            return self.find(&error);
+        }
+        let is_hurt = self.link.counts().corruption() > before.corruption();
+        self.tally.corrupt += u64::from(is_hurt);
+        self.is_clean &= !is_hurt;
+        let heard = self.against.step(&self.scene, Act::Word(word), None);
+        let difference = self.follower.differs(&heard);
+        let mut others = Vec::new();
+        if !self.is_clean {
+            others.extend(self.lost(word));
+            others.extend(self.late(Act::Word(word)));
+        }
+        let lost = others.into_iter().find(|scene| self.follower.differs(scene).is_none());
+        match (difference, lost) {
+            // Where the session does not show whether it has heard the word, it has not.
+            (Some(_), Some(lost)) => self.lose(lost, is_hurt),
+            (None, Some(lost)) if is_hurt => self.lose(lost, is_hurt),
+            (None, _) => {
+                self.tally.once += 1;
+                // Where it makes no difference, it may have waited.
+                self.is_clean |= heard.end != self.scene.end;
+                self.scene = heard;
+            }
+            (Some(_), None) if !self.is_clean => self.forge(),
+            (Some(difference), None) => self.find(&difference),
+        }
+    }
+
+    /// The scenes after a word of which bytes are lost.
+    fn lost(&self, word: P::Word) -> Vec<SceneOf<P>> {
+        let mut words = Vec::new();
+        self.against.peer.lost(&self.scene.known, word, &mut words);
+        if words.is_empty() {
+            return vec![self.scene.clone(), self.against.step(&self.scene, Act::Due, None)];
+        }
+        words.into_iter().map(|word| self.against.step(&self.scene, Act::Word(word), None)).collect()
+    }
+
+    /// The scene after an act if the end has given up damaged bytes before it.
+    fn late(&self, act: Act<P::Word>) -> Option<SceneOf<P>> {
+        let before = self.against.step(&self.scene, Act::Word(self.against.peer.given_up()?), None);
+        Some(self.against.step(&before, act, None))
+    }
+
+    fn lose(&mut self, lost: SceneOf<P>, is_hurt: bool) {
+        self.tally.not_done += 1;
+        self.tally.refused += u64::from(is_hurt);
+        self.scene = lost;
+    }
+
+    fn forge(&mut self) {
+        self.log.line(self.follower.now, format_args!("corruption has made a word that nobody has said"));
+        (self.tally.forged, self.tally.unseen) = (self.tally.forged + 1, self.tally.unseen + 1);
+        self.is_forged = true;
+    }
+
+    fn find(&mut self, what: &str) {
+        self.log.line(self.follower.now, format_args!("!!! {what}"));
+        self.tally.invented += 1;
+    }
+
+    fn visited(&mut self) {
+        *self.visits.entry(fingerprint(&self.scene)).or_default() += 1;
+        *self.visits.entry(fingerprint(&self.scene.end)).or_default() += 1;
+        let mut broken = Vec::new();
+        self.against.broken(&self.scene, &mut broken);
+        broken.first().into_iter().for_each(|property| self.find(property));
+    }
+}

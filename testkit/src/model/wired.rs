@@ -1,0 +1,196 @@
+//! The session of an end against any peer: each step of the model as bytes or calls.
+
+use core::time::Duration;
+
+use robot_session::Session as _;
+use robot_session::end::{End, EventOf, Machine as _};
+
+use super::against::{Act, ActionOf, Against, By, Peer, SceneOf, TransmitOf};
+use super::machine::age;
+use super::refine::{Refined, refine};
+use crate::faults::Faults;
+
+/// The property that [`Wired::is_written`] states, wherever a session is compared with its machine.
+pub const WRITTEN: &str = "messages are encoded as the source says";
+
+/// A peer whose words are bytes, or calls of the end's session.
+pub trait Wired: Peer {
+    /// The end's session.
+    type Session: End<Machine = <Self as Peer>::End> + Clone;
+
+    /// The faults of the line in a random walk. The times of a walk are those of the model.
+    const FAULTS: Faults;
+
+    /// The session when its process starts.
+    fn session(&self) -> Self::Session;
+
+    /// Encodes a word as bytes, or makes its call.
+    fn speak(
+        &self,
+        known: &Self::Known,
+        word: Self::Word,
+        session: &mut Self::Session,
+        now: Duration,
+    ) -> Speech;
+
+    /// Whether these bytes are what was to be sent.
+    fn is_written(&self, what: &TransmitOf<Self>, bytes: &[u8]) -> bool;
+
+    /// Pushes the reports that an action makes.
+    fn reports(&self, action: &ActionOf<Self>, reports: &mut Vec<String>);
+
+    /// The report of an event, in the form of [`reports`](Self::reports); `None` for an event without an action, such as corrupt bytes.
+    fn reported(&self, event: &EventOf<Self::Session>) -> Option<String>;
+
+    /// Pushes the words that the end may hear in place of a word whose bytes the line has lost or changed. None: it hears nothing.
+    fn lost(&self, _known: &Self::Known, _word: Self::Word, _words: &mut Vec<Self::Word>) {}
+
+    /// The word that the end hears when it gives up the bytes of such a word later.
+    fn given_up(&self) -> Option<Self::Word> {
+        None
+    }
+
+    /// Whether the end waits for the rest of this word as long as it takes.
+    fn may_pause(&self, _word: Self::Word) -> bool {
+        true
+    }
+
+    /// Clears what the model does not count in a session's machine, such as job numbers.
+    fn forget(&self, _machine: &mut Self::End) {}
+}
+
+/// The form of a word on the way to a session.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Speech {
+    /// Bytes, not yet delivered.
+    Bytes(Vec<u8>),
+    /// A call, already made.
+    Call,
+    /// Neither: it happens elsewhere.
+    Elsewhere,
+}
+
+/// A session that follows the end of a scene, step by step.
+#[derive(Debug)]
+pub struct Follower<'a, P: Wired> {
+    peer: &'a P,
+    session: P::Session,
+    /// The session's time.
+    pub now: Duration,
+}
+
+impl<'a, P: Wired> Follower<'a, P> {
+    /// A session whose process has just started.
+    pub fn new(peer: &'a P) -> Self {
+        let mut session = peer.session();
+        session.core_mut().moves = Some(Vec::new());
+        Self { peer, session, now: Duration::from_secs(1) }
+    }
+
+    /// Does an act to the session. The bytes of a word are returned, for [`hear`](Self::hear).
+    ///
+    /// # Errors
+    /// The session sends or reports something else than its machine has decided.
+    pub fn act(&mut self, scene: &SceneOf<P>, act: Act<P::Word>) -> Result<Vec<u8>, String> {
+        let now = self.now;
+        let mut bytes = Vec::new();
+        match act {
+            Act::Connect => self.session.handle_connected(now),
+            Act::Disconnect => self.session.handle_disconnected(now),
+            Act::Due => self.session.handle_timeout(now),
+            Act::Send => self.send(scene)?,
+            Act::Restart => *self = Self { now, ..Self::new(self.peer) },
+            Act::Tick => self.now += P::TICK,
+            // The bytes wait in the transport.
+            Act::Word(word) if self.peer.by(word) == By::Line && !scene.end.reads() => {}
+            Act::Word(word) => bytes = self.speak(&scene.known, word),
+        }
+        self.check_reports().map(|()| bytes)
+    }
+
+    /// The bytes of a word, or none after its call.
+    pub fn speak(&mut self, known: &P::Known, word: P::Word) -> Vec<u8> {
+        match self.peer.speak(known, word, &mut self.session, self.now) {
+            Speech::Bytes(bytes) => bytes,
+            Speech::Call | Speech::Elsewhere => Vec::new(),
+        }
+    }
+
+    /// Delivers bytes in these pieces.
+    ///
+    /// # Errors
+    /// As [`act`](Self::act).
+    pub fn hear<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> Result<(), String> {
+        pieces.into_iter().for_each(|piece| self.session.handle_input(self.now, piece));
+        self.check_reports()
+    }
+
+    fn send(&mut self, scene: &SceneOf<P>) -> Result<(), String> {
+        let due = scene.end.expires(Duration::ZERO);
+        let what = scene.end.transmit(Duration::ZERO, self.peer.config()).filter(|_| !due);
+        let mut out = vec![0; <P::Session as End>::MAX_TRANSMIT];
+        let length = self.session.poll_transmit(self.now, &mut out);
+        let sent = length.and_then(|length| out.get(..length));
+        match what {
+            Some(what) if !sent.is_some_and(|bytes| self.peer.is_written(&what, bytes)) => {
+                Err(format!("{what:?} is sent as {sent:02X?}"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The events are those of the machine's actions.
+    fn check_reports(&mut self) -> Result<(), String> {
+        let moves = self.session.core_mut().moves.replace(Vec::new()).unwrap_or_default();
+        let (mut decided, mut reported) = (Vec::new(), Vec::new());
+        for (at, mut machine, input) in moves {
+            if let Ok(action) = machine.on(at, input, self.peer.config()) {
+                self.peer.reports(&action, &mut decided);
+            }
+        }
+        while let Some(event) = self.session.poll_event() {
+            reported.extend(self.peer.reported(&event));
+        }
+        decided.sort();
+        reported.sort();
+        if decided == reported { Ok(()) } else { Err(format!("{reported:?} is reported, not {decided:?}")) }
+    }
+
+    /// The difference between the session and the end of a scene.
+    pub fn differs(&self, scene: &SceneOf<P>) -> Option<String> {
+        let mut machine = self.session.machine().clone();
+        age(&mut machine, self.now);
+        self.peer.forget(&mut machine);
+        let due = self.session.poll_timeout().map(|at| at.saturating_sub(self.now));
+        if (&machine, due) != (&scene.end, scene.end.deadline()) {
+            return Some(format!("{machine:?} until {due:?}, not {:?}", scene.end));
+        }
+        let is_silent = scene.end.transmit(Duration::ZERO, self.peer.config()).is_none();
+        let mut out = vec![0; <P::Session as End>::MAX_TRANSMIT];
+        (is_silent && !scene.end.expires(Duration::ZERO))
+            .then(|| self.session.clone().poll_transmit(self.now, &mut out))
+            .flatten()
+            .map(|length| format!("{length} bytes are sent unasked"))
+    }
+}
+
+impl<P: Wired> Against<P> {
+    /// Walks every state and every transition of the end with its session, over bytes that come in two pieces.
+    ///
+    /// # Panics
+    /// Where the session differs from its machine.
+    pub fn refined(&self) -> Refined {
+        refine(
+            self,
+            || Follower::new(&self.peer),
+            |follower, act, scene, _, path| {
+                let heard = follower.act(scene, act).and_then(|bytes| {
+                    let (head, tail) = bytes.split_at(path.len() % (bytes.len() + 1));
+                    follower.hear([head, tail].into_iter().filter(|piece| !piece.is_empty()))
+                });
+                heard.unwrap_or_else(|error| panic!("{error}: {path:?}"));
+            },
+            |follower, scene, path| assert_eq!(follower.differs(scene), None, "{path:?}"),
+        )
+    }
+}

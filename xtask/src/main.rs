@@ -35,8 +35,11 @@ enum Task {
         /// The crate's name, such as `acme-feeder`
         name: String,
     },
-    /// All checks of a change (.ci/run)
-    Ci,
+    /// The checks of a change (.ci/run), or some of its steps
+    Ci {
+        /// Steps, as `lints` or `tests`
+        steps: Vec<String>,
+    },
     /// The checks of a release (.ci/deep), or some of its steps
     Deep {
         /// Steps, as `model` or `soak`
@@ -80,7 +83,7 @@ fn run(task: Task) -> Result<()> {
             new_link::make(&workspace.0, &name)?;
             workspace.cargo(["fmt", "-p", &name, "-p", "cellwire-links"])
         }
-        Task::Ci => workspace.run(".ci/run", [""; 0]),
+        Task::Ci { steps } => workspace.run(".ci/run", steps),
         Task::Deep { steps } => workspace.run(".ci/deep", steps),
         Task::Model { arguments } => workspace.testkit("model", arguments),
         Task::Soak { arguments } => workspace.testkit("soak", arguments),

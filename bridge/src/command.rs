@@ -15,11 +15,11 @@ use crate::hub::earlier;
 use crate::site::StoreSettings;
 use crate::store::{Busy, Store};
 use crate::{Health, Hub, Site, http, links, signals};
-use cellwire::command::manual::{self, Shell};
-use cellwire::command::settings::lines;
-use cellwire::io::interrupt;
-use cellwire::io::output::{self, log, remark};
-use cellwire::io::tcp;
+use cellwire_io::interrupt;
+use cellwire_io::manual::{self, Shell};
+use cellwire_io::output::{self, log, remark};
+use cellwire_io::tcp;
+use cellwire_links::settings::lines;
 
 /// Connects the cells of a site to an MQTT broker as Sparkplug B, with a persistent store, and executes commands.
 #[derive(Debug, Parser)]

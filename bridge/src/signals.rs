@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire::io::interrupt;
+use cellwire_io::interrupt;
 
 /// From now on SIGINT and SIGTERM are noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the
 /// remark. What is returned is true after each SIGHUP, where the system has that.

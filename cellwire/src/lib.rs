@@ -1,28 +1,31 @@
-//! The parts of the `cellwire` tool: it and `cellwire-bridge` are the only crates of the workspace that open a socket or a port.
-//!
-//! This is a library only for its tests and for `cellwire-bridge`. The tool is the interface; the API of this library may change at any time.
+//! The parts of the `cellwire` tool, for its tests: the API of this library may change at any time.
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
-pub mod cell;
+pub mod alter;
 pub mod command;
+pub mod demo;
+pub mod devices;
+mod fine;
 pub mod io;
-pub mod links;
+pub mod report;
+pub mod run;
+pub mod telemetry;
 
 use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, capture, decode, demo, encode, extcap, fanuc, identify, ls, manual, modbus, ports, replay, run,
-    settings, simulate, tap, vectors,
+    capture, decode, encode, extcap, fanuc, identify, ls, modbus, ports, replay, settings, simulate, tap,
+    vectors,
 };
-use self::io::drive::Lost;
-use self::io::files;
 use self::io::journal::Unwritten;
-use self::io::output::{self, remark};
+use self::telemetry::Implausible;
+use cellwire_io::drive::Lost;
+use cellwire_io::output::{self, remark};
+use cellwire_io::{files, manual};
 
 /// Tests robot links without a robot, and runs jobs on real ones
 #[derive(Parser)]
@@ -83,7 +86,7 @@ Exit status:
 
 #[derive(Subcommand)]
 enum Command {
-    Demo(demo::Args),
+    Demo(command::demo::Args),
     Decode(decode::Args),
     Encode(encode::Args),
     Identify(identify::Args),
@@ -97,11 +100,11 @@ enum Command {
     Modbus(modbus::Args),
     Ports(ports::Args),
     Fanuc(fanuc::Args),
-    Run(run::Args),
+    Run(command::run::Args),
     Ls(ls::Args),
     #[command(hide = true)]
     Vectors(vectors::Args),
-    Alter(alter::Args),
+    Alter(command::alter::Args),
     Settings(settings::Args),
     #[command(hide = true)]
     Completions(manual::Completions),
@@ -114,9 +117,9 @@ enum Command {
 /// 7 a journal, a table or a recording could not be written, 8 a Modbus server may have executed a request without a reply.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
-    io::windows::exact_waits();
+    cellwire_io::windows::exact_waits();
     let outcome = match parse().command {
-        Command::Demo(args) => demo::run(&args),
+        Command::Demo(args) => command::demo::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
         Command::Identify(args) => identify::run(&args),
@@ -128,10 +131,10 @@ pub fn main() -> ExitCode {
         Command::Modbus(args) => modbus::run(&args),
         Command::Ports(args) => ports::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
-        Command::Run(args) => run::run(&args),
+        Command::Run(args) => command::run::run(&args),
         Command::Ls(args) => ls::run(&args),
         Command::Vectors(args) => vectors::run(&args),
-        Command::Alter(args) => alter::run(&args),
+        Command::Alter(args) => command::alter::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
@@ -217,7 +220,7 @@ mod tests {
     use clap::CommandFactory as _;
 
     use super::Cli;
-    use super::links::DEVICES;
+    use super::devices::DEVICES;
 
     fn values(command: &clap::Command, add: &mut dyn FnMut(String)) {
         let possible = command.get_arguments().flat_map(clap::Arg::get_possible_values);

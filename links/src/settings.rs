@@ -23,3 +23,13 @@ pub fn line_of(text: &str, name: &str) -> Option<usize> {
     }
     Some(text.get(..at?)?.matches('\n').count() + 1)
 }
+
+/// Two lines for each setting: its name, values and default, and what it is for.
+pub fn lines(settings: &[Setting]) -> String {
+    let line = |setting: &Setting| {
+        let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());
+        let equals = if default.is_empty() { "" } else { " = " };
+        format!("  {name}{equals}{default}    ({values})\n        {about}\n")
+    };
+    settings.iter().map(line).collect()
+}

@@ -9,6 +9,7 @@ pub mod latch;
 mod limits;
 mod orientation;
 mod planner;
+pub mod plausibility;
 mod resample;
 mod tracker;
 mod trajectory;

@@ -44,7 +44,7 @@ use super::share::Share;
 use super::site::{Broker, ShareSettings, Site};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
-use cellwire::io::interrupt;
+use cellwire_io::interrupt;
 use sharing::Told;
 
 /// How many reports wait for the hub.

@@ -16,7 +16,7 @@ use crate::metric::{self, NUMBER, Named};
 use crate::payload::{Metric, Quality, Value};
 use crate::store::{Batch, Kept, Names, Store, Written};
 use crate::uplink;
-use cellwire::io::interrupt;
+use cellwire_io::interrupt;
 
 /// In the store, before the name of a cell: the number of its last record.
 const NUMBERS: &str = "number/";

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire::io::latency::Deadline;
+use cellwire_io::latency::Deadline;
 use robot_session::now;
 use serde_json::json;
 use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire::io::latency::Deadline;
+use cellwire_io::latency::Deadline;
 use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;

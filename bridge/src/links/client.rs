@@ -11,9 +11,9 @@ use crate::end::End;
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire::io::latency::Deadline;
-use cellwire::io::port::AnyPort;
-use cellwire::io::tcp::Dialing;
+use cellwire_io::latency::Deadline;
+use cellwire_io::port::AnyPort;
+use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::Fields;
 use serde_json::json;
 

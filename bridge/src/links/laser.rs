@@ -15,8 +15,8 @@ use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire::links::laser_eb90::controller::STATUS;
 use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::laser::STATUS;
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 

@@ -22,7 +22,7 @@ use super::bands::Bands;
 use super::end::End;
 use super::metric::{COMMON, Definition};
 use super::site::{Cell, Site};
-use cellwire::io::tcp::Dialing;
+use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.

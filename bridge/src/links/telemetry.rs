@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use cellwire::cell::telemetry::plausibility::Plausibility;
+use cellwire_motion::plausibility::Plausibility;
 use fanuc_hmi_modbus::typed::OrderProbe;
 use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 

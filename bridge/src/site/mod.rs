@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
 use crate::remembered;
-use cellwire::io::input;
+use cellwire_io::input;
 use cellwire_links::settings;
 pub use share::ShareSettings;
 

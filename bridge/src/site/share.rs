@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use super::{Broker, Cell, check_name};
-use cellwire::io::port::AnyPort;
+use cellwire_io::port::AnyPort;
 
 /// The bridges that share cells.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

@@ -8,11 +8,11 @@ use cellwire_motion::latch::LatchConfig;
 use val2_alter::Accumulation;
 
 use super::settings::SetArgs;
-use crate::cell::operator::{self, Settings};
-use crate::cell::teleop::input::InputConfig;
-use crate::cell::teleop::{PortConfig, TeleopConfig, Traces};
-use crate::io::trace::TraceArgs;
-use crate::io::{input, interrupt, serial};
+use crate::alter::input::InputConfig;
+use crate::alter::operator::{self, Settings};
+use crate::alter::{PortConfig, TeleopConfig, Traces};
+use cellwire_io::trace::TraceArgs;
+use cellwire_io::{input, interrupt, serial};
 use cellwire_links::settings;
 
 /// Steers a robot over ALTER with a control ball, a 3D mouse, a game pad or the keyboard: the operator's screen.

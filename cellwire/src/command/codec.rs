@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
-use crate::links::link_parser;
+use crate::devices::link_parser;
 use cellwire_links::codec::{Codec, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{Setup, Watcher};

@@ -9,14 +9,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
-use crate::cell::demo::table::{self, Judged};
-use crate::cell::demo::{self, DemoOptions, MustFail};
-use crate::io::input::time;
-use crate::io::interrupt;
+use crate::demo::table::{self, Judged};
+use crate::demo::{self, DemoOptions, MustFail};
+use crate::devices::link_parser;
 use crate::io::line::Lines;
-use crate::io::output::{counted, remark};
-use crate::io::trace::TraceArgs;
-use crate::links::link_parser;
+use cellwire_io::input::time;
+use cellwire_io::interrupt;
+use cellwire_io::output::{counted, remark};
+use cellwire_io::trace::TraceArgs;
 use cellwire_links::LINKS;
 use cellwire_links::link::Link;
 

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use serde_json::Value;
 
 use super::codec::CodecArgs;
-use crate::io::input;
-use crate::io::output::remark;
+use cellwire_io::input;
+use cellwire_io::output::remark;
 
 /// Reads message objects and writes one frame of hex per line.
 ///

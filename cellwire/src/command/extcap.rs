@@ -7,8 +7,8 @@ use anyhow::{Context as _, Result};
 
 use super::tap::{Way, WayArgs, join};
 use crate::io::capture::write::Writer;
-use crate::io::interrupt;
 use crate::io::tap::Watch;
+use cellwire_io::interrupt;
 
 /// Adds the tap to Wireshark's list of interfaces.
 ///

@@ -11,7 +11,6 @@ pub mod extcap;
 pub mod fanuc;
 pub mod identify;
 pub mod ls;
-pub mod manual;
 pub mod modbus;
 pub mod ports;
 mod recorded;

@@ -7,8 +7,8 @@ use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::json;
 
-use crate::io::output::{log, remark};
-use crate::io::ports;
+use cellwire_io::output::{log, remark};
+use cellwire_io::ports;
 
 /// Lists the serial ports of this machine with their adapters, by the names that other commands take.
 ///

@@ -11,8 +11,8 @@ use super::source::{Format, SourceArgs, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line};
-use crate::io::output::remark;
-use crate::io::trace::{Way, parse_line, parse_name};
+use cellwire_io::output::remark;
+use cellwire_io::trace::{Way, parse_line, parse_name};
 
 /// Which of the conversations of a capture.
 #[derive(Debug, clap::Args)]

@@ -6,14 +6,14 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::settings::SetArgs;
-use crate::io::input::time;
-use crate::io::interrupt;
-use crate::io::output::{self, EventArgs};
-use crate::io::tcp::{self, ConnectArgs};
-use crate::io::trace::TraceArgs;
-use crate::links::control::Control;
-use crate::links::device::{Device, Endpoint, SimulateOptions};
-use crate::links::device_parser;
+use crate::devices::control::Control;
+use crate::devices::device::{Device, Endpoint, SimulateOptions};
+use crate::devices::device_parser;
+use cellwire_io::input::time;
+use cellwire_io::interrupt;
+use cellwire_io::output::{self, EventArgs};
+use cellwire_io::tcp::{self, ConnectArgs};
+use cellwire_io::trace::TraceArgs;
 
 /// Simulates a device until interrupted.
 ///

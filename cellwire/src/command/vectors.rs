@@ -12,7 +12,7 @@ use cellwire_links::vectors::vectors_in;
 use clap::Subcommand;
 use include_dir::{Dir, include_dir};
 
-use crate::io::output::printable;
+use cellwire_io::output::printable;
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]

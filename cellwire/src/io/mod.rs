@@ -1,36 +1,12 @@
-//! Transports, the times of a serial line, captures, files, signals.
+//! Captures, drawings, journals, the times of a serial line, and the hosts of simulated devices.
 
-pub mod backoff;
-pub mod bell;
 pub mod capture;
 pub mod drawing;
-pub mod drive;
-pub mod files;
-pub mod input;
-pub mod interrupt;
 pub mod journal;
-pub mod latency;
-mod limiter;
 pub mod line;
-pub mod listener;
-#[cfg(unix)]
-pub mod marked;
-mod outlet;
-pub mod output;
 pub mod pauses;
-pub mod plain;
-pub mod port;
-pub mod ports;
-pub mod priority;
 pub mod samples;
-pub mod serial;
 pub mod serve;
 pub mod sheet;
-pub mod stream;
 pub mod tap;
-pub mod tcp;
 pub mod terminal;
-pub mod trace;
-pub mod udp;
-#[cfg(windows)]
-pub mod windows;

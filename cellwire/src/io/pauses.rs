@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use super::line::Clock;
+use cellwire_io::clock::Clock;
 
 /// How long each thread sleeps.
 const TICK: Duration = Duration::from_millis(1);

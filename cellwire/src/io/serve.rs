@@ -13,9 +13,9 @@ use mio::{Events, Interest, Poll, Token};
 use robot_session::{Session, Step, Steps};
 use slab::Slab;
 
-use crate::io::line::Clock;
-use crate::io::listener::{Arrival, Listener, refuse};
-use crate::io::trace::{Trace, Way};
+use cellwire_io::clock::Clock;
+use cellwire_io::listener::{Arrival, Listener, refuse};
+use cellwire_io::trace::{Trace, Way};
 
 /// How many clients are served at once; others are refused.
 pub const MOST_CLIENTS: usize = 1000;

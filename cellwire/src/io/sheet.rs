@@ -6,8 +6,8 @@ use anyhow::{Result, ensure};
 use svg::node::element::{Circle, Group, Line as Stroke, Rectangle, Text};
 
 use crate::io::drawing::{Line, Point, mm, strokes};
-use crate::io::files;
 use crate::io::journal::Outcome;
+use cellwire_io::files;
 
 const INK: &str = "#404040";
 const OFF: &str = "#d04000";

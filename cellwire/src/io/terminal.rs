@@ -162,7 +162,7 @@ mod tests {
         use std::process::{Command, Stdio};
         use std::time::Instant;
 
-        let (mut user, path) = crate::io::serial::pair().unwrap();
+        let (mut user, path) = cellwire_io::serial::pair().unwrap();
         let open = || std::fs::File::options().read(true).write(true).open(&path).unwrap();
         // Its settings stay as long as it is open.
         let _client = open();

@@ -1,6 +1,6 @@
 //! The background task that a controller gets.
 
-use cellwire::cell::telemetry::task::{BackgroundTask, TaskError};
+use cellwire::telemetry::task::{BackgroundTask, TaskError};
 use fanuc_ls::{Program, Rules};
 
 #[test]

@@ -5,11 +5,11 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use cellwire::io::line::Clock;
-use cellwire::io::listener::Listener;
+use cellwire::devices::fanuc_hmi_modbus::simulate::serve_tcp;
 use cellwire::io::serve::Service;
-use cellwire::io::trace::TraceArgs;
-use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
+use cellwire_io::clock::Clock;
+use cellwire_io::listener::Listener;
+use cellwire_io::trace::TraceArgs;
 use cellwire_sim::fanuc::{Controller, circle};
 use fanuc_hmi_modbus::{ServerConfig, WordOrder};
 use serde_json::Value;

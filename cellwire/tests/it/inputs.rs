@@ -13,7 +13,7 @@ use crate::real_time::in_real_time;
 use crate::rig::controller::Cycle;
 use crate::rig::pty::Pty;
 use crate::rig::{Rig, x};
-use cellwire::cell::teleop::input::read_recording;
+use cellwire::alter::input::read_recording;
 
 /// Arms, and pushes until the arm moves. `release` lets go: where the machine is so busy that ALTER ends, it begins again.
 fn wait_for_motion(rig: &Rig, mut push: impl FnMut(), mut release: impl FnMut()) {

@@ -8,7 +8,7 @@ use std::thread;
 
 use core::ops::ControlFlow;
 
-use cellwire::io::serial;
+use cellwire_io::serial;
 use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
 use robot_session::{Driver, Ended, Serial, Session as _, now};
 

@@ -3,7 +3,7 @@
 use core::f64::consts::FRAC_1_SQRT_2;
 use std::fs;
 
-use cellwire::cell::run::laser::{Coordinate, Program, Settings};
+use cellwire::run::laser::{Coordinate, Program, Settings};
 
 /// A page of 100 by 80 mm, one unit of which is a millimetre.
 fn page(body: &str) -> String {

@@ -5,11 +5,11 @@ use core::time::Duration;
 use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};
 
-use cellwire::cell::demo::mma::cell::{self, Cell, Which};
-use cellwire::cell::demo::mma::central::{Central, Log, Now};
-use cellwire::cell::demo::mma::judged::{Judged, MOST_STEPS};
-use cellwire::cell::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
-use cellwire::cell::demo::mma::workpiece::Record;
+use cellwire::demo::mma::cell::{self, Cell, Which};
+use cellwire::demo::mma::central::{Central, Log, Now};
+use cellwire::demo::mma::judged::{Judged, MOST_STEPS};
+use cellwire::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
+use cellwire::demo::mma::workpiece::Record;
 use cellwire::io::samples::Samples;
 use cellwire_sim::mma::MotionFaults;
 

@@ -5,8 +5,8 @@ use std::panic::resume_unwind;
 use std::thread;
 use std::time::Duration;
 
-use cellwire::io::line::Clock;
 use cellwire::io::pauses::Watch;
+use cellwire_io::clock::Clock;
 
 /// A third of the window: shorter pauses of the machine explain no failure.
 const PAUSE: Duration = Duration::from_millis(5);

@@ -7,7 +7,7 @@ use std::net::TcpListener;
 use std::process::{Command, Output, Stdio};
 use std::thread;
 
-use cellwire::links::device_by_name;
+use cellwire::devices::device_by_name;
 use cellwire_links::settings::{Form, list_as};
 use cellwire_links::{LINKS, Link};
 
@@ -45,7 +45,7 @@ fn settings_inside_others_are_listed() {
         &["charset", "udp", "limits.packet", "max_number", "bounds.max.x", "recovery.pauses", "acks", "job"],
     );
     has(device("kawasaki-pc"), &["messages.job.fields", "silence"]);
-    let demo = |link: &str| cellwire::cell::demo::settings(link);
+    let demo = |link: &str| cellwire::demo::settings(link);
     has(demo("kawasaki"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
     has(demo("laser"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
     has(demo("viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);
@@ -118,7 +118,7 @@ fn what_the_command_prints_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("all.toml");
     let path = file.to_str().unwrap();
-    let devices = cellwire::links::DEVICES.iter().map(|device| format!("simulate {}", device.name));
+    let devices = cellwire::devices::DEVICES.iter().map(|device| format!("simulate {}", device.name));
     let links =
         LINKS.iter().flat_map(|link| ["decode", "demo"].map(|command| format!("{command} {}", link.short)));
     for command in devices.chain(links) {

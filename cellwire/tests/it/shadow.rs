@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::tool::{DEADLINE, Running, cellwire, run};
-use cellwire::io::serial;
+use cellwire_io::serial;
 
 /// A tap of a link before a server, with its capture.
 fn tap(link: &str, server: &str, capture: &Path) -> Running {

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use crate::tool::{DEADLINE, Running, cellwire, run};
 use cellwire::io::capture::reassembly::{Piece, Reassembly};
 use cellwire::io::capture::{self, Flow, Found, Reading};
-use cellwire::io::serial;
+use cellwire_io::serial;
 use serialport::SerialPort;
 use socket2::SockRef;
 

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::tool::{DEADLINE, Running, cellwire};
-use cellwire::io::serial;
+use cellwire_io::serial;
 use serialport::SerialPort;
 
 const ROUNDS: usize = 10_000;

@@ -8,16 +8,15 @@ use std::thread;
 use std::time::Duration;
 
 use crate::real_time::in_real_time;
-use cellwire::cell::demo::teleop::cell::{self, CellConfig};
-use cellwire::cell::teleop::input::InputConfig;
-use cellwire::cell::teleop::{
-    LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
-};
-use cellwire::io::line::{Clock, Line, Lines};
-use cellwire::io::serial;
-use cellwire::io::trace::TraceArgs;
-use cellwire::links::isra_ball::ball;
-use cellwire::links::val2_alter::puma::{self, PumaConfig};
+use cellwire::alter::input::InputConfig;
+use cellwire::alter::{LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config};
+use cellwire::demo::teleop::cell::{self, CellConfig};
+use cellwire::devices::isra_ball::ball;
+use cellwire::devices::val2_alter::puma::{self, PumaConfig};
+use cellwire::io::line::{Line, Lines};
+use cellwire_io::clock::Clock;
+use cellwire_io::serial;
+use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::LatchConfig;
 use cellwire_sim::Viewer;
 use cellwire_sim::puma::{Pose, PumaEvent};

@@ -6,7 +6,7 @@ use serde_json::{Number, Value};
 
 use super::message::Message;
 use crate::command::codec::LinkArgs;
-use crate::io::output::remark;
+use cellwire_io::output::remark;
 
 /// Fields whose numbers are positions, or measured.
 const MEASURED: [&str; 8] = ["f32", "registers", "values", "transform", "pose", "axes", "force", "moment"];

@@ -14,7 +14,7 @@ use cellwire_links::reference::json;
 use clap::Subcommand;
 
 use self::stretch::StretchArgs;
-use crate::io::files;
+use cellwire_io::files;
 
 /// Converts part of a capture to a test file in the reference's format, for `reference/field/`.
 ///

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::VectorsArgs;
 use super::message::Message;
-use crate::io::output::remark;
+use cellwire_io::output::remark;
 
 pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
     let of = &args.stretch.of;

@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde_json::{Map, Value, json};
 
 use super::PRINTED;
-use crate::io::output;
+use cellwire_io::output;
 
 /// The kinds of differences, and what people call them.
 const KINDS: [(&str, &str); 6] = [

@@ -16,7 +16,7 @@ use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::write::SERIAL;
 use crate::io::capture::{Fault, Flow, Line, Reading};
-use crate::io::output::remark;
+use cellwire_io::output::remark;
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 

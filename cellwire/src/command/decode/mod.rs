@@ -15,7 +15,7 @@ use self::hex::HexReader;
 pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
-use crate::io::output::{Unwritten, remark};
+use cellwire_io::output::{Unwritten, remark};
 use cellwire_links::codec::{Item, Kind};
 
 /// How much is read and written at once.

@@ -6,8 +6,8 @@ use anyhow::{Context, Result, bail};
 use serde_json::json;
 
 use super::{Args, Lines};
-use crate::io::output::remark;
-use crate::io::trace::{Way, parse_line, parse_name};
+use cellwire_io::output::remark;
+use cellwire_io::trace::{Way, parse_line, parse_name};
 use cellwire_links::codec::Stream;
 
 /// No line of a trace is longer.

@@ -6,12 +6,12 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 
 use super::print;
-use crate::cell::report::Report;
-use crate::cell::telemetry::plot;
-use crate::cell::telemetry::recording::{self, Comparison, ComparisonError};
 use crate::command::ls::ArmArgs;
-use crate::io::input::time;
-use crate::io::output::remark;
+use crate::report::Report;
+use crate::telemetry::plot;
+use crate::telemetry::recording::{self, Comparison, ComparisonError};
+use cellwire_io::input::time;
+use cellwire_io::output::remark;
 
 /// Compares a log with the planned trajectory.
 ///

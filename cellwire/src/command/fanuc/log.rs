@@ -15,19 +15,20 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
 use super::{USES, print};
-use crate::cell::report::Report;
-use crate::cell::telemetry::logger::{Logger, Reading, Source};
-use crate::cell::telemetry::plausibility::{Fault, Implausible, Plausibility};
-use crate::cell::telemetry::recording::{self, Recording};
 use crate::command::ls::{GeometryArgs, limits};
 use crate::command::settings::SetArgs;
-use crate::io::input::time;
-use crate::io::line::Clock;
-use crate::io::output::remark;
 use crate::io::samples::Samples;
-use crate::io::tcp::TimeoutArgs;
-use crate::io::{files, interrupt};
+use crate::report::Report;
+use crate::telemetry::Implausible;
+use crate::telemetry::logger::{Logger, Reading, Source};
+use crate::telemetry::recording::{self, Recording};
+use cellwire_io::clock::Clock;
+use cellwire_io::input::time;
+use cellwire_io::output::remark;
+use cellwire_io::tcp::TimeoutArgs;
+use cellwire_io::{files, interrupt};
 use cellwire_links::fanuc_hmi_modbus::Frames;
+use cellwire_motion::plausibility::{Fault, Plausibility};
 
 const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
 

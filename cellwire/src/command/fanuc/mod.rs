@@ -12,7 +12,7 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use super::settings::client_help;
-use crate::cell::report::Report;
+use crate::report::Report;
 use cellwire_links::fanuc_hmi_modbus::client_settings_of;
 use cellwire_links::settings::Setting;
 

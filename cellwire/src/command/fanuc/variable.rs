@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 use super::{OrderArg, USES};
 use crate::command::modbus::{Refused, silent_unit};
 use crate::command::settings::SetArgs;
-use crate::io::output::{log, remark};
-use crate::io::tcp::TimeoutArgs;
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use cellwire_io::output::{log, remark};
+use cellwire_io::tcp::TimeoutArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 
 /// Reads variables from holding registers, one JSON line each.

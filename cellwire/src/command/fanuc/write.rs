@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 
 use super::variable::{BROADCAST, KindArg, Outcome, PlaceArgs, Variable, refused};
 use crate::command::modbus::Unknown;
-use crate::io::drive::Lost;
-use crate::io::interrupt;
-use crate::io::output::{log, remark};
-use crate::links::fanuc_hmi_modbus::client::Client;
+use crate::devices::fanuc_hmi_modbus::client::Client;
+use cellwire_io::drive::Lost;
+use cellwire_io::interrupt;
+use cellwire_io::output::{log, remark};
 
 /// The longest time to open another connection when the controller closes the first after its reply to the write.
 const READ_BACK_WITHIN: Duration = Duration::from_secs(5);

@@ -13,8 +13,8 @@ use crate::command::source::{Format, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Reading};
-use crate::io::output::remark;
-use crate::io::trace::{Way, parse_line, parse_name};
+use cellwire_io::output::remark;
+use cellwire_io::trace::{Way, parse_line, parse_name};
 
 /// How many bytes of each stream are read.
 const MOST: u64 = 1 << 20;

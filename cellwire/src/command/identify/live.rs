@@ -11,8 +11,8 @@ use cellwire_links::{LINKS, Link};
 use super::Args;
 use super::input::Conversation;
 use super::line::{Judged, Search, Setting, likely};
-use crate::io::interrupt;
-use crate::io::marked::Marked;
+use cellwire_io::interrupt;
+use cellwire_io::marked::Marked;
 
 /// A turn of each setting is this share of the time, within limits: short messages come seldom, and everything has to have its turn.
 const TURNS: u32 = 40;

@@ -17,9 +17,9 @@ use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;
 use super::source::SourceArgs;
-use crate::io::files;
-use crate::io::input::time;
-use crate::links::link_parser;
+use crate::devices::link_parser;
+use cellwire_io::files;
+use cellwire_io::input::time;
 
 /// Identifies the link of a capture, and the options that the link's source leaves open.
 ///

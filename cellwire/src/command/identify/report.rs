@@ -16,7 +16,7 @@ use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
 use super::settings::{or, plain, remarks, would_decide};
-use crate::io::output::{log, printable};
+use cellwire_io::output::{log, printable};
 
 /// Tables: the links, and the options of the best.
 pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Result<()> {

@@ -7,7 +7,7 @@ use cellwire_identify::{Decided, Finding, Open, Other};
 use serde_json::Value;
 
 use crate::command::settings::toml_value;
-use crate::io::output::counted;
+use cellwire_io::output::counted;
 
 /// The text of the file.
 pub(super) fn toml(finding: &Finding) -> Result<String> {

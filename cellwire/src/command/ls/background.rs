@@ -7,8 +7,8 @@ use anyhow::Result;
 use fanuc_hmi_modbus::Assignment;
 
 use super::{rules, write};
-use crate::cell::telemetry::task::BackgroundTask;
-use crate::io::output::remark;
+use crate::telemetry::task::BackgroundTask;
+use cellwire_io::output::remark;
 
 /// Writes the background task that copies the tool's pose and speed to registers for `cellwire fanuc log`.
 ///

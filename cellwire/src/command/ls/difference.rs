@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use fanuc_ls::Document;
 use similar::TextDiff;
 
-use crate::io::files;
-use crate::io::output::printable;
+use cellwire_io::files;
+use cellwire_io::output::printable;
 
 /// A file as it is, and as it shall be.
 pub(super) struct Change {

@@ -12,7 +12,7 @@ use fanuc_ls::{
 
 use super::check::files;
 use super::difference::Change;
-use crate::io::output::{printable, remark};
+use cellwire_io::output::{printable, remark};
 
 /// Edits LS files, and shows the changes; --write applies them.
 ///

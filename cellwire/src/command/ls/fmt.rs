@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 
 use super::check::files;
 use super::difference::Change;
-use crate::io::output::{printable, remark};
+use cellwire_io::output::{printable, remark};
 
 /// Formats LS files as controllers print them, and shows the changes; --write applies them.
 ///

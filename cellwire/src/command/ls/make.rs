@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use fanuc_ls::CommentRule;
 
-use crate::io::output::remark;
+use cellwire_io::output::remark;
 use cellwire_motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
 use super::{ArmArgs, limits, rules, write};

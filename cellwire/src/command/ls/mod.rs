@@ -15,8 +15,8 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Subcommand, ValueEnum};
 use fanuc_ls::{Program, Rules};
 
-use crate::io::files;
-use crate::io::output::remark;
+use cellwire_io::files;
+use cellwire_io::output::remark;
 use cellwire_motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.

@@ -6,13 +6,13 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use fanuc_hmi_modbus::WordOrder;
 
-use crate::cell::telemetry::path::{self, Sample};
-use crate::io::files;
-use crate::io::input::time;
-use crate::io::output::{log, remark};
-use crate::links::fanuc_hmi_modbus::options::ProgramSettings;
-use crate::links::fanuc_hmi_modbus::program::{Machine, Preset};
-use crate::links::fanuc_hmi_modbus::simulate::robot;
+use crate::devices::fanuc_hmi_modbus::options::ProgramSettings;
+use crate::devices::fanuc_hmi_modbus::program::{Machine, Preset};
+use crate::devices::fanuc_hmi_modbus::simulate::robot;
+use crate::telemetry::path::{self, Sample};
+use cellwire_io::files;
+use cellwire_io::input::time;
+use cellwire_io::output::{log, remark};
 use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 
 /// Simulates a program on a virtual clock, and draws its path.

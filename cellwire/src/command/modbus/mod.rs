@@ -14,11 +14,11 @@ use clap::Subcommand;
 use fanuc_hmi_modbus::ClientConfig;
 
 use super::settings::{SetArgs, client_help};
-use crate::io::output::remark;
-use crate::io::port::AnyPort;
-use crate::io::serial::{self, Mode};
-use crate::io::tcp::TimeoutArgs;
-use crate::links::fanuc_hmi_modbus::client::{Client, Port, PortKind};
+use crate::devices::fanuc_hmi_modbus::client::{Client, Port, PortKind};
+use cellwire_io::output::remark;
+use cellwire_io::port::AnyPort;
+use cellwire_io::serial::{self, Mode};
+use cellwire_io::tcp::TimeoutArgs;
 use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
 use cellwire_links::settings::Setting;
 

@@ -7,14 +7,14 @@ use serde_json::{Map, Value, json};
 
 use super::range::{Range, values};
 use super::{PortArgs, silent_unit};
-use crate::io::backoff::Backoff;
-use crate::io::drive::Lost;
-use crate::io::input::time;
-use crate::io::interrupt;
-use crate::io::line::Clock;
-use crate::io::output::{log, remark};
-use crate::io::tcp;
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use cellwire_io::backoff::Backoff;
+use cellwire_io::clock::Clock;
+use cellwire_io::drive::Lost;
+use cellwire_io::input::time;
+use cellwire_io::interrupt;
+use cellwire_io::output::{log, remark};
+use cellwire_io::tcp;
 
 /// Polls addresses, and prints changes.
 ///

@@ -8,10 +8,10 @@ use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request, Side};
 use serde_json::{Value, json};
 
 use super::{Refused, Unknown, silent_unit};
-use crate::io::drive::Lost;
-use crate::io::output::{log, remark};
-use crate::io::{input, interrupt};
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
+use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
+use cellwire_io::drive::Lost;
+use cellwire_io::output::{log, remark};
+use cellwire_io::{input, interrupt};
 use cellwire_links::fanuc_hmi_modbus::unknown_key;
 use cellwire_links::json::value as object;
 

@@ -11,10 +11,10 @@ use serde_json::json;
 use super::PortArgs;
 use super::range::{Range, TABLES};
 use super::seen::Seen;
-use crate::io::drive::Lost;
-use crate::io::interrupt;
-use crate::io::output::{self, log, remark};
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+use crate::devices::fanuc_hmi_modbus::client::{Answer, Client};
+use cellwire_io::drive::Lost;
+use cellwire_io::interrupt;
+use cellwire_io::output::{self, log, remark};
 
 /// How often a request is made whose connection is lost.
 const TRIES: usize = 2;

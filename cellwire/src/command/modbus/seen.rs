@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use fanuc_hmi_modbus::Failure;
 
-use crate::io::interrupt;
-use crate::io::output::{counted, remark};
-use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+use crate::devices::fanuc_hmi_modbus::client::{Answer, Client};
+use cellwire_io::interrupt;
+use cellwire_io::output::{counted, remark};
 
 /// A request that is lost after a connection was opened is made again this long after that.
 const AFTER_OPENING: Duration = Duration::from_secs(1);

@@ -15,9 +15,9 @@ use self::transport::TransportArgs;
 use super::codec::LinkArgs;
 use super::compare::{Compare, Follow};
 use super::recorded::{ConversationArgs, Party};
-use crate::io::input::time;
-use crate::io::interrupt;
-use crate::io::output::{EventArgs, remark};
+use cellwire_io::input::time;
+use cellwire_io::interrupt;
+use cellwire_io::output::{EventArgs, remark};
 
 /// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
 ///

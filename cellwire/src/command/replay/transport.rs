@@ -8,10 +8,10 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use robot_session::{Received, Sent, Serial, Transport, Wait, discard_unacknowledged};
 
-use crate::io::output::ready;
-use crate::io::serial::{self, Mode, PtyLink, baud_rate};
-use crate::io::stream::Stream;
-use crate::io::tcp::{self, ConnectArgs};
+use cellwire_io::output::ready;
+use cellwire_io::serial::{self, Mode, PtyLink, baud_rate};
+use cellwire_io::stream::Stream;
+use cellwire_io::tcp::{self, ConnectArgs};
 
 /// Where the other end is.
 #[derive(Debug, clap::Args)]

@@ -9,18 +9,18 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
-use crate::cell::run::Operator;
-use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::command::settings::connect_settings;
-use crate::io::bell::Bell;
-use crate::io::input::{self, time};
+use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::simulate::pc_config;
 use crate::io::journal::Tally;
-use crate::io::output::{log, ready};
-use crate::io::tcp;
-use crate::io::trace::TraceArgs;
-use crate::links::device::Endpoint;
-use crate::links::kawasaki_msg::meeting::Meeting;
-use crate::links::kawasaki_msg::simulate::pc_config;
+use crate::run::Operator;
+use crate::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
+use cellwire_io::bell::Bell;
+use cellwire_io::input::{self, time};
+use cellwire_io::kawasaki::meeting::Meeting;
+use cellwire_io::output::{log, ready};
+use cellwire_io::tcp;
+use cellwire_io::trace::TraceArgs;
 use cellwire_links::settings;
 
 /// Runs the jobs of a file on a Kawasaki robot: a picture or a table, each job once

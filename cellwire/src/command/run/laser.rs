@@ -8,13 +8,13 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
-use crate::cell::run::Operator;
-use crate::cell::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
 use crate::command::settings::connect_settings;
-use crate::io::bell::Bell;
 use crate::io::journal::{Outcome, Tally};
-use crate::io::output::{log, ready, remark};
-use crate::io::port::AnyPort;
+use crate::run::Operator;
+use crate::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
+use cellwire_io::bell::Bell;
+use cellwire_io::output::{log, ready, remark};
+use cellwire_io::port::AnyPort;
 use cellwire_links::settings;
 
 /// Runs a program on a laser robot (EB 90 frames), each instruction once

@@ -8,14 +8,12 @@ use mmacell_task::Step;
 use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
-use crate::cell::run::Operator;
-use crate::cell::run::mma::{
-    Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated,
-};
 use crate::command::settings::connect_settings;
-use crate::io::bell::Bell;
-use crate::io::input;
-use crate::io::output::{announce, log};
+use crate::run::Operator;
+use crate::run::mma::{Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated};
+use cellwire_io::bell::Bell;
+use cellwire_io::input;
+use cellwire_io::output::{announce, log};
 use cellwire_links::settings;
 
 /// The devices were not seen at rest.

@@ -7,15 +7,15 @@ use anyhow::{Context as _, Result, ensure};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Map, Value, json};
 
-use crate::cell::run::{Answer, END_WITHIN, STOP_WITHIN};
 use crate::command::settings::SetArgs;
-use crate::io::bell::Bell;
-use crate::io::drive::Lost;
-use crate::io::input::{self, Typed};
 use crate::io::journal::{self, Head, Journal, Outcome, Record, Tally, Unwritten};
-use crate::io::output::{self, EventArgs, log, remark};
-use crate::io::tcp::TimeoutArgs;
-use crate::io::{files, interrupt};
+use crate::run::{Answer, END_WITHIN, STOP_WITHIN};
+use cellwire_io::bell::Bell;
+use cellwire_io::drive::Lost;
+use cellwire_io::input::{self, Typed};
+use cellwire_io::output::{self, EventArgs, log, remark};
+use cellwire_io::tcp::TimeoutArgs;
+use cellwire_io::{files, interrupt};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkArgs {

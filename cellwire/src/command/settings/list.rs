@@ -6,13 +6,13 @@ use std::io::Write as _;
 use anyhow::{Result, bail};
 use cellwire_identify::toml_text;
 use cellwire_links::Link;
-use cellwire_links::settings::{self, Setting, did_you_mean};
+use cellwire_links::settings::{self, Setting, did_you_mean, lines};
 use serde_json::Value;
 
-use crate::cell::{demo, operator};
 use crate::command::{fanuc, modbus, run};
-use crate::io::plain;
-use crate::links::{DEVICES, device_by_name};
+use crate::devices::{DEVICES, device_by_name};
+use crate::{alter::operator, demo};
+use cellwire_io::plain;
 
 /// Prints the settings of a command as a file for --settings
 ///
@@ -191,14 +191,4 @@ pub fn help(command: &str, arguments: &[String]) -> String {
             format!("{sides}Settings, for --set and --settings:\n\n{}{all}", lines(&usual))
         }
     }
-}
-
-/// Two lines for each setting: its name, values and default, and what it is for.
-pub fn lines(settings: &[Setting]) -> String {
-    let line = |setting: &Setting| {
-        let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());
-        let equals = if default.is_empty() { "" } else { " = " };
-        format!("  {name}{equals}{default}    ({values})\n        {about}\n")
-    };
-    settings.iter().map(line).collect()
 }

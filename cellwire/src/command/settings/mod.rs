@@ -10,15 +10,15 @@ use anyhow::{Context, Result, anyhow};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 use serde_json::{Map, Value};
 
-use crate::io::input;
-use crate::io::output::remark;
-use crate::io::tcp::{Dialing, MAX_PAUSE, TimeoutArgs};
+use cellwire_io::input;
+use cellwire_io::output::remark;
+use cellwire_io::tcp::{Dialing, MAX_PAUSE, TimeoutArgs};
 use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_settings};
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
 
 pub(super) use self::list::toml_value;
-pub use self::list::{Args, help, lines, run};
+pub use self::list::{Args, help, run};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use super::Format;
 use crate::io::capture::{is_dump, is_socat, unreadable};
-use crate::io::trace::{parse_line, parse_name};
+use cellwire_io::trace::{parse_line, parse_name};
 
 /// How many bytes decide at most.
 const MOST: usize = 4096;

@@ -9,8 +9,8 @@ use anyhow::Result;
 use clap::ValueEnum;
 
 use crate::io::capture::{Adapter, Form, Reading, Summary};
-use crate::io::input;
-use crate::io::output::remark;
+use cellwire_io::input;
+use cellwire_io::output::remark;
 
 /// Where recorded bytes are, and in which form.
 #[derive(Debug, clap::Args)]

@@ -8,8 +8,8 @@ use serde_json::{Map, Value, json};
 
 use super::SILENCE;
 use super::decoding::{Decoding, Entry, Told, UNKNOWN, hex};
-use crate::io::output::{self, remark};
 use crate::io::tap::{Place, Seen};
+use cellwire_io::output::{self, remark};
 
 /// Prints what is seen, until there is nothing more to see.
 pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {

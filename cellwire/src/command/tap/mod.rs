@@ -16,9 +16,9 @@ use self::decoding::Decoding;
 pub(super) use self::way::{Way, WayArgs};
 use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
-use crate::io::interrupt;
-use crate::io::output::{self, remark};
 use crate::io::tap::Watch;
+use cellwire_io::interrupt;
+use cellwire_io::output::{self, remark};
 
 /// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
 ///

@@ -5,12 +5,12 @@ use std::net::{TcpListener, UdpSocket};
 use anyhow::{Result, bail};
 use serialport::SerialPort;
 
-use crate::io::latency::Deadline;
-use crate::io::output::remark;
-use crate::io::serial::{self, Mode, baud_rate};
 use crate::io::tap::{self, Watch};
-use crate::io::tcp::ConnectArgs;
-use crate::io::{output, tcp, udp};
+use cellwire_io::latency::Deadline;
+use cellwire_io::output::remark;
+use cellwire_io::serial::{self, Mode, baud_rate};
+use cellwire_io::tcp::ConnectArgs;
+use cellwire_io::{output, tcp, udp};
 
 /// Where the ends are.
 #[derive(Debug, clap::Args)]

@@ -14,9 +14,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context as _, Result};
 use etherparse::{IpHeaders, IpNumber, Ipv4Header, Ipv6FlowLabel, Ipv6Header, PacketBuilder, TcpHeader};
 
-use crate::io::files;
-use crate::io::output::remark;
 use crate::io::tap::{End, Place, Seen, What};
+use cellwire_io::files;
+use cellwire_io::output::remark;
 
 /// How much is collected at most before it is written.
 const BATCH: usize = 1 << 20;

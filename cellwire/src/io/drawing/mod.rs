@@ -16,8 +16,8 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, ensure};
 use kurbo::{Affine, Point as CurvePoint, Size};
 
-use crate::io::files;
-use crate::io::output::remark;
+use cellwire_io::files;
+use cellwire_io::output::remark;
 pub use paths::Tool;
 pub use reader::{Drawing, refuse_dxf};
 

@@ -13,18 +13,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use robot_session::{Received, Sent, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
-use crate::io::listener::Listener;
-use crate::io::output::remark;
-use crate::io::priority::{self, Rank};
-use crate::io::serial::{self, READ_TIMEOUT};
-use crate::io::tcp;
-use crate::io::trace::{Trace, Way};
+use cellwire_io::clock::Clock;
+use cellwire_io::listener::Listener;
+use cellwire_io::output::remark;
+use cellwire_io::priority::{self, Rank};
+use cellwire_io::serial::{self, READ_TIMEOUT};
+use cellwire_io::tcp;
+use cellwire_io::trace::{Trace, Way};
 
 pub use faults::LineFaults;
 
@@ -43,22 +44,6 @@ const MODEM: usize = 4096;
 /// What the reader hands over at once, and how many of these may wait.
 const CHUNK: usize = 256;
 const CHUNKS: usize = 16;
-
-/// The time since the start of a run, the same for all its parts.
-#[derive(Debug, Clone, Copy)]
-pub struct Clock(Instant);
-
-impl Clock {
-    /// A clock that begins now.
-    pub fn start() -> Self {
-        Self(Instant::now())
-    }
-
-    /// The time since then.
-    pub fn now(self) -> Duration {
-        self.0.elapsed()
-    }
-}
 
 /// The device's end. Bytes that it sends reach the client at the baud rate, in the runs of a serial chip's FIFO; bytes from the
 /// client reach the device at the baud rate too. Bytes sent while no client is connected are lost.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use serialport::SerialPort;
 
 use super::{CARRIED, CHUNK, Feed};
-use crate::io::serial;
+use cellwire_io::serial;
 
 /// A client that opens the other end is looked for this often.
 const GLANCE: Duration = Duration::from_millis(5);

@@ -13,9 +13,9 @@ use mio::net::TcpStream;
 use mio::{Events, Interest, Poll, Token};
 
 use super::{CARRIED, CHUNK, Chunk, Feed};
-use crate::io::listener::{Arrival, Listener, refuse};
-use crate::io::output::remark;
-use crate::io::serial::READ_TIMEOUT;
+use cellwire_io::listener::{Arrival, Listener, refuse};
+use cellwire_io::output::remark;
+use cellwire_io::serial::READ_TIMEOUT;
 
 const ARRIVALS: Token = Token(0);
 const CLIENT: Token = Token(1);

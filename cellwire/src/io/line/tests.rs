@@ -4,8 +4,8 @@ use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 
 use super::*;
-use crate::io::serial;
-use crate::io::trace::TraceArgs;
+use cellwire_io::serial;
+use cellwire_io::trace::TraceArgs;
 
 const MS: Duration = Duration::from_millis(1);
 

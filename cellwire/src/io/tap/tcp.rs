@@ -12,8 +12,8 @@ use robot_session::discard_unacknowledged;
 use socket2::SockRef;
 
 use super::{CHUNK, End, Place, Watch, What};
-use crate::io::output::remark;
-use crate::io::tcp::{self, Dialing};
+use cellwire_io::output::remark;
+use cellwire_io::tcp::{self, Dialing};
 
 /// Passes every client on to `server`, until the listener is gone.
 ///

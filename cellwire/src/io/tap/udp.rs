@@ -9,8 +9,8 @@ use std::thread;
 use anyhow::{Context, Result};
 
 use super::{End, Place, Watch, What};
-use crate::io::output::remark;
-use crate::io::udp;
+use cellwire_io::output::remark;
+use cellwire_io::udp;
 
 /// The longest datagram.
 const LONGEST: usize = 65_536;

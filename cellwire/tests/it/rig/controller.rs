@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use cellwire::io::priority::{self, Rank};
+use cellwire_io::priority::{self, Rank};
 
 use super::pty::Pty;
 

@@ -1,5 +1,5 @@
 //! How a serial line that is listened to divides bits into bytes: which rates and formats to listen with in turn, and which of them explain
-//! what was heard. It opens no port: see [`crate::io::marked`].
+//! what was heard. It opens no port: see [`cellwire_io::marked`].
 
 mod judge;
 #[cfg(test)]
@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde::Serialize;
 use serialport::{DataBits, Parity, StopBits};
 
-use crate::io::serial::Mode;
+use cellwire_io::serial::Mode;
 
 pub(super) use judge::Judged;
 

@@ -8,7 +8,7 @@ use fanuc_ls::{
 use serde_json::{Value, json};
 
 use crate::command::ls::same_name;
-use crate::io::output::{counted, printable};
+use cellwire_io::output::{counted, printable};
 
 pub(super) struct File<'a> {
     pub(super) path: &'a Path,

@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use fanuc_ls::{Level, Rules, Surroundings};
 
 use super::rules;
-use crate::io::output::{counted, log, printable, remark};
+use cellwire_io::output::{counted, log, printable, remark};
 use file::{File, kind, motions};
 
 /// Reports errors in LS files, with line, column and advice.

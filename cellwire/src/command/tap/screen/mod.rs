@@ -15,9 +15,9 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 use self::board::Board;
 use super::SILENCE;
 use super::decoding::{Decoding, Entry};
-use crate::io::output;
 use crate::io::tap::Seen;
 use crate::io::terminal::{self, Screen};
+use cellwire_io::output;
 
 /// A picture is drawn this often.
 const PICTURE: Duration = Duration::from_millis(100);

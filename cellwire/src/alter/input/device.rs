@@ -1,0 +1,25 @@
+//! What every input does.
+
+use std::time::Duration;
+
+use crate::alter::sample::Sample;
+
+/// What an input reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::alter) enum InputEvent {
+    /// New values.
+    Sample(Sample),
+    /// The last values are too old.
+    Old,
+    /// The device is gone.
+    Lost,
+}
+
+/// An input of six axes and some buttons, whose values have an age.
+pub(in crate::alter) trait Input: Send {
+    /// Waits for what comes next, no longer than `wait`. A device that is gone is looked for again, without waiting longer.
+    fn poll(&mut self, wait: Duration, events: &mut Vec<InputEvent>);
+
+    /// The host ends.
+    fn end(&mut self) {}
+}

@@ -1,0 +1,40 @@
+//! What can be set of the operator's cell.
+
+use val2_alter::{HostConfig, Policy};
+
+use crate::alter::{LIMITS, Profile, host_config};
+use cellwire_links::settings::{Configure, Fields};
+
+/// What can be set of the cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// The ALTER session.
+    pub alter: HostConfig,
+    /// The polls of the ball.
+    pub polls: isra_ball::HostConfig,
+    /// The answers to the workstation.
+    pub viewer: val2_viewer::HostConfig,
+    /// What the hand's values mean.
+    pub profile: Profile,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            alter: HostConfig { limits: LIMITS, policy: Policy::Ignore, ..host_config() },
+            polls: isra_ball::HostConfig::default(),
+            viewer: val2_viewer::HostConfig::default(),
+            profile: Profile::for_limits(LIMITS, 100),
+        }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { alter, polls, viewer, profile } = self;
+        alter.configure(fields);
+        fields.group("ball", |fields| polls.configure(fields));
+        fields.group("viewer", |fields| viewer.configure(fields));
+        fields.group("profile", |fields| profile.configure(fields));
+    }
+}

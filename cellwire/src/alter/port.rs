@@ -1,0 +1,257 @@
+//! A serial port, or a serial device server, that may go away and come back. Other threads do not wait for it: a thread of its own closes and
+//! opens it.
+
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use robot_session::{Received, Sent, Serial, Session, Transport, Wait};
+
+use super::context::Context;
+use super::messages::Notification;
+use super::returned::Returned;
+use cellwire_io::latency::Deadline;
+use cellwire_io::port::AnyPort;
+use cellwire_io::serial;
+use cellwire_io::tcp::Dialing;
+use cellwire_io::trace::Way;
+
+/// A serial port by its path, or `HOST:PORT`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortConfig {
+    /// The path or name.
+    pub path: String,
+    /// The baud rate.
+    pub baud: u32,
+}
+
+/// How often a lost port is retried; the session continues meanwhile.
+const REOPEN: Duration = Duration::from_millis(200);
+/// A wait that has run out still takes what is there.
+const LEAST_WAIT: Duration = Duration::from_micros(50);
+/// What waits for the trace: more is not kept there either.
+const UNTRACED: usize = 256;
+
+type Opened = AnyPort;
+
+pub(super) struct Port {
+    name: &'static str,
+    config: PortConfig,
+    context: Context,
+    open: Option<Opened>,
+    /// Takes a port that is gone, to close it and to open it again: a driver may take its time for both.
+    lost: Sender<Opened>,
+    opened: Receiver<Opened>,
+    /// What goes to the trace when its lock is free.
+    untraced: VecDeque<(Duration, Way, Vec<u8>)>,
+    returned: Returned,
+    /// When bytes were read last.
+    pub(super) read_at: Duration,
+    /// When bytes were written last.
+    pub(super) written_at: Duration,
+    /// The time of [`Transport::discard_after`], once a driver has set it.
+    discard_after: Option<Duration>,
+}
+
+impl Port {
+    /// Opens it for the first time: without it there is no host.
+    pub(super) fn open(
+        name: &'static str,
+        config: &PortConfig,
+        deadline: Option<Deadline>,
+        context: &Context,
+    ) -> Result<Self> {
+        let port = AnyPort::open(&config.path, config.baud, Dialing::default())?;
+        context.notify(Notification::PortOpen(name, config.path.clone()));
+        if let Some(advice) = deadline.and_then(|deadline| deadline.advice(&config.path)) {
+            context.notify(Notification::SlowAdapter(name, advice));
+        }
+        let (lost, to_open) = channel();
+        let (ready, opened) = channel();
+        let (again, stop) = (config.clone(), context.clone());
+        thread::spawn(move || reopen(&again, &stop, &to_open, &ready));
+        Ok(Self {
+            name,
+            config: config.clone(),
+            context: context.clone(),
+            open: Some(port),
+            lost,
+            opened,
+            untraced: VecDeque::new(),
+            returned: Returned::default(),
+            read_at: Duration::ZERO,
+            written_at: Duration::ZERO,
+            discard_after: None,
+        })
+    }
+
+    /// Reports to a session that the port was opened or is gone; `is_connected` is what it knows.
+    pub(super) fn follow(&self, session: &mut impl Session, is_connected: &mut bool) {
+        if self.is_open() == *is_connected {
+            return;
+        }
+        *is_connected = self.is_open();
+        let now = self.context.clock.now();
+        if *is_connected { session.handle_connected(now) } else { session.handle_disconnected(now) }
+    }
+
+    /// Waits for bytes, and takes all that there are; none when none came in that time, or when the port has gone meanwhile.
+    pub(super) fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
+        let Some(port) = &mut self.open else {
+            if let Ok(port) = self.opened.recv_timeout(wait) {
+                self.open = Some(port);
+                if let Some(after) = self.discard_after
+                    && let Err(e) = self.discard_after(after)
+                {
+                    self.lose(&e);
+                    return 0;
+                }
+                self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
+            }
+            return 0;
+        };
+        let (mut length, mut wait) = (0, wait.max(LEAST_WAIT));
+        while let Some(rest) = buffer.get_mut(length..).filter(|rest| !rest.is_empty()) {
+            match port.receive(rest, Wait::limited(wait)) {
+                Ok(Received::Bytes(n)) => length += n,
+                Ok(Received::Nothing) => {}
+                Ok(Received::Closed) => {
+                    self.lose(&ErrorKind::UnexpectedEof.into());
+                    break;
+                }
+                Err(e) => {
+                    self.lose(&e);
+                    break;
+                }
+            }
+            if !port.is_waiting() {
+                break;
+            }
+            wait = LEAST_WAIT;
+        }
+        if length > 0 {
+            self.read_at = self.context.clock.now();
+            let bytes = buffer.get(..length).unwrap_or_default();
+            self.returned.read(bytes);
+            self.keep(self.read_at, Way::Received, bytes);
+        }
+        length
+    }
+
+    /// Returns whether the line returns what is sent: the last messages came back before anything else.
+    pub(super) fn returns(&self) -> bool {
+        self.returned.is_proved()
+    }
+
+    /// Whether the port is there.
+    pub(super) fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Writes all of `bytes`; false when the port is gone.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
+        let Some(port) = &mut self.open else { return false };
+        if let Err(e) = port.send_all(bytes) {
+            self.lose(&e);
+            return false;
+        }
+        self.written_at = self.context.clock.now();
+        self.returned.sent(bytes);
+        self.keep(self.written_at, Way::Sent, bytes);
+        true
+    }
+
+    /// Passes on to the trace what was read and written, unless the screen or the disk has it: then next time.
+    pub(super) fn trace(&mut self) {
+        while let Some((at, way, bytes)) = self.untraced.front() {
+            if !self.context.trace.try_add(*at, *way, bytes) {
+                return;
+            }
+            self.untraced.pop_front();
+        }
+    }
+
+    /// Passes on the rest, when there is nothing else to do.
+    pub(super) fn trace_all(&mut self) {
+        for (at, way, bytes) in self.untraced.drain(..) {
+            self.context.trace.add(at, way, &bytes);
+        }
+    }
+
+    /// Listens at another baud rate for this long, after sending `ask`; what was received. `None` when the port is gone or does not
+    /// know the rate.
+    pub(super) fn listen(&mut self, baud: u32, ask: &[u8], time: Duration) -> Option<Vec<u8>> {
+        let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return None };
+        port.set_baud_rate(baud).ok()?;
+        port.write_all(ask).ok()?;
+        serial::listen(port.as_mut(), time).ok()
+    }
+
+    /// Back to the rate of its own.
+    pub(super) fn end_listening(&mut self) {
+        let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return };
+        if let Err(e) = port.set_baud_rate(self.config.baud) {
+            self.lose(&e.into());
+        }
+    }
+
+    fn keep(&mut self, at: Duration, way: Way, bytes: &[u8]) {
+        if self.untraced.len() == UNTRACED {
+            self.untraced.pop_front();
+        }
+        self.untraced.push_back((at, way, bytes.to_vec()));
+    }
+
+    fn lose(&mut self, error: &io::Error) {
+        if let Some(port) = self.open.take() {
+            // The thread ends only with this.
+            let _ = self.lost.send(port);
+        }
+        self.context.notify(Notification::PortLost(self.name, error.to_string()));
+    }
+}
+
+/// Closes each port that is gone, and opens it again as soon as that is possible.
+fn reopen(config: &PortConfig, context: &Context, lost: &Receiver<Opened>, opened: &Sender<Opened>) {
+    while let Ok(port) = lost.recv() {
+        drop(port);
+        loop {
+            thread::sleep(REOPEN);
+            if context.is_stopped() {
+                return;
+            }
+            let Ok(port) = AnyPort::open(&config.path, config.baud, Dialing::default()) else { continue };
+            if opened.send(port).is_err() {
+                return;
+            }
+            break;
+        }
+    }
+}
+
+/// A port that is gone is as silent as one that is there: what is lost with it is the end of the connection.
+impl Transport for Port {
+    fn now(&self) -> Duration {
+        self.context.clock.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        Ok(match self.read(wait.limit.unwrap_or(LEAST_WAIT), buffer) {
+            0 => Received::Nothing,
+            length => Received::Bytes(length),
+        })
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.write(bytes);
+        Ok(Sent::Buffered)
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.discard_after = Some(after);
+        self.open.as_mut().map_or(Ok(()), |port| port.discard_after(after))
+    }
+}

@@ -1,0 +1,363 @@
+//! `cellwire demo kawasaki`: the source's own application, a PC that lets a robot draw a picture.
+
+pub mod tally;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, anyhow, bail, ensure};
+use indicatif::ProgressBar;
+use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
+
+use self::tally::{Ledger, Outcome};
+use crate::demo::DemoOptions;
+use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke, Switch};
+use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
+use crate::io::drawing::{self, Picture};
+use crate::report::{Budget, Report};
+use cellwire_io::kawasaki::meeting::Meeting;
+use cellwire_io::kawasaki::pc::{self, Packets, Program};
+use cellwire_io::tcp::{self, FaultyProxy};
+use cellwire_links::kawasaki_msg::layout::AnyWork;
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
+use cellwire_links::settings::{self, Configure, Fields};
+
+/// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
+const SPEED: u32 = 16_000;
+
+/// The jobs that the robot's queue holds, unless `--set queue=…` gives another number.
+const QUEUE: usize = 256;
+
+/// With `--faults`, so likely does a read break the connection.
+const BREAKS: f64 = 0.02;
+
+/// How long a robot without a connection waits here: a short run is to see many connections.
+const RECONNECT: Duration = Duration::from_millis(100);
+
+/// The number of the first order: that of the source's example (thesis, section 10.1).
+const ORDER: u16 = 50;
+
+/// An order that was ended is over when the job that is being executed is done, and the robot has reported it: within this time, and
+/// that of the longest line.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    plant: Plant,
+    port: u16,
+    queue: usize,
+    speed: u32,
+    robot: RobotConfig<'static>,
+    pc: PcConfig<'static>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let robot = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+        let (mut plant, pc) = (Plant::default(), PcConfig::TCP);
+        plant.bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
+        Self { port: 0, queue: QUEUE, speed: SPEED, plant, robot, pc }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { port, queue, speed, plant, robot, pc } = self;
+        fields.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free port", port);
+        fields.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
+        fields.whole("speed", 1..=u32::MAX, "mm/s", "the speed of the pen", speed);
+        plant.configure(fields);
+        fields.group("robot", |fields| robot_settings(fields, robot));
+        fields.group("pc", |fields| pc_settings(fields, pc));
+    }
+}
+
+/// Draws the picture once; with a time, again and again until it is over.
+///
+/// # Errors
+/// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let Settings { port, queue, speed, plant, robot, pc } =
+        settings::read("kawasaki", Settings::default(), &options.settings)?;
+    let picture = match &options.drawing {
+        Some(file) => Picture::from_file(file, SHEET, false)?,
+        None => Picture::built_in(SHEET)?,
+    };
+    let layout = plant.layout()?;
+    let board = Lines::of(&layout)?;
+    let lines = board.jobs(&picture);
+    let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
+    let session = LargePc::with_ranges(pc, layout.clone())?;
+    // No job is anything else than a line.
+    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
+    let (udp, dialing) = (plant.udp, tcp::Dialing::default());
+    ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
+    let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
+    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, dialing)?;
+    let proxy = match options.faults {
+        true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
+        false => None,
+    };
+    let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
+    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, dialing)?;
+    let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
+    let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
+
+    let (switch, robot_is_off) = (Switch::default(), AtomicBool::new(false));
+    let (sender, strokes) = mpsc::channel();
+    let mut program = Repeat::new(&lines, options, patience, &robot_is_off, strokes);
+    let (robot, packets) = thread::scope(|scope| {
+        let robot = scope.spawn(|| {
+            let trace = options.trace.start("kawasaki-robot");
+            let run = robot::run(
+                &setup,
+                &mut robot_meeting,
+                &trace,
+                &switch,
+                |stroke| sender.send(stroke).unwrap_or_default(),
+                |_| Ok(()),
+            );
+            robot_is_off.store(true, Ordering::Relaxed);
+            run
+        });
+        let trace = options.trace.start("kawasaki-pc");
+        let packets = pc::run(&mut meeting, session, &trace, &mut program);
+        switch.turn_off();
+        (robot.join(), packets)
+    });
+    let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
+    program.ledger.end();
+    let (limit, time) = (pc.limits.packet, program.start.elapsed());
+    let seen = Seen { packets: packets?, limit, ledger: program.ledger, robot, time };
+    if let Some(file) = &options.out {
+        let drawn = seen.ledger.longest().iter().map(|stroke| board.line(&stroke.job.work));
+        drawing::write_svg(file, SHEET, &drawn.collect::<Vec<_>>())?;
+    }
+    Ok(report(&picture, &lines, &seen, proxy.as_ref()))
+}
+
+/// The PC's program: one order after another, each the whole picture.
+struct Repeat<'a> {
+    lines: &'a [AnyWork],
+    start: Instant,
+    seconds: Option<Duration>,
+    patience: Duration,
+    robot_is_off: &'a AtomicBool,
+    progress: &'a ProgressBar,
+    ledger: Ledger<'a>,
+    over: Option<u32>,
+    interrupted: bool,
+}
+
+impl<'a> Repeat<'a> {
+    fn new(
+        lines: &'a [AnyWork],
+        options: &'a DemoOptions,
+        patience: Duration,
+        robot_is_off: &'a AtomicBool,
+        strokes: Receiver<Stroke>,
+    ) -> Self {
+        options.progress.set_length(lines.len() as u64);
+        Self {
+            lines,
+            start: Instant::now(),
+            seconds: options.seconds,
+            patience,
+            robot_is_off,
+            progress: &options.progress,
+            ledger: Ledger::new(lines, options, strokes),
+            over: None,
+            interrupted: false,
+        }
+    }
+}
+
+impl<'a> Program for Repeat<'a> {
+    type Session = LargePc<'static, &'a [AnyWork]>;
+
+    fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
+        let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
+        if let Some(executed) = self.over.take() {
+            self.ledger.over(Outcome { sent: pc.sent(), executed });
+        }
+        if self.robot_is_off.load(Ordering::Relaxed) {
+            return Ok(false); // it reports why
+        }
+        if pc.order().is_some() {
+            if time_is_up && !self.interrupted {
+                pc.interrupt()?;
+                self.interrupted = true;
+            }
+            let late = self.seconds.is_some_and(|seconds| self.start.elapsed() > seconds + self.patience);
+            ensure!(!late, "the robot has not reported the end of the order for {:?}", self.patience);
+            return Ok(true);
+        }
+        let drawn = self.ledger.orders() > 0;
+        if time_is_up || (drawn && self.seconds.is_none()) {
+            return Ok(false);
+        }
+        let number = u16::try_from(self.ledger.orders()).unwrap_or(u16::MAX).saturating_add(ORDER);
+        pc.start(number, self.lines)?;
+        Ok(true)
+    }
+
+    fn notify(&mut self, _: &mut Self::Session, notification: pc::Notification<'_>) -> Result<()> {
+        let pc::Notification::Event(event) = notification else { return Ok(()) };
+        match event {
+            PcEvent::Progress { executed, queued } => {
+                self.progress.set_position(executed.into());
+                self.progress.set_message(format!("drawn, {} in the queue", queued.saturating_sub(executed)));
+            }
+            PcEvent::OrderOver { executed, .. } => self.over = Some(executed),
+            PcEvent::OrderRefused { given_up: true, order, active } => {
+                bail!("the robot refuses order {order}: order {active} is active");
+            }
+            PcEvent::OutcomeUnknown { order, .. } => bail!("the robot no longer has order {order}"),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// What the run has shown.
+struct Seen<'a> {
+    packets: Packets,
+    /// The most bytes of one.
+    limit: usize,
+    ledger: Ledger<'a>,
+    robot: robot::Run,
+    time: Duration,
+}
+
+fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
+    let Seen { packets, limit, ledger, robot, time } = seen;
+    let tally = ledger.tally();
+    let statistics = robot.statistics;
+    let title = format!(
+        "a robot draws a picture of {} strokes and {} moves for a PC",
+        picture.strokes(),
+        lines.len() - picture.strokes()
+    );
+    let mut report = Report::new("kawasaki", title).moves("a pen draws a picture");
+    report.fact("orders", "orders: pictures begun", ledger.orders());
+    report.fact("pictures", "complete pictures", ledger.complete());
+    report.jobs(tally.jobs());
+    if tally.withdrawn > 0 {
+        report.fact("withdrawn", "withdrawn at timeout", tally.withdrawn);
+    }
+    report.fact("asked_again", "jobs dropped at a full queue and resent", statistics.discarded);
+    report.fact("packets", "packets of the PC", packets.count);
+    report.fact("messages_mean", "messages per packet, mean", tenths(packets.messages, packets.count));
+    report.fact("messages_most", "messages per packet, maximum", packets.most_messages);
+    let label = format!("bytes of the longest packet, maximum {limit} (§9.5)");
+    report.fact("longest_packet", &label, packets.longest);
+    let a_second = tenths(robot.exchange.count(), 1) / time.as_secs_f64();
+    report.fact("exchanges_a_second", "exchanges per second, in the source 31 (§9.4)", round(a_second));
+    if let Some(faults) = proxy.map(FaultyProxy::faults) {
+        report.fact("splits", "split reads", faults.splits.load(Ordering::Relaxed));
+        report.fact("delays", "reads delayed", faults.delays.load(Ordering::Relaxed));
+        report.fact("disconnects", "connections broken", faults.disconnects.load(Ordering::Relaxed));
+    }
+    report.fact("connections", "connections opened", robot.connections);
+    report.timing("exchange", "packet to answer", &robot.exchange, None);
+    report.timing(
+        "unpack",
+        "unpack and queue a packet",
+        &robot.unpack,
+        Some(Budget { time: timing::UNPACK_MEAN, source: "app. 2, its mean" }),
+    );
+    report.timing(
+        "work_cycle",
+        "job to job without motion",
+        &robot.work_cycle,
+        Some(Budget { time: Duration::from_millis(110), source: "§12.1" }),
+    );
+    report.require(tally.executed_once > 0, || "nothing was drawn".into());
+    for (count, what) in [
+        (tally.altered, "jobs differ from those sent"),
+        (tally.out_of_order, "jobs were executed out of order"),
+        (tally.unreported, "jobs were executed that the PC considers lost"),
+    ] {
+        report.require(count == 0, || format!("{count} {what}"));
+    }
+    report
+}
+
+fn tenths(dividend: u64, divisor: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "counts of a run")]
+    let quotient = dividend as f64 / divisor.max(1) as f64;
+    round(quotient)
+}
+
+fn round(x: f64) -> f64 {
+    (x * 10.0).round() / 10.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+    use std::path::PathBuf;
+
+    fn options(settings: &[(&str, i64)]) -> DemoOptions {
+        DemoOptions {
+            settings: settings.iter().map(|(name, value)| ((*name).into(), Value::from(*value))).collect(),
+            ..DemoOptions::quiet()
+        }
+    }
+
+    /// A square with a diagonal: a move of 96 mm to its corner, then five strokes.
+    fn square(name: &str) -> PathBuf {
+        let file = std::env::temp_dir().join(format!("cellwire-{name}-{}.svg", std::process::id()));
+        let path = r#"<path fill="none" stroke="black" d="M 10 10 H 90 V 90 H 10 Z L 90 90"/>"#;
+        let svg = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">{path}</svg>"#);
+        std::fs::write(&file, svg).unwrap();
+        file
+    }
+
+    #[test]
+    fn what_the_robot_draws_is_the_picture() {
+        let given = square("whole");
+        let drawn = given.with_extension("drawn.svg");
+        let mut options = options(&[("speed", 200_000)]);
+        (options.drawing, options.out) = (Some(given.clone()), Some(drawn.clone()));
+        let report = demo(&options).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        assert_eq!((is_good, &object["executed_once"]), (true, &6.into()), "{object}");
+        let [given, drawn] = [given, drawn].map(|file| {
+            let picture = Picture::from_file(&file, SHEET, false).unwrap();
+            std::fs::remove_file(file).unwrap();
+            picture
+        });
+        assert_eq!((given.lines, given.sheet), (drawn.lines, drawn.sheet));
+    }
+
+    #[test]
+    fn over_a_connection_that_breaks_every_line_is_drawn_once() {
+        let mut options = options(&[("speed", 1_000_000)]);
+        options.faults = true;
+        let report = demo(&options).unwrap();
+        let (is_good, object) = (report.is_good(), report.to_json());
+        let lines = Picture::built_in(SHEET).unwrap().lines.len();
+        assert_eq!((is_good, &object["executed_once"]), (true, &lines.into()), "{object}");
+        assert!(object["disconnects"].as_u64() > Some(0), "{object}");
+    }
+
+    #[test]
+    fn a_picture_that_is_cut_short_is_reported() {
+        // The pen needs more than two seconds to the first corner: that job is finished, the others are withdrawn.
+        let (file, mut options) = (square("short"), options(&[("speed", 40), ("queue", 4)]));
+        (options.drawing, options.seconds) = (Some(file.clone()), Some(Duration::from_secs(1)));
+        let report = demo(&options).unwrap();
+        let object = report.to_json();
+        std::fs::remove_file(file).unwrap();
+        let [pictures, once, lost] = ["pictures", "executed_once", "lost"].map(|key| &object[key]);
+        assert_eq!((pictures, once, lost), (&0.into(), &1.into(), &0.into()), "{object}");
+        assert!(object["withdrawn"].as_u64() >= Some(3), "{object}");
+    }
+}

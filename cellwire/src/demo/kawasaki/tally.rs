@@ -1,0 +1,242 @@
+//! What became of the jobs: what was sent, beside what the pen did.
+
+use std::sync::mpsc::Receiver;
+
+use kawasaki_msg::Dialect;
+
+use crate::demo::DemoOptions;
+use crate::devices::kawasaki_msg::robot::Stroke;
+use crate::report::Jobs;
+use cellwire_links::kawasaki_msg::layout::AnyWork;
+
+/// How an order has ended, as the PC knows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outcome {
+    /// How many jobs were sent, from the first on.
+    pub sent: u32,
+    /// How many of them are executed, from the first on; the others will not be.
+    pub executed: u32,
+}
+
+/// What became of the jobs of all orders.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Sent.
+    pub sent: u64,
+    /// Executed exactly once, as they were sent.
+    pub executed_once: u64,
+    /// Executed more than once.
+    pub repeated: u64,
+    /// Executed, as reported to the PC, and not executed in truth.
+    pub lost: u64,
+    /// Sent, and withdrawn with the end of the order: reported to the PC as not to be executed.
+    pub withdrawn: u64,
+    /// Executed, and reported to the PC as not executed.
+    pub unreported: u64,
+    /// Not what was sent under the number.
+    pub altered: u64,
+    /// Not after the job before it.
+    pub out_of_order: u64,
+}
+
+/// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the run is.
+#[derive(Debug)]
+pub struct Ledger<'a> {
+    picture: &'a [AnyWork],
+    options: &'a DemoOptions,
+    strokes: Receiver<Stroke>,
+    /// Strokes of orders that are not counted yet.
+    held: Vec<Stroke>,
+    /// The last order that was over: a stroke that comes late is one of its.
+    last: Option<Outcome>,
+    /// Orders that are counted.
+    counted: u32,
+    /// Orders that were over with the whole picture drawn.
+    complete: u32,
+    longest: Vec<Stroke>,
+    tally: Tally,
+}
+
+impl<'a> Ledger<'a> {
+    /// Nothing was drawn yet. Each order draws the picture from its first line on; `strokes` are what the pen does.
+    pub fn new(picture: &'a [AnyWork], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
+        Self {
+            picture,
+            options,
+            strokes,
+            held: Vec::new(),
+            last: None,
+            counted: 0,
+            complete: 0,
+            longest: Vec::new(),
+            tally: Tally::default(),
+        }
+    }
+
+    /// An order is over; how the PC knows it has ended.
+    pub fn over(&mut self, outcome: Outcome) {
+        self.count_last();
+        self.complete += u32::from(outcome.executed as usize == self.picture.len());
+        self.last = Some(outcome);
+    }
+
+    /// The run is over, and the pen does nothing more.
+    pub fn end(&mut self) {
+        self.count_last();
+        // Of no order at all.
+        self.tally.altered += self.held.len() as u64;
+    }
+
+    /// Orders that are over.
+    pub fn orders(&self) -> u32 {
+        self.counted + u32::from(self.last.is_some())
+    }
+
+    /// Orders that were over with the whole picture drawn.
+    pub fn complete(&self) -> u32 {
+        self.complete
+    }
+
+    /// The strokes of the order that got farthest: a picture that was cut short is drawn only if there is no other.
+    pub fn longest(&self) -> &[Stroke] {
+        &self.longest
+    }
+
+    /// What became of the jobs of the orders that are counted.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    fn count_last(&mut self) {
+        self.held.extend(self.strokes.try_iter());
+        let Some(outcome) = self.last.take() else { return };
+        self.counted += 1;
+        let order = self.counted;
+        let (mut strokes, held) = self.held.drain(..).partition(|stroke: &Stroke| stroke.order <= order);
+        self.held = held;
+        if order == 1 {
+            self.options.spoil(&mut strokes);
+        }
+        self.tally.add(self.picture, outcome, order, &strokes);
+        strokes.retain(|stroke| stroke.order == order);
+        if strokes.len() > self.longest.len() {
+            self.longest = strokes;
+        }
+    }
+}
+
+impl Tally {
+    /// Adds an order by its number, counted from 1, and what the pen did until it was counted.
+    fn add(&mut self, picture: &[AnyWork], outcome: Outcome, order: u32, strokes: &[Stroke]) {
+        let (sent, executed) = (outcome.sent as usize, outcome.executed as usize);
+        let (mut times, mut next) = (vec![0u32; sent], 0);
+        for stroke in strokes {
+            if stroke.order != order {
+                // Its own order was counted without it.
+                self.unreported += 1;
+                continue;
+            }
+            let index = place(stroke.job.number, next);
+            self.out_of_order += u64::from(index != Some(next));
+            next = index.map_or(next, |index| index + 1);
+            match index.and_then(|index| Some((times.get_mut(index)?, picture.get(index)?))) {
+                Some((times, line)) if *line == stroke.job.work => *times += 1,
+                _ => self.altered += 1,
+            }
+        }
+        self.sent += u64::from(outcome.sent);
+        for (index, times) in times.iter().enumerate() {
+            *match (times, index < executed) {
+                (0, true) => &mut self.lost,
+                (0, false) => &mut self.withdrawn,
+                (1, true) => &mut self.executed_once,
+                (1, false) => &mut self.unreported,
+                _ => &mut self.repeated,
+            } += 1;
+        }
+    }
+
+    /// For the report.
+    pub fn jobs(&self) -> Jobs {
+        let Self { sent, executed_once, lost, repeated, .. } = *self;
+        Jobs { sent, executed_once, lost, repeated, unknown: 0 }
+    }
+}
+
+/// The place of the job of a number, counted from 0: the one nearest to where the next job is expected.
+fn place(number: u16, next: usize) -> Option<usize> {
+    let max = usize::from(Dialect::MAX_NUMBER);
+    let ahead = (usize::from(number) + max - 1 - next % max) % max;
+    if ahead <= max / 2 { Some(next + ahead) } else { (next + ahead).checked_sub(max) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+    use cellwire_links::kawasaki_msg::layout::AnyValue;
+    use kawasaki_msg::Job;
+
+    fn line(x: i32) -> AnyWork {
+        let mut work = AnyWork::default();
+        [1, x, 0, x + 1, 0]
+            .into_iter()
+            .enumerate()
+            .for_each(|(place, value)| work.set(place, AnyValue::Number(value)));
+        work
+    }
+
+    fn stroke(order: u32, number: u16) -> Stroke {
+        Stroke { order, job: Job { order: 50, number, work: line(i32::from(number)) } }
+    }
+
+    /// The picture whose job of number n is `line(n)`.
+    fn picture(jobs: i32) -> Vec<AnyWork> {
+        (1..=jobs).map(line).collect()
+    }
+
+    #[test]
+    fn each_fate_is_counted() {
+        let outcome = Outcome { sent: 6, executed: 4 };
+        let mut altered = stroke(1, 4);
+        altered.job.work.set(4, AnyValue::Number(7));
+        // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is withdrawn.
+        let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
+        let mut tally = Tally::default();
+        tally.add(&picture(9), outcome, 1, &strokes);
+        let expected = Tally {
+            sent: 6,
+            executed_once: 1,
+            repeated: 1,
+            lost: 2,
+            withdrawn: 1,
+            unreported: 1,
+            altered: 1,
+            out_of_order: 2,
+        };
+        assert_eq!(tally, expected);
+    }
+
+    #[test]
+    fn orders_are_distinguished_and_numbers_wrap() {
+        let (options, picture) = (DemoOptions::quiet(), picture(2));
+        let (sender, strokes) = channel();
+        let mut ledger = Ledger::new(&picture, &options, strokes);
+        // The last one is late: its order was counted when the next one was over.
+        for (order, number) in [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2), (1, 2)] {
+            sender.send(stroke(order, number)).unwrap();
+            if number == 2 && order > 1 {
+                ledger.over(Outcome { sent: 2, executed: 2 });
+            }
+        }
+        ledger.over(Outcome { sent: 2, executed: 2 });
+        ledger.end();
+        let expected = Tally { sent: 6, executed_once: 6, unreported: 1, ..Tally::default() };
+        assert_eq!((ledger.tally(), ledger.orders(), ledger.complete()), (expected, 3, 3));
+        assert_eq!((ledger.longest().len(), ledger.held.len()), (2, 0));
+        assert_eq!(place(1, 9999), Some(9999));
+        assert_eq!(place(9999, 9999), Some(9998));
+        assert_eq!(place(9999, 0), None);
+    }
+}

@@ -1,0 +1,285 @@
+//! The host of the demo: cuts a path, asks the robot when it does not know, and notes what it knows of each instruction.
+
+use core::ops::Range;
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::io;
+use std::rc::Rc;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
+use robot_session::end::End as _;
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
+
+use super::path::Cut;
+use super::tally::Known;
+use crate::io::samples::Samples;
+use cellwire_io::drive::turn;
+use cellwire_io::port::AnyPort;
+use cellwire_io::serial;
+use cellwire_sim::laser::STATUS;
+
+/// How long questions go on when a run is over.
+const GIVE_UP: Duration = Duration::from_secs(60);
+
+/// A robot that has restarted answers like one that has not: only its status shows it. It is asked at least this often.
+const ASK_AGAIN: Duration = Duration::from_secs(3);
+
+/// A host on a port, with the path that it cuts.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub struct Cutter<'a> {
+    driver: Driver<Port>,
+    host: Host,
+    /// What is to be cut, and what is known of it.
+    pub plan: Plan<'a>,
+}
+
+/// The path, and what the host knows of each instruction.
+#[derive(Debug)]
+pub struct Plan<'a> {
+    path: &'a [Cut],
+    /// How many instructions a frame holds at most.
+    batch: u8,
+    /// What each ticket of the host was: an instruction of the path, or a question.
+    tickets: Vec<Option<usize>>,
+    /// What is to be sent, in this order.
+    todo: VecDeque<usize>,
+    /// Whether to ask for the robot's status before going on, and when it was known last.
+    ask: bool,
+    asked: Duration,
+    /// How often the robot had started when it was asked last, what its queue holds, and how much had been queued then.
+    boot: Option<i16>,
+    queue: usize,
+    queued_before: usize,
+    /// What the robot has queued, in this order.
+    queued: Vec<usize>,
+    /// When the last frame was sent.
+    sent: Rc<Cell<Duration>>,
+    /// What is known of each instruction.
+    pub known: Vec<Option<Known>>,
+    /// What was counted.
+    pub counts: HostCounts,
+}
+
+/// A port that notes when a frame was sent.
+struct Port(AnyPort, Rc<Cell<Duration>>);
+
+impl Transport for Port {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        self.0.receive(buffer, wait)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.1.set(now());
+        self.0.send(bytes)
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        self.0.discard_after(after)
+    }
+}
+
+/// What a host has seen.
+#[derive(Debug, Clone, Default)]
+pub struct HostCounts {
+    /// Instructions that the robot has queued.
+    pub queued: u64,
+    /// Frames sent again after an error code.
+    pub resent: u64,
+    /// Frames refused to the end; their instructions were sent in a later frame.
+    pub refused: u64,
+    /// Questions asked after an unknown outcome.
+    pub asked: u64,
+    /// Restarts of the robot that were noticed.
+    pub restarts: u64,
+    /// From handing a frame over to its answer.
+    pub exchange: Samples,
+}
+
+impl<'a> Cutter<'a> {
+    /// A host at the beginning of the path.
+    ///
+    /// # Errors
+    /// A configuration that cannot work.
+    pub fn new(port: AnyPort, path: &'a [Cut], config: HostConfig) -> Result<Self> {
+        let sent = Rc::new(Cell::new(now()));
+        let mut host = Host::new(config)?;
+        host.handle_connected(now());
+        let plan = Plan {
+            path,
+            batch: 1,
+            tickets: Vec::new(),
+            todo: (0..path.len()).collect(),
+            ask: true,
+            asked: now(),
+            boot: None,
+            queue: 0,
+            queued_before: 0,
+            queued: Vec::new(),
+            sent: Rc::clone(&sent),
+            known: vec![None; path.len()],
+            counts: HostCounts::default(),
+        };
+        Ok(Self { driver: Driver::new(Port(port, sent)), host, plan })
+    }
+
+    /// Cuts for `time` or to the end of the path, `batch` instructions in a frame, and lets the last frame find its outcome, if
+    /// need be by asking; asks once more, so that a restart does not go unnoticed. Returns how many instructions were queued.
+    ///
+    /// # Errors
+    /// When the port fails.
+    pub fn cut(&mut self, time: Duration, batch: u8, mut progress: impl FnMut(u64)) -> Result<u64> {
+        let Self { driver, host, plan } = self;
+        let (before, end) = (plan.counts.queued, now() + time);
+        plan.batch = batch;
+        let mut asked_last = false;
+        loop {
+            ensure!(now() < end + GIVE_UP, "the robot does not answer: please report this as a bug");
+            plan.ask |= now() >= plan.asked + ASK_AGAIN;
+            plan.ask(host)?;
+            if now() < end {
+                plan.fill(host)?;
+            }
+            if host.is_idle() {
+                if asked_last {
+                    break;
+                }
+                (plan.ask, asked_last) = (true, true);
+                continue;
+            }
+            let handler = |host: &mut Host, event| plan.take(host, event);
+            let goes_on =
+                turn(driver, host, Some(serial::READ_TIMEOUT), handler).context("the robot's port")?;
+            ensure!(goes_on, "the robot's port is gone");
+            progress((plan.path.len() - plan.todo.len()) as u64);
+        }
+        Ok(plan.counts.queued - before)
+    }
+}
+
+impl Plan<'_> {
+    /// Submits the question that is open.
+    fn ask(&mut self, host: &mut Host) -> Result<()> {
+        if self.ask {
+            match host.submit(STATUS, |_| Ok(())) {
+                Ok(_) => {
+                    self.tickets.push(None);
+                    (self.ask, self.asked) = (false, now());
+                }
+                Err(SessionError::Full) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Submits what fits into the next frame.
+    fn fill(&mut self, host: &mut Host) -> Result<()> {
+        while !self.ask
+            && host.machine().next.is_none_or(|next| next.count < self.batch)
+            && let Some(&index) = self.todo.front()
+            && let Some(cut) = self.path.get(index)
+        {
+            match host.submit(cut.word, |parameters| cut.write(parameters)) {
+                Ok(_) => {
+                    self.tickets.push(Some(index));
+                    self.todo.pop_front();
+                }
+                Err(SessionError::Full) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, host: &mut Host, event: HostEvent) -> Result<()> {
+        let (first, count, fate) = match event {
+            HostEvent::Done { first, count, resends, .. } => {
+                self.counts.resent += u64::from(resends);
+                if resends == 0 {
+                    self.counts.exchange.add(now().saturating_sub(self.sent.get()));
+                }
+                (first, count, Fate::Queued)
+            }
+            HostEvent::Answer { .. } => {
+                let Some(Ok(Item::I16(values))) = host.answer().next() else {
+                    anyhow::bail!("no status: {:?}", host.answer())
+                };
+                let [boot, queue, _] = values.array().context("a status has three shorts")?;
+                self.take_status(boot, usize::try_from(queue)?);
+                return Ok(());
+            }
+            HostEvent::Refused { first, count, .. } => (first, count, Fate::Refused),
+            HostEvent::Unknown { first, count, .. } => (first, count, Fate::Unknown),
+            _ => return Ok(()),
+        };
+        // What has been submitted meanwhile waits until the robot has been asked. Its tickets are never used again.
+        if fate != Fate::Queued {
+            let back = self.tickets.len() - usize::from(host.take_back());
+            self.again(back..self.tickets.len());
+            host.resume();
+        }
+        let first = usize::try_from(first)?;
+        let tickets = first..first + usize::from(count);
+        match fate {
+            Fate::Refused => self.again(tickets),
+            Fate::Queued => self.note(tickets, Known::Queued),
+            Fate::Unknown => self.note(tickets, Known::Unknown),
+        }
+        match fate {
+            Fate::Queued => {}
+            Fate::Refused => self.counts.refused += 1,
+            Fate::Unknown => {
+                self.counts.asked += 1;
+                self.ask = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// These were not taken: they come first.
+    fn again(&mut self, tickets: Range<usize>) {
+        for ticket in self.tickets.get(tickets).unwrap_or_default().iter().rev() {
+            match ticket {
+                Some(index) => self.todo.push_front(*index),
+                None => self.ask = true,
+            }
+        }
+    }
+
+    fn note(&mut self, tickets: Range<usize>, known: Known) {
+        for ticket in self.tickets.get(tickets).unwrap_or_default() {
+            let Some(index) = *ticket else { continue };
+            if let Some(slot) = self.known.get_mut(index) {
+                *slot = Some(known);
+            }
+            if known == Known::Queued {
+                self.queued.push(index);
+                self.counts.queued += 1;
+            }
+        }
+    }
+
+    /// A robot that has restarted has forgotten what was queued then: at most as much as its queue holds, of what was queued
+    /// before it was asked last; of what was queued since, nobody knows.
+    fn take_status(&mut self, boot: i16, queue: usize) {
+        if self.boot.is_some_and(|before| before != boot) {
+            self.counts.restarts += 1;
+            let forgotten = self.queued_before.saturating_sub(self.queue);
+            for index in self.queued.split_off(forgotten) {
+                if let Some(slot) = self.known.get_mut(index) {
+                    *slot = Some(Known::Unknown);
+                }
+            }
+        }
+        (self.boot, self.queue, self.queued_before) = (Some(boot), queue, self.queued.len());
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    Queued,
+    Refused,
+    Unknown,
+}

@@ -1,0 +1,314 @@
+//! `cellwire demo laser`.
+
+pub mod host;
+pub mod path;
+pub mod tally;
+
+use std::sync::Mutex;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use laser_eb90::{HostConfig, timing};
+
+use self::host::{Cutter, Plan};
+use self::path::{Cut, SHEET};
+use self::tally::Tally;
+use crate::demo::DemoOptions;
+use crate::devices::laser_eb90::controller::{self, RobotCounts, Switch};
+use crate::io::drawing::{self, Point};
+use crate::io::line::{Line, LineFaults};
+use crate::io::sheet;
+use crate::report::{Budget, Report};
+use cellwire_io::clock::Clock;
+use cellwire_io::port::AnyPort;
+use cellwire_io::tcp::Dialing;
+use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::Laser;
+use cellwire_sim::laser::Job;
+
+/// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
+/// hundred instructions.
+const BAUD: u32 = 115_200;
+
+/// With `--faults` one byte in a thousand is corrupt: turned over, lost, or preceded by noise.
+const FAULT_RATE: f64 = 0.001 / 3.0;
+
+/// How long the robot is off when it restarts.
+const RESTART: Duration = Duration::from_millis(300);
+
+/// Single instructions are sent for a third of the run, but no longer than this: the rest of the path waits.
+const SINGLE: Duration = Duration::from_secs(10);
+
+/// Where nothing can be lost, an answer may take as long as a machine without time for us needs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The bytes of a frame of one instruction, of seven, and of an answer.
+const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
+
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    host: HostConfig,
+    robot: Laser,
+}
+
+impl Settings {
+    fn new(baud: u32, faults: bool) -> Self {
+        let defaults = HostConfig::at_baud(baud);
+        // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an error
+        // code. Nobody has sent anything before.
+        let (answer_timeout, execution_timeout) = if faults {
+            (defaults.answer_timeout, defaults.answer_timeout * 2)
+        } else {
+            (PATIENCE, PATIENCE)
+        };
+        let host = HostConfig {
+            answer_timeout,
+            execution_timeout,
+            longest_frame: 0,
+            controller_drops_partial: true,
+            ..defaults
+        };
+        Self { host, robot: Laser { execution: Duration::from_millis(1), ..Laser::default() } }
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::new(BAUD, false)
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { host, robot } = self;
+        host.configure(fields);
+        // Both ends of a line agree, unless they are set apart.
+        let config = &mut robot.config;
+        (config.profile, config.words, config.batch) = (host.profile, host.words, host.batch);
+        fields.group("robot", |fields| fields.without(&["baud"], |fields| robot.configure(fields)));
+    }
+}
+
+/// A host sends a cutting path to the simulated robot over a serial line whose bytes take their time: for the first third of
+/// the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and started again.
+///
+/// # Errors
+/// When there is no pseudo-terminal, or the picture cannot be written.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
+    let first = settings::read("laser", Settings::default(), &options.settings)?;
+    // Some defaults follow from the rate.
+    let settings = Settings::new(first.host.baud, options.faults);
+    let settings = settings::read("laser", settings, &options.settings)?;
+    let (Settings { host: config, robot: settings }, baud) = (settings, first.host.baud);
+    let path = path::path()?;
+    let clock = Clock::start();
+    let (mut line, port) = Line::simulated(options.lines, clock, baud, options.trace.start("laser"))?;
+    if options.faults {
+        line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
+    }
+    let executed = Mutex::new(Vec::new());
+    let (first, second) = (Switch::default(), Switch::default());
+    options.progress.set_length(path.len() as u64);
+
+    let (robot, cut) = thread::scope(|scope| {
+        let robot = scope.spawn(|| restarting(settings, &mut line, clock, [&first, &second], &executed));
+        let cut = cut(&port, config, clock, &path, seconds, options, &first);
+        first.turn_off();
+        second.turn_off();
+        (robot.join(), cut)
+    });
+    let robot = robot.map_err(|_| anyhow::anyhow!("the simulated robot panicked"))??;
+    let (cutter, rates) = cut?;
+    let mut executed = executed.into_inner()?;
+    options.spoil(&mut executed);
+    let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &config.profile)).collect();
+    let cutter = cutter.plan;
+    let tally = Tally::new(&path, &cutter.known, &cuts);
+    if let Some(file) = &options.out {
+        sheet::write(file, SHEET, &lines(&cuts), &[], ["laser on", "laser off"])?;
+    }
+    Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
+}
+
+/// The host's run: instructions a second one by one, and seven in a frame.
+fn cut<'a>(
+    port: &str,
+    config: HostConfig,
+    clock: Clock,
+    path: &'a [Cut],
+    seconds: Duration,
+    options: &DemoOptions,
+    robot: &Switch,
+) -> Result<(Cutter<'a>, [f64; 2])> {
+    let mut cutter = Cutter::new(AnyPort::open(port, config.baud, Dialing::default())?, path, config)?;
+    // A new host waits until what an earlier one may have sent has passed: that is no part of the rate.
+    cutter.cut(Duration::ZERO, 1, |_| ())?;
+    let start = clock.now();
+    let rate = |cutter: &mut Cutter<'a>, end: Duration, batch: u8| -> Result<f64> {
+        let begin = clock.now();
+        let progress = |position| options.progress.set_position(position);
+        let queued = cutter.cut(end.saturating_sub(begin), batch, progress)?;
+        Ok(queued as f64 / (clock.now() - begin).as_secs_f64())
+    };
+    let one = rate(&mut cutter, start + (seconds / 3).min(SINGLE), 1)?;
+    let seven = thread::scope(|scope| {
+        if options.faults {
+            scope.spawn(|| {
+                thread::sleep(seconds / 3);
+                robot.kill();
+            });
+        }
+        rate(&mut cutter, start + seconds, 7)
+    })?;
+    Ok((cutter, [one, seven]))
+}
+
+/// A robot that is started again when it was killed. Without faults it never is.
+fn restarting(
+    robot: Laser,
+    line: &mut Line,
+    clock: Clock,
+    switches: [&Switch; 2],
+    executed: &Mutex<Vec<Job>>,
+) -> Result<RobotCounts> {
+    let mut counts = RobotCounts::default();
+    for (boot, switch) in (1..).zip(switches) {
+        counts.add(&controller::run(robot, boot, line, clock, switch, |_| Ok(()), Some(executed))?);
+        if !switch.was_killed() {
+            break;
+        }
+        let on_again = clock.now() + RESTART;
+        while clock.now() < on_again && line.wait(on_again) {
+            while line.receive().is_some() {} // it receives nothing while it is off
+        }
+    }
+    Ok(counts)
+}
+
+fn lines(cuts: &[Option<Cut>]) -> Vec<drawing::Line> {
+    let mut at = Point { x: 0, y: 0 };
+    let cuts = cuts.iter().flatten().map(|cut| {
+        let (from, to) = (at, cut.end());
+        at = to;
+        drawing::Line { draws: cut.word == path::CUT, from, to }
+    });
+    cuts.collect()
+}
+
+fn report(
+    (options, baud): (&DemoOptions, u32),
+    path: usize,
+    line: &Line,
+    cutter: &Plan<'_>,
+    robot: &RobotCounts,
+    tally: Tally,
+    [one, seven]: [f64; 2],
+) -> Report {
+    let [single, batch, answer] = FRAME_LENGTHS;
+    let gain = |baud| {
+        let one = timing::period(single, answer, baud, timing::TICK).as_secs_f64();
+        let seven = timing::period(batch, answer, baud, timing::TICK).as_secs_f64() / 7.0;
+        percent(one / seven)
+    };
+    let mut report = Report::new(
+        "laser",
+        format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
+    )
+    .moves("a laser cuts a sheet");
+    report.jobs(tally.jobs());
+    if tally.unknown > 0 {
+        report.fact("unknown_executed", "of these executed", tally.unknown_executed);
+    }
+    report.fact("unseen", "executed corrupt, undetected by the checksum", tally.unseen);
+    report.fact("resent", "frames resent after an error code", cutter.counts.resent);
+    report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
+    report.fact("error_codes", "error codes sent by the robot", robot.refused);
+    report.fact("restarts", "detected restarts of the robot", cutter.counts.restarts);
+    report.fact("line_faults", "bytes corrupted by the line", line.faults());
+    report.fact("single_rate", "instructions per second, one per frame", tenths(one));
+    report.fact("batch_rate", "instructions per second, seven per frame", tenths(seven));
+    report.fact("gain", "gain of seven per frame", format!("{} %", percent(seven / one)));
+    report.fact(
+        "gain_calculated",
+        "calculated gain at this rate, without faults",
+        format!("{} %", gain(baud)),
+    );
+    report.fact(
+        "gain_slow",
+        "calculated gain at 9600 and 1200 baud",
+        format!("{} %, {} %", gain(9600), gain(1200)),
+    );
+    report.fact("gain_source", "gain in the source, at an unnamed rate", "about 37 %");
+    report.timing("exchange", "frame to answer", &cutter.counts.exchange, None);
+    let cycle = Budget { time: timing::TICK, source: "§4.1: all tasks within one cycle" };
+    report.timing("work", "the robot's work in a cycle", &robot.work, Some(cycle));
+    report.timing(
+        "answer",
+        "end of the cycle to the answer, including the host's delay",
+        &robot.answer,
+        None,
+    );
+    report.require(tally.executed_once > 0, || "nothing was cut".into());
+    report.require(!options.faults || cutter.counts.restarts == 1, || {
+        format!("the robot restarted once, but {} restarts were detected", cutter.counts.restarts)
+    });
+    report.require(options.faults || tally.unknown == 0, || {
+        "outcomes are unknown although the line had no faults".into()
+    });
+    report
+}
+
+fn percent(ratio: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "a float saturates when cast to an integer")]
+    let percent = ((ratio - 1.0) * 100.0).round() as i64;
+    percent
+}
+
+fn tenths(rate: f64) -> f64 {
+    (rate * 10.0).round() / 10.0
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use crate::io::line::Lines;
+    use cellwire_io::trace::TraceArgs;
+    use indicatif::ProgressBar;
+
+    /// Noise, and a robot that is killed and started again in the middle of it.
+    #[test]
+    fn over_a_bad_line_nothing_is_lost_unreported_or_repeated() {
+        bad_line(Lines::PseudoTerminals);
+    }
+
+    /// What stands for the line where there are no pseudo-terminals.
+    #[test]
+    fn nor_over_tcp() {
+        bad_line(Lines::Tcp);
+    }
+
+    fn bad_line(lines: Lines) {
+        let options = DemoOptions {
+            seconds: Some(Duration::from_secs(3)),
+            faults: true,
+            seed: 5,
+            out: None,
+            must_fail: None,
+            drawing: None,
+            trace: TraceArgs::off(),
+            settings: serde_json::Map::new(),
+            lines,
+            progress: ProgressBar::hidden(),
+        };
+        let report = demo(&options).unwrap();
+        let object = report.to_json();
+        assert_eq!((&object["lost"], &object["repeated"]), (&0.into(), &0.into()), "{object}");
+        assert_eq!(object["restarts"], 1, "{object}");
+        assert!(object["executed_once"].as_u64() > Some(20), "{object}");
+        assert!(object["unknown"].as_u64() > Some(0), "the restart leaves outcomes unknown: {object}");
+    }
+}

@@ -1,0 +1,92 @@
+//! What a demo is to do.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+use serde_json::{Map, Value};
+
+use crate::io::line::Lines;
+use cellwire_io::trace::TraceArgs;
+
+/// The options of a link's demo.
+#[derive(Debug)]
+pub struct DemoOptions {
+    /// How long to run; `None`: the link's own short run.
+    pub seconds: Option<Duration>,
+    /// Whether the transport has faults.
+    pub faults: bool,
+    /// The seed of the faults.
+    pub seed: u64,
+    /// Where to write the result.
+    pub out: Option<PathBuf>,
+    /// What is done to the record of the run before it is judged.
+    pub must_fail: Option<MustFail>,
+    /// The SVG file to draw; `None`: a built-in picture.
+    pub drawing: Option<PathBuf>,
+    /// What to do with the bytes of a session that ended, for links that keep them.
+    pub trace: TraceArgs,
+    /// Settings other than the demo's defaults.
+    pub settings: Map<String, Value>,
+    /// What stands for serial lines.
+    pub lines: Lines,
+    /// The progress line, on standard error.
+    pub progress: ProgressBar,
+}
+
+/// What is done to the record of a run before it is judged, to show that the verdict finds it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum MustFail {
+    /// Remove one entry
+    Lost,
+    /// Enter one entry twice
+    Repeated,
+    /// Put one value beyond its limit
+    Limit,
+    /// Set every time budget to zero
+    Late,
+}
+
+impl DemoOptions {
+    /// Those of a run without options, which shows no progress.
+    #[cfg(test)]
+    pub(crate) fn quiet() -> Self {
+        Self {
+            seconds: None,
+            faults: false,
+            seed: 1,
+            out: None,
+            must_fail: None,
+            drawing: None,
+            trace: TraceArgs::off(),
+            settings: Map::new(),
+            lines: Lines::HERE,
+            progress: ProgressBar::hidden(),
+        }
+    }
+
+    /// Whether the record is to be spoilt so.
+    pub fn spoils(&self, how: MustFail) -> bool {
+        self.must_fail == Some(how)
+    }
+
+    /// Spoils a record of what was done, in its middle.
+    pub fn spoil<T: Clone>(&self, record: &mut Vec<T>) {
+        let middle = record.len() / 2;
+        let Some(entry) = record.get(middle).cloned() else { return };
+        match self.must_fail {
+            Some(MustFail::Lost) => drop(record.remove(middle)),
+            Some(MustFail::Repeated) => record.insert(middle, entry),
+            _ => {}
+        }
+    }
+
+    /// A count of what was done, spoilt.
+    pub fn spoilt(&self, count: u64) -> u64 {
+        match self.must_fail {
+            Some(MustFail::Lost) => count.saturating_sub(1),
+            Some(MustFail::Repeated) => count + 1,
+            _ => count,
+        }
+    }
+}

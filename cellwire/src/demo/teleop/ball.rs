@@ -1,0 +1,85 @@
+//! `cellwire demo ball`: the teleoperation cell, seen from the ball.
+
+use anyhow::Result;
+use isra_ball::{BallConfig, timing};
+
+use super::{plot, robot};
+use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::demo::{DemoOptions, MustFail};
+use crate::report::{Budget, Report};
+use cellwire_links::settings::{self, Configure, Fields};
+
+/// What can be set of the demo.
+#[derive(Debug, Default)]
+pub struct Settings {
+    polls: isra_ball::HostConfig,
+    ball: BallConfig,
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { polls, ball } = self;
+        polls.configure(fields);
+        ball.configure(fields);
+    }
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = settings::read("ball", Settings::default(), &options.settings)?;
+    let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
+    let mut record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    if options.spoils(MustFail::Lost) {
+        // One more may be on the line when the run ends, and pieces of packets count as packets that arrived.
+        record.ball.fresh += 2 + record.host.ball_corrupt + record.host.ball_late;
+    }
+    Ok(report(&config, &record))
+}
+
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { ball, host, line_faults: [_, line_faults, _], pauses, .. } = record;
+    let title = format!(
+        "a hand on the ball steers the robot: one poll per cycle of 28 ms, at {} baud",
+        config.polls.baud
+    );
+    let mut report = Report::new("ball", title).moves("a hand pushes the ball");
+    let answered = host.fresh + host.old;
+    report.stream(answered, host.ball_missed, true);
+    report.fact("polls", "polls", answered + host.ball_missed);
+    report.fact("fresh", "packets with new values", host.fresh);
+    report.fact("old", "packets with old values", host.old);
+    report.fact("missed", "polls without a packet", host.ball_missed);
+    report.fact("late", "packets that are not replies", host.ball_late);
+    report.fact("corrupt", "corrupt or partial packets", host.ball_corrupt);
+    report.fact("line_faults", "bytes corrupted on the line", *line_faults);
+    report.fact("paused_us", "host stalled, µs in total", robot::micros(pauses.total()));
+    report.fact("stale", "times the values were older than 150 ms", host.ball_stale);
+    report.fact("key_presses", "gripper keys forwarded", host.gripper_keys.len());
+    report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
+    let budget = Budget { time: config.polls.period, source: "§3.4: the robot's cycle" };
+    // A packet is not awaited longer than that.
+    let mut exchange = host.exchange.clone();
+    (0..host.ball_missed).for_each(|_| exchange.add(2 * budget.time));
+    let label = "poll to packet; no packet counts as two periods";
+    report.timing("exchange", label, &exchange, Some(budget));
+    // A period in which the host is stalled does not count.
+    let paused = pauses.total().as_nanos() / budget.time.as_nanos().max(1);
+    report.require(u128::from(answered) + paused > host.ball_missed.into(), || {
+        format!("{answered} polls were answered, {} were not", host.ball_missed)
+    });
+    // A packet too late for its poll looks like the answer to the next one: they have no numbers.
+    let fastest = host.exchange.at(0.0);
+    report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.polls.baud), || {
+        format!("a packet came in {fastest:?}, faster than the line rate")
+    });
+    // The last one may be on the line when the run ends.
+    let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_corrupt);
+    report.require(config.faults || sent <= arrived + 1, || {
+        format!("the ball sent {sent} packets, {arrived} arrived, complete or partial")
+    });
+    report
+}

@@ -1,0 +1,328 @@
+//! `cellwire demo alter`: the teleoperation cell, seen from the robot.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use anyhow::Result;
+use val2_alter::{AXES, ControllerConfig, ErrorCode, HostConfig, Scale, timing};
+
+use super::plot;
+use crate::alter::{LIMITS, host_config};
+use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::demo::{DemoOptions, MustFail};
+use crate::devices::val2_alter::puma::{PumaConfig, error_text};
+use crate::report::{Budget, Report};
+use cellwire_links::settings::{self, Configure, Fields};
+
+/// What happens so shortly before the end of a run may stay unanswered.
+const SETTLING: Duration = Duration::from_secs(1);
+/// A cycle with a host stall of this length is not a fault of the session: the window of 15 ms leaves little more.
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// What can be set of the demo: the host's end, and where the robot's differs.
+#[derive(Debug)]
+pub struct Settings {
+    alter: HostConfig,
+    controller: ControllerConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
+            controller: PumaConfig::default().puma.config,
+        }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { alter, controller } = self;
+        alter.configure(fields);
+        // Both ends of a line agree, unless they are set apart.
+        (controller.framing, controller.baud, controller.mode) = (alter.framing, alter.baud, alter.mode);
+        fields.group("robot", |fields| controller.configure(fields));
+    }
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let Settings { alter, controller } = settings::read("alter", Settings::default(), &options.settings)?;
+    let config = CellConfig { alter, controller, ..CellConfig::of(options) };
+    let mut record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    if options.spoils(MustFail::Lost) {
+        // One end of ALTER more than the host has taken up.
+        for _ in 0..record.puma.starts {
+            record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
+            record.ends_before_stop += 1;
+        }
+    }
+    if options.spoils(MustFail::Limit) {
+        record.puma.judge.extremes.add([0; AXES], [i16::MAX; AXES]);
+    }
+    Ok(report(&config, &record))
+}
+
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { puma, host, drawn, .. } = record;
+    let mut report = Report::new(
+        "alter",
+        format!(
+            "a ball steers a robot, mode {} at {} baud, and a workstation draws it",
+            config.alter.mode.0, config.alter.baud
+        ),
+    )
+    .moves("a ball steers an arm");
+    report.fact("cycles", "cycles of 28 ms", puma.cycles);
+    report.fact("kept", "kept", puma.turn_around.count());
+    // The host falls silent at the end: that cycle is missed on purpose.
+    let planned = puma.ends.len() - record.ends_before_stop;
+    let missed = puma.missed.saturating_sub(planned as u64);
+    report.fact("missed", "missed", missed);
+    report.stream(puma.turn_around.count(), missed + puma.bad_replies, false);
+    report.fact("bad_replies", "replies corrupt or cut off by the window", puma.bad_replies);
+    report.fact("stalls", "times the host was delayed", host.stalls);
+    report.fact("ends", "ended by the controller", ends(record));
+    report.fact("taken_up_again", "resumed", puma.starts.saturating_sub(1));
+    report.fact(
+        "priority",
+        "priority of the replies",
+        if host.has_priority { "real time" } else { "normal" },
+    );
+    let mut every_cycle = puma.turn_around.clone();
+    for _ in puma.without.iter().filter(|at| **at < record.stopped_at) {
+        every_cycle.add(timing::CYCLE);
+    }
+    let p999 = micros(every_cycle.at(0.999).min(timing::CYCLE));
+    report.fact("turn_around_p999_us", "turn-around p99.9, µs; a missed cycle counts as 28000", p999);
+    report.fact(
+        "least_margin_us",
+        "shortest remaining window in answered cycles, µs",
+        micros(puma.margin.at(0.0)),
+    );
+
+    judge_limits(&mut report, config, record);
+
+    let pressed = |closes| host.gripper_keys.iter().filter(|(_, clamp)| *clamp == closes).count();
+    let moved = |closes| puma.gripper.iter().filter(|grip| **grip == closes).count();
+    report.fact(
+        "gripper_closed",
+        "gripper closed / key presses",
+        format!("{} of {}", moved(true), pressed(true)),
+    );
+    report.fact(
+        "gripper_opened",
+        "gripper opened / key presses",
+        format!("{} of {}", moved(false), pressed(false)),
+    );
+    report.fact("poses", "poses drawn / sent", format!("{} of {}", drawn.poses, host.poses));
+    report.fact("most_poses_at_once", "maximum of poses between two pictures", drawn.most_at_once);
+    report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
+    report.fact("stray_replies", "replies too late for their window", puma.strays);
+    report.fact("paused_us", "host stalled, µs in total", micros(record.pauses.total()));
+    report.fact("simulator_late_us", "delay of the simulator itself, µs in total", micros(puma.stood));
+    report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
+
+    let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
+    report.timing("turn_around", "request to reply; a missed cycle counts as 28 ms", &every_cycle, budget);
+    report.timing("host", "of that, host session and computer", &puma.thinking, None);
+    // What it gave up took it too long; while it was put to sleep, it is not asked.
+    let mut host_own = host.thinking.clone();
+    for _ in host.stalls..host.missed {
+        host_own.add(timing::CYCLE);
+    }
+    report.timing("host_own", "host by its own clock", &host_own, slack(config));
+
+    promises(&mut report, config, record, missed);
+    report
+}
+
+/// What a window leaves the host when the request and its reply are as long as they can be.
+fn slack(config: &CellConfig) -> Option<Budget> {
+    let HostConfig { mode, baud, framing, .. } = config.alter;
+    let worst = timing::Budget::worst_case(mode.accumulation(), baud, mode.has_transform(), AXES, framing);
+    worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
+}
+
+/// Every cycle counts: one without a good reply has an injected fault, a host stall, or a fault of the session.
+fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
+    let CellRecord { puma, host, drawn, .. } = record;
+    report.require(puma.starts > 0, || "ALTER never ran".into());
+    let lost = missed + puma.bad_replies;
+    // A host that sleeps misses one cycle, which ends ALTER; so does a byte that is corrupt on either way.
+    let [line_faults, _, _] = record.line_faults;
+    let inserted = if config.faults { host.stalls + line_faults } else { 0 };
+    let paused = |at: &&Duration| record.pauses.between(at.saturating_sub(timing::CYCLE), **at) >= PAUSE;
+    let paused = puma.without.iter().filter(|at| **at < record.stopped_at).filter(paused).count() as u64;
+    report.require(lost <= inserted + paused, || {
+        format!(
+            "{lost} of {} cycles were lost: {inserted} by injected faults, {paused} while the host was stalled",
+            puma.cycles
+        )
+    });
+    report.require(puma.turn_around.count() > 0, || "no cycle was answered".into());
+    report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
+    report.require(drawn.most_at_once <= 1, || {
+        format!("{} poses arrived at once: a backlog", drawn.most_at_once)
+    });
+    let settled = |at: Duration| {
+        let paused = record.pauses.between(at, record.stopped_at);
+        at + paused + SETTLING < record.stopped_at
+    };
+    let to_take_up = puma.ends.iter().filter(|(at, _)| settled(*at)).count() as u64;
+    report.require(puma.starts > to_take_up, || {
+        format!("ALTER ended {to_take_up} times, but was resumed {} times", puma.starts)
+    });
+    if !config.faults && record.ends_before_stop == 0 {
+        let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
+        let due = host.gripper_keys.iter().take_while(|(at, _)| settled(*at)).count();
+        report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
+            format!("the gripper moved {:?}, but its keys were pressed {pressed:?}", puma.gripper)
+        });
+    }
+}
+
+fn ends(record: &CellRecord) -> String {
+    let mut reasons = BTreeMap::<&str, u32>::new();
+    for (_, error) in record.puma.ends.iter().take(record.ends_before_stop) {
+        *reasons.entry(error_text(*error)).or_default() += 1;
+    }
+    let text: Vec<_> = reasons.iter().map(|(reason, count)| format!("{count} × {reason}")).collect();
+    if text.is_empty() { "0".into() } else { text.join(", ") }
+}
+
+/// What the hand asked for, what the robot got, and the limits, along X in physical units; judged in every axis.
+fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
+    let limits = config.alter.limits;
+    let asked = record.host.cycles.asked();
+    let sent = record.puma.judge.extremes;
+    let cycle = timing::CYCLE.as_secs_f64();
+    let mm = |units: u32, per: f64| (f64::from(units) / Scale::PUMA_562.per_mm / per).round();
+    let row = |asked: u32, sent: u32, limit: u16, per: f64| {
+        format!("{} requested, {} sent, limit {}", mm(asked, per), mm(sent, per), mm(limit.into(), per))
+    };
+    let velocity = row(asked.velocity[0], sent.velocity[0], limits.velocity[0], cycle);
+    report.fact("velocity_x", "highest velocity along X, mm/s", velocity);
+    let acceleration =
+        row(asked.acceleration[0], sent.acceleration[0], limits.acceleration[0], cycle * cycle);
+    report.fact("acceleration_x", "highest acceleration along X, mm/s²", acceleration);
+    report.require(sent.keeps(&limits), || format!("the robot got {sent:?}, the limits are {limits:?}"));
+}
+
+pub(super) fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::val2_alter::judge::Taken;
+    use crate::io::pauses::Pauses;
+    use crate::io::samples::Samples;
+    use cellwire_io::trace::TraceArgs;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn failures(change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        list("failures", change)
+    }
+
+    fn over_budget(change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        list("over_budget", change)
+    }
+
+    fn list(key: &str, change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        let config = CellConfig {
+            time: 10_000 * MS,
+            alter: Settings::default().alter,
+            controller: Settings::default().controller,
+            polls: isra_ball::HostConfig::default(),
+            ball: isra_ball::BallConfig::default(),
+            viewer: cellwire_sim::Viewer::default(),
+            viewer_host: val2_viewer::HostConfig::default(),
+            faults: false,
+            seed: 1,
+            trace: TraceArgs::off(),
+            lines: crate::io::line::Lines::HERE,
+        };
+        let mut record = CellRecord { stopped_at: 10_000 * MS, ..CellRecord::default() };
+        record.puma.starts = 1;
+        for cycle in 1..=100u8 {
+            let values = [8, 0, 0, 0, 0, 0];
+            let taken = Taken { session: 1, cycle: cycle.into(), values };
+            record.puma.judge.add(taken, val2_alter::Accumulation::Cumulative);
+            record.puma.turn_around.add(6 * MS);
+            record.host.thinking.add(MS / 20);
+        }
+        change(&mut record);
+        let report = report(&config, &record);
+        if key == "failures" { report.failures().to_vec() } else { report.over_budget().collect() }
+    }
+
+    /// One cycle is missed, and ALTER ends for it.
+    fn miss(record: &mut CellRecord) {
+        record.puma.missed += 1;
+        record.puma.without.push(5000 * MS);
+        record.puma.ends.push((5000 * MS, ErrorCode::Timeout));
+        record.ends_before_stop += 1;
+    }
+
+    #[test]
+    fn every_cycle_counts() {
+        assert_eq!(failures(|_| ()), [""; 0]);
+        let lost = "1 of 0 cycles were lost: 0 by injected faults, 0 while the host was stalled";
+        let taken_up = |record: &mut CellRecord| {
+            miss(record);
+            record.puma.starts = 2;
+        };
+        assert_eq!(failures(taken_up), [lost]);
+        assert_eq!(failures(miss), [lost, "ALTER ended 1 times, but was resumed 1 times"]);
+        assert_eq!(failures(|record| record.puma.bad_replies = 1), [lost]);
+        let paused = |from, to| {
+            move |record: &mut CellRecord| {
+                taken_up(record);
+                record.pauses = Pauses::of(&[(from * MS, to * MS)]);
+            }
+        };
+        assert_eq!(failures(paused(4980, 4985)), [""; 0]);
+        assert_eq!(failures(paused(4980, 4984)), [lost], "shorter than what is left of a window");
+        assert_eq!(failures(paused(4960, 4970)), [lost], "in another cycle");
+        let again = "ALTER ended 1 times, but was resumed 1 times";
+        let never = |from, to| {
+            move |record: &mut CellRecord| {
+                paused(from, to)(record);
+                record.puma.starts = 1;
+            }
+        };
+        assert_eq!(failures(never(4980, 8900)), [again], "there was time to begin again");
+        assert_eq!(failures(never(4980, 9100)), [""; 0]);
+    }
+
+    #[test]
+    fn a_slow_host_is_reported() {
+        let slow = |record: &mut CellRecord| (0..4).for_each(|_| record.host.thinking.add(5 * MS));
+        let own = "host by its own clock: p99 is 5.00 ms, the budget 2.74 ms (§3.4, longest messages)";
+        assert_eq!(over_budget(slow), [own]);
+        let gives_up = |record: &mut CellRecord| record.host.missed = 4;
+        assert!(over_budget(gives_up)[0].starts_with("host by its own clock: p99 is 28"));
+        let asleep = |record: &mut CellRecord| (record.host.missed, record.host.stalls) = (4, 4);
+        assert_eq!(over_budget(asleep), [""; 0]);
+    }
+
+    #[test]
+    fn limits_gripper_and_kept_cycles_are_judged() {
+        let fast = |record: &mut CellRecord| record.puma.judge.extremes.add([8, 0, 0, 0, 0, 0], [17; AXES]);
+        assert!(failures(fast)[0].starts_with("the robot got Extremes"));
+        let press = |at| move |record: &mut CellRecord| record.host.gripper_keys.push((at * MS, true));
+        assert_eq!(failures(press(5000)), ["the gripper moved [], but its keys were pressed [true]"]);
+        assert_eq!(failures(press(9990)), [""; 0], "too late for the run");
+        assert_eq!(
+            failures(|record| record.puma.turn_around = Samples::default()),
+            ["no cycle was answered"]
+        );
+    }
+}

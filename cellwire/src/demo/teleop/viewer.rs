@@ -1,0 +1,65 @@
+//! `cellwire demo viewer`: the teleoperation cell, seen from the workstation.
+
+use anyhow::Result;
+
+use super::plot;
+use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::demo::{DemoOptions, MustFail};
+use crate::report::Report;
+use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::Viewer;
+
+/// What can be set of the demo: the workstation, and the host that answers it.
+#[derive(Debug, Default)]
+pub struct Settings {
+    viewer: Viewer,
+    host: val2_viewer::HostConfig,
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { viewer, host } = self;
+        viewer.configure(fields);
+        fields.group("host", |fields| host.configure(fields));
+    }
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let Settings { viewer, host } = settings::read("viewer", Settings::default(), &options.settings)?;
+    let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
+    let mut record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    if options.spoils(MustFail::Repeated) {
+        record.drawn.most_at_once += 1;
+    }
+    Ok(report(&config, &record))
+}
+
+pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } = record;
+    let title = "a workstation draws the robot, one pose per request";
+    let mut report = Report::new("viewer", title).moves("a screen shows that arm");
+    report.stream(drawn.poses, host.poses.saturating_sub(drawn.poses + 1), true);
+    report.fact("requests", "requests", drawn.asked);
+    report.fact("sent", "poses sent", host.poses);
+    report.fact("poses", "poses drawn", drawn.poses);
+    report.fact("gaps", "missing poses", drawn.gaps);
+    report.fact("corrupt", "corrupt or partial lines", drawn.damaged);
+    report.fact("line_faults", "bytes corrupted on the line", *line_faults);
+    report.fact("stale", "times the picture was stale", drawn.stale);
+    report.fact("pauses", "times the operator paused it to request again", drawn.pauses);
+    report.fact("most_at_once", "maximum of poses between two pictures", drawn.most_at_once);
+    report.require(drawn.poses > 0, || "no pose was drawn".into());
+    report.require(drawn.most_at_once <= 1, || {
+        format!("{} poses arrived at once: a backlog", drawn.most_at_once)
+    });
+    // The last one may be on the line when the run ends.
+    report.require(config.faults || host.poses <= drawn.poses + 1, || {
+        format!("{} poses were sent, {} arrived", host.poses, drawn.poses)
+    });
+    report
+}

@@ -1,0 +1,89 @@
+//! `--control`: commands to a running simulator, one line of JSON each, over TCP.
+
+mod args;
+mod commands;
+mod session;
+mod socket;
+
+use std::sync::Arc;
+use std::thread;
+
+use anyhow::{Context as _, Result};
+use cellwire_sim::{Device, Simulator};
+use serde_json::{Map, Value, json};
+
+pub use self::args::{Args, Command, one_of};
+use self::commands::Commands;
+use self::session::Client;
+pub use self::socket::Control;
+use crate::devices::device::SimulateOptions;
+use crate::io::serve::{Notice, Service};
+use cellwire_io::clock::Clock;
+use cellwire_io::listener::Listener;
+use cellwire_io::output::{announce, remark};
+use cellwire_io::trace::Trace;
+
+/// The fields of an answer.
+pub type Fields = Map<String, Value>;
+
+/// These fields of an answer.
+pub fn fields<const N: usize>(fields: [(&str, Value); N]) -> Fields {
+    fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// Shows an executed command.
+pub type Show<W> = Box<dyn Fn(&W) -> Value + Send + Sync>;
+
+/// The commands that only this kind of device has.
+#[allow(missing_debug_implementations, reason = "it holds functions")]
+pub struct Own<D: Device> {
+    /// Their names, for `help`.
+    pub commands: &'static [Command],
+    /// Executes one of them, in the thread of the device. An error states what is allowed.
+    pub execute: fn(&mut D, Args) -> Result<Fields, String>,
+    /// An executed command, for `executed`.
+    pub show: Show<D::Work>,
+}
+
+impl SimulateOptions {
+    /// Prints the line that reports the device as ready, and its addresses.
+    ///
+    /// # Errors
+    /// Standard output is closed.
+    pub fn ready(&self, device: &str, kind: &str, place: &str) -> Result<()> {
+        let mut line = json!({"ready": device, kind: place});
+        if let (Some(Control(listener)), Value::Object(line)) = (&self.control, &mut line) {
+            line.insert("control".into(), listener.local_addr()?.to_string().into());
+        }
+        announce(&line)
+    }
+
+    /// With `--control`, executes commands to the device in a thread, from now on.
+    ///
+    /// # Errors
+    /// The system cannot start it.
+    pub fn control<D>(&self, device: &'static str, simulator: &mut Simulator<D>, own: Own<D>) -> Result<()>
+    where
+        D: Device + 'static,
+    {
+        let Some(Control(listener)) = &self.control else { return Ok(()) };
+        let listener = Listener::new(listener.try_clone()?)?;
+        let commands = Arc::new(Commands { device, remote: simulator.remote(), own });
+        let thread = thread::Builder::new().name("control".into()).spawn(move || {
+            let trace = Trace::new("control", 0, None);
+            let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
+            let served = service.run(
+                listener,
+                || Ok(Client::new(Arc::clone(&commands))),
+                |notice| match notice {
+                    Notice::Event(_, why) => core::ops::ControlFlow::Break(why.into()),
+                    _ => core::ops::ControlFlow::Continue(()),
+                },
+            );
+            if let Err(error) = served {
+                remark(&format!("warning: --control has ended: {error:#}"));
+            }
+        });
+        thread.context("cannot start a thread for --control").map(drop)
+    }
+}

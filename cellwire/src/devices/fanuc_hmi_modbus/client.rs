@@ -1,0 +1,388 @@
+//! A Modbus client that asks one thing at a time, over TCP or a serial line.
+
+use std::ops::ControlFlow;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use cellwire_io::serial::Mode;
+use fanuc_hmi_modbus::{
+    self as modbus, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Framing, Reply, Request,
+};
+use robot_session::end::End as _;
+use robot_session::{Driver, Ended, Session as _};
+
+use cellwire_io::backoff::Backoff;
+use cellwire_io::drive::Lost;
+use cellwire_io::output::remark;
+use cellwire_io::port::AnyPort;
+use cellwire_io::stream::Stream;
+use cellwire_io::tcp::{self, Dialing};
+
+/// A connection that the client itself has replaced is tried again for this long.
+const REGAINED: Duration = Duration::from_secs(5);
+
+/// Where the servers are.
+#[derive(Debug, Clone)]
+pub struct Port {
+    /// The connection or the line.
+    pub kind: PortKind,
+    /// The session's configuration.
+    pub config: ClientConfig,
+    /// How a connection is opened.
+    pub dialing: Dialing,
+}
+
+/// A connection or a line.
+#[derive(Debug, Clone)]
+pub enum PortKind {
+    /// A TCP port.
+    Tcp {
+        /// HOST:PORT.
+        server: String,
+        /// Whether RTU frames go through it.
+        rtu: bool,
+    },
+    /// A serial port, with RTU.
+    Serial {
+        /// Its path.
+        path: String,
+        /// Its rate.
+        baud: u32,
+        /// Its bits.
+        mode: Mode,
+    },
+}
+
+impl Port {
+    /// Modbus TCP with a timeout of a second.
+    pub fn tcp(server: &str, dialing: Dialing) -> Self {
+        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false }, dialing)
+    }
+
+    /// With the configuration that this kind of port needs.
+    pub fn new(kind: PortKind, dialing: Dialing) -> Self {
+        let config = match kind {
+            PortKind::Tcp { rtu: false, .. } => ClientConfig::tcp(),
+            PortKind::Tcp { rtu: true, .. } => ClientConfig::rtu_over_tcp(),
+            PortKind::Serial { baud, .. } => ClientConfig::rtu(baud),
+        };
+        Self { kind, config, dialing }
+    }
+
+    /// HOST:PORT, or the path of the serial port.
+    pub fn server(&self) -> &str {
+        match &self.kind {
+            PortKind::Tcp { server, .. } => server,
+            PortKind::Serial { path, .. } => path,
+        }
+    }
+
+    fn open(&self) -> Result<AnyPort> {
+        match &self.kind {
+            PortKind::Tcp { server, .. } => {
+                Ok(AnyPort::Tcp(Stream::new(tcp::connect(server, self.dialing)?)))
+            }
+            PortKind::Serial { path, baud, mode } => AnyPort::open_with(path, *baud, *mode, self.dialing),
+        }
+    }
+}
+
+/// A session and what carries its bytes.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub struct Client {
+    port: Port,
+    driver: Driver<AnyPort>,
+    session: modbus::Client<1>,
+    /// The next request needs another connection.
+    is_used_up: bool,
+    /// The pauses before another connection.
+    backoff: Backoff,
+    /// The first bytes that came in place of the reply to the last request, in words.
+    instead: Option<String>,
+    /// The time at which the connection was opened.
+    opened: Instant,
+    seen: Seen,
+}
+
+/// Facts about all requests of a client, for remarks at the end of a command.
+#[derive(Debug, Default)]
+struct Seen {
+    /// The unit of the first request that timed out.
+    silent_unit: Option<u8>,
+    /// The replies that came after their timeout.
+    late_replies: u64,
+    /// The connections that the server closed, or that broke.
+    lost_connections: u64,
+    /// An exception came with a wrong length.
+    has_odd_exceptions: bool,
+}
+
+/// What a request came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer<T> {
+    /// What was read from the reply, or from the exception.
+    Replied(T),
+    /// It was sent as a broadcast, which has no reply.
+    Announced,
+    /// There is no usable reply.
+    Failed(Failure),
+}
+
+impl Client {
+    /// A client with a connection.
+    ///
+    /// # Errors
+    /// When there is none, no such port, or the configuration cannot work.
+    pub fn open(port: &Port) -> Result<Self> {
+        let mut session = modbus::Client::new(port.config)?;
+        let driver = Driver::new(port.open()?);
+        session.handle_connected(robot_session::now());
+        Ok(Self {
+            port: port.clone(),
+            driver,
+            session,
+            is_used_up: false,
+            backoff: Backoff::default(),
+            instead: None,
+            opened: Instant::now(),
+            seen: Seen::default(),
+        })
+    }
+
+    /// Makes one request, and gives what `read` makes of the reply.
+    ///
+    /// # Errors
+    /// [`Lost`] when the connection is: [`lost`](Self::lost) says what that makes of the request; the request is one that the
+    /// specification does not allow.
+    pub fn ask<T>(
+        &mut self,
+        unit: u8,
+        request: &Request<'_>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Answer<T>> {
+        // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or closes it.
+        let (is_own, end) = (self.is_used_up, Instant::now() + REGAINED);
+        loop {
+            let asked = if self.is_used_up { self.reconnect() } else { Ok(()) };
+            let asked = asked.and_then(|()| self.ask_once(unit, request, &mut read));
+            let again = |error: &anyhow::Error| is_own && error.is::<Lost>() && changes_nothing(request);
+            match asked {
+                Err(error) if again(&error) => {
+                    let pause = self.backoff.pause();
+                    if Instant::now() + pause >= end {
+                        return Err(error);
+                    }
+                    thread::sleep(pause);
+                    self.is_used_up = true;
+                }
+                answer => return answer,
+            }
+        }
+    }
+
+    fn ask_once<T>(
+        &mut self,
+        unit: u8,
+        request: &Request<'_>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Answer<T>> {
+        // What has come before the request is no reply to it.
+        self.turn(Some(Duration::ZERO), |_| ())?;
+        self.instead = None;
+        self.session.request(unit, request)?;
+        let answer = loop {
+            if let Some(answer) = self.turn(None, &mut read)? {
+                break answer;
+            }
+        };
+        if let Answer::Replied(_) = answer {
+            self.backoff.answered();
+        }
+        if matches!(answer, Answer::Failed(Failure::TimedOut)) {
+            self.seen.silent_unit.get_or_insert(unit);
+        }
+        let pending = self.session.pending();
+        if matches!(answer, Answer::Failed(Failure::TimedOut)) && pending > 0 {
+            let instead = || format!("an incomplete reply, of which {pending} bytes have arrived");
+            self.instead.get_or_insert_with(instead);
+        }
+        self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
+        Ok(answer)
+    }
+
+    /// The failure of the last request, with what came in place of its reply.
+    pub fn explain(&self, failure: Failure) -> String {
+        match (&self.instead, failure) {
+            (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
+            _ => failure.to_string(),
+        }
+    }
+
+    /// The time before the first request on a serial line: a reply to a request of an earlier client may still come.
+    pub const fn first_wait(&self) -> Duration {
+        let ClientConfig { framing, timeout, settle, .. } = self.port.config;
+        if matches!(framing, Framing::Rtu { .. }) { timeout.saturating_add(settle) } else { Duration::ZERO }
+    }
+
+    /// The time at which the connection was opened.
+    pub const fn opened(&self) -> Instant {
+        self.opened
+    }
+
+    /// The unit of the first request that timed out.
+    pub const fn silent_unit(&self) -> Option<u8> {
+        self.seen.silent_unit
+    }
+
+    /// The number of replies that came after their timeout.
+    pub const fn late_replies(&self) -> u64 {
+        self.seen.late_replies
+    }
+
+    /// The number of connections that the server closed, or that broke.
+    pub const fn lost_connections(&self) -> u64 {
+        self.seen.lost_connections
+    }
+
+    /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
+    /// Returns false when `goes_on` is over before.
+    pub fn regain(&mut self, goes_on: impl Fn() -> bool) -> bool {
+        while self.backoff.wait(&goes_on) {
+            if self.reconnect().is_ok() {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Reads what comes in the meantime, for this long: unexpected replies, and the end of the connection.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn idle(&mut self, time: Duration) -> Result<()> {
+        if self.is_used_up {
+            thread::sleep(time);
+            return Ok(());
+        }
+        self.turn(Some(time), |_| ()).map(drop)
+    }
+
+    /// What the loss of the connection makes of the request that was made last.
+    pub fn lost(&mut self) -> Failure {
+        self.session.handle_disconnected(robot_session::now());
+        let outcome = core::iter::from_fn(|| self.session.poll_event()).find_map(|event| match event {
+            ClientEvent::Failed { failure, .. } => Some(failure),
+            _ => None,
+        });
+        outcome.unwrap_or(Failure::NotSent)
+    }
+
+    /// One turn of the driver; gives the outcome of the request, if it has one.
+    fn turn<T>(
+        &mut self,
+        wait: Option<Duration>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Option<Answer<T>>> {
+        let (instead, seen) = (&mut self.instead, &mut self.seen);
+        let turn = self.driver.turn(&mut self.session, wait, |session, event| {
+            match answer(session, event, instead, seen, &mut read) {
+                Some(answer) => ControlFlow::Break(answer),
+                None => ControlFlow::Continue(()),
+            }
+        });
+        let why = match turn {
+            Ok(ControlFlow::Continue(())) => return Ok(None),
+            Ok(ControlFlow::Break(Ended::ByHandler(answer))) => return Ok(Some(answer)),
+            Ok(ControlFlow::Break(Ended::ByPeer)) => "the server closed the connection".into(),
+            Ok(ControlFlow::Break(Ended::Stalled)) => "the server does not read".into(),
+            Err(error) => format!("the connection broke: {error}"),
+        };
+        self.seen.lost_connections += 1;
+        Err(Lost(why).into())
+    }
+
+    /// After a failure. Without that, the rest of a reply that was cut would be taken from the next one; and where RTU frames go over
+    /// TCP, a late reply is waited for much longer than a connection takes.
+    fn is_best_connected_again(&self) -> bool {
+        let config = self.session.config();
+        match self.port.kind {
+            PortKind::Tcp { rtu, .. } => self.session.pending() > 0 || rtu && config.settle > config.timeout,
+            PortKind::Serial { .. } => false,
+        }
+    }
+
+    /// Opens another connection in place of this one.
+    ///
+    /// # Errors
+    /// [`Lost`] when there is none.
+    fn reconnect(&mut self) -> Result<()> {
+        self.session.handle_disconnected(robot_session::now());
+        while self.session.poll_event().is_some() {}
+        // The old one first: some servers have room for one.
+        self.driver.transport_mut().close();
+        self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
+        self.is_used_up = false;
+        self.opened = Instant::now();
+        self.session.handle_connected(robot_session::now());
+        Ok(())
+    }
+}
+
+/// Whether a request that is made twice does no harm.
+pub fn changes_nothing(request: &Request<'_>) -> bool {
+    matches!(
+        request,
+        Request::ReadCoils { .. }
+            | Request::ReadDiscreteInputs { .. }
+            | Request::ReadHoldingRegisters { .. }
+            | Request::ReadInputRegisters { .. }
+    )
+}
+
+/// The answer in an event; what is none goes to standard error, and the first of it into `instead`.
+fn answer<T>(
+    session: &modbus::Client<1>,
+    event: ClientEvent,
+    instead: &mut Option<String>,
+    seen: &mut Seen,
+    read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
+) -> Option<Answer<T>> {
+    match event {
+        ClientEvent::Replied { ticket, unit } => {
+            session.reply(ticket).map(|pdu| Answer::Replied(read(Frame { transaction: None, unit, pdu })))
+        }
+        ClientEvent::Announced { .. } => Some(Answer::Announced),
+        // An exception with a wrong length is one all the same.
+        ClientEvent::Failed {
+            failure:
+                failure @ Failure::Malformed(DecodeError::ExceptionLength { unit, function, exception, .. }),
+            ..
+        } => {
+            // Once: such a server gives every exception so.
+            if !core::mem::replace(&mut seen.has_odd_exceptions, true) {
+                remark(&failure.to_string());
+            }
+            let pdu = Reply::Exception { function, exception };
+            Some(Answer::Replied(read(Frame { transaction: None, unit, pdu })))
+        }
+        ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
+        ClientEvent::Stray { late, .. } => {
+            seen.late_replies += u64::from(late.is_some());
+            let what = if late.is_some() { "late" } else { "unasked" };
+            remark(&format!("unexpected reply ({what}): {event}"));
+            instead.get_or_insert_with(|| event.to_string());
+            None
+        }
+        ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
+            remark(&format!("corrupt: {error}"));
+            instead.get_or_insert_with(|| event.to_string());
+            None
+        }
+        ClientEvent::Echo(error) => {
+            remark(&format!("echo: {error}"));
+            None
+        }
+        _ => None,
+    }
+}

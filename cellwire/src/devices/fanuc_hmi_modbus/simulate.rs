@@ -1,0 +1,314 @@
+//! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
+
+use std::cell::RefCell;
+use std::net::SocketAddr;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use cellwire_sim::fanuc::{
+    Controller, FanucController, FanucEvent, Shared, Tables, TelemetryFaults, Write, circle,
+};
+use cellwire_sim::{Simulator, Told};
+use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, WordOrder};
+use robot_session::{Driver, Session as _};
+use serde_json::{Map, Value, json};
+
+use super::control;
+use super::inputs::Inputs;
+use super::mapping::Mapping;
+use super::options::{FanucSettings, ProgramSettings};
+use super::program::{Finding, Machine, Programs, load};
+use super::robot::{Reporting, Reports, Robot};
+use crate::devices::device;
+use crate::devices::device::{Attached, Endpoint, LOOK, SimulateOptions};
+use crate::io::line::Line;
+use crate::io::serve::{Notice, Service};
+use cellwire_io::clock::Clock;
+use cellwire_io::drive::turn;
+use cellwire_io::listener::Listener;
+use cellwire_io::output::{admits, log, remark};
+use cellwire_io::tcp;
+use cellwire_links::settings;
+use cellwire_motion::{Arm, Limits, Planner, Pose};
+
+/// Runs until interrupted. The settings are those of [`FanucSettings`].
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let mut settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
+    settings.program.check()?;
+    let is_line = matches!(options.endpoint, Endpoint::Pty(_));
+    for name in settings.unused(is_line).into_iter().filter(|name| options.settings.contains_key(*name)) {
+        remark(&format!("the setting {name} has no effect here"));
+    }
+    settings.program.leaves_registers = !options.settings.contains_key("telemetry");
+    let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
+    let reports = Reports::default();
+    let (controller, mapping) = match &settings.program.program {
+        None => (Controller::new(Box::new(circle), settings.word_order), None),
+        Some(program) => {
+            let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
+            let mapping = robot.mapping.clone();
+            let robot = Reporting { robot, reports: Arc::clone(&reports) };
+            (Controller::running(Box::new(robot), settings.word_order), Some(mapping))
+        }
+    };
+    let shown = Shown { mapping };
+    let controller = Arc::new(Mutex::new(controller.with_faults(faults)));
+    let runs = settings.program.program.is_some();
+    match &options.endpoint {
+        Endpoint::Listen(address) => {
+            let config = settings.on_tcp();
+            let listener = tcp::listen(address)?;
+            options.ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
+            let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
+            let mut first = connection(&controller, config)?;
+            options.control("fanuc", &mut first, control::own())?;
+            let look = options.control.as_ref().map(|_| LOOK);
+            if runs {
+                keep_running(&controller, &reports, clock)?;
+            }
+            let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
+            serve_clients(Listener::new(listener)?, first, &service, Some(&shown))
+        }
+        Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
+            if runs {
+                keep_running(&controller, &reports, clock)?;
+            }
+            let mut robot = connection(&controller, settings.on_line())?;
+            options.control("fanuc", &mut robot, control::own())?;
+            serve_line(line, &mut robot, &shown)
+        }),
+        Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
+    }
+}
+
+/// The event of a background task that would write registers that the programs use; `None` if it writes others.
+fn overwritten(programs: &Programs, first: u32) -> Option<Value> {
+    let last = first + BACKGROUND_REGISTERS - 1;
+    let mut used = programs.values().flat_map(|program| program.registers());
+    let number = used.find(|number| (first..=last).contains(number))?;
+    let what = format!(
+        "the background task does not run: it would write R[{first}] to R[{last}], and the program uses R[{number}]; set telemetry=N to write R[N] and those after it"
+    );
+    Some(json!({"event": "not_modelled", "what": what, "count": 1}))
+}
+
+/// How many registers the background task writes.
+const BACKGROUND_REGISTERS: u32 = 19;
+
+/// The robot that runs a program; what is not modelled of it is the first of its events.
+///
+/// # Errors
+/// When a file cannot be read, or is not what it should be.
+pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
+    let (main, programs, findings) = load(program, &settings.macros)?;
+    let overwritten = match settings.leaves_registers {
+        true => overwritten(&programs, settings.telemetry.into()),
+        false => None,
+    };
+    let read = |path: &str| std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"));
+    let limits = match &settings.robot {
+        Some(path) => Limits::from_json(&read(path)?).with_context(|| path.clone())?,
+        None => Limits::LR_MATE_200ID,
+    };
+    let arm = limits.arm.map_or(Arm::LR_MATE_200ID, |arm| arm.arm(Pose::IDENTITY));
+    let mapping = match &settings.assignments {
+        Some(path) => Mapping::parse(&read(path)?, order).with_context(|| path.clone())?,
+        None => Mapping::telemetry(settings.telemetry.max(1), order)?,
+    };
+    let inputs = Inputs::parse(settings.inputs.as_deref().unwrap_or_default())?;
+    let mut planner = Planner::new(arm, limits, settings.joints);
+    if settings.anywhere {
+        planner = planner.anywhere();
+    }
+    let mut machine = Machine::new(main, programs, planner, settings.repeat);
+    machine.robot = match &settings.robot {
+        Some(path) => format!("the robot of {path}"),
+        None => "an LR Mate 200iD, since no other is described".into(),
+    };
+    let telemetry = if overwritten.is_some() { 0 } else { settings.telemetry.into() };
+    findings.iter().map(Finding::event).chain(overwritten).for_each(|event| machine.report(event));
+    Ok(Robot::new(machine, mapping, inputs, telemetry))
+}
+
+/// Lets the program run also while no client asks, and prints what it reports.
+///
+/// # Errors
+/// When the system has no room for a thread.
+fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<()> {
+    let (controller, reports) = (Arc::clone(controller), Arc::clone(reports));
+    let thread = thread::Builder::new().name("program".into()).spawn(move || {
+        loop {
+            thread::sleep(Duration::from_millis(16));
+            controller.lock().unwrap_or_else(PoisonError::into_inner).tick(clock.now());
+            let reports = core::mem::take(&mut *reports.lock().unwrap_or_else(PoisonError::into_inner));
+            for event in reports {
+                let _ = log(&event); // a script that reads no more is none of our business
+            }
+        }
+    });
+    thread.context("cannot start a thread that runs the program").map(drop)
+}
+
+/// Serves any number of clients at once until the listener fails, and prints nothing.
+///
+/// # Errors
+/// When it does.
+pub fn serve_tcp(
+    listener: Listener,
+    controller: &Shared,
+    config: ServerConfig,
+    service: &Service<'_>,
+) -> Result<()> {
+    serve_clients(listener, connection(controller, config)?, service, None)
+}
+
+/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected. With `shown`, the accesses of the clients
+/// are printed.
+fn serve_clients(
+    listener: Listener,
+    first: Simulator<FanucController>,
+    service: &Service<'_>,
+    shown: Option<&Shown>,
+) -> Result<()> {
+    // A script that reads no more is none of our business.
+    let print = |event: Value| drop(log(&event));
+    let admits = |kind| shown.is_some() && admits(kind);
+    let first = RefCell::new(first);
+    let open = || first.borrow().another().context("cannot make another connection of the controller");
+    service.run(listener, open, |notice| {
+        match notice {
+            Notice::Look(now) => {
+                let mut first = first.borrow_mut();
+                first.handle_timeout(now);
+                while first.poll_event().is_some() {}
+                if !first.accepts(now) {
+                    return ControlFlow::Break("the controller has no power".into());
+                }
+            }
+            Notice::Connected(peer) if admits("connected") => {
+                print(json!({"event": "connected", "peer": peer}));
+            }
+            Notice::Refused(peer, why) if admits("refused_client") => {
+                print(json!({"event": "refused_client", "peer": peer, "why": why}))
+            }
+            Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
+                return ControlFlow::Break(format!("the client violates the protocol: {error}"));
+            }
+            Notice::Event(peer, Told::Device(event)) => {
+                shown.into_iter().for_each(|shown| shown.print(&event, Some(peer)));
+            }
+            Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
+            Notice::Disconnected(peer, why) if admits("disconnected") => {
+                print(json!({"event": "disconnected", "peer": peer, "why": why}));
+            }
+            Notice::Traced(path) if shown.is_some() => print(json!({"event": "trace", "path": path})),
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    })
+}
+
+/// An RTU line until it is gone for good.
+fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>, shown: &Shown) -> Result<()> {
+    let mut driver = Driver::new(line);
+    let (mut attached, mut closes) = (Attached::default(), false);
+    loop {
+        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
+        let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
+            closes |= matches!(told, Told::Close(_));
+            if let Told::Device(event) = told {
+                shown.print(&event, None);
+            }
+            Ok(())
+        })?;
+        if !goes_on {
+            return Ok(());
+        }
+    }
+}
+
+/// One connection, without a record of writes.
+fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<FanucController>> {
+    Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
+}
+
+/// The printed accesses of clients.
+struct Shown {
+    /// The assignments of the holding registers, if there are any.
+    mapping: Option<Mapping>,
+}
+
+impl Shown {
+    /// Prints the lines of an event: a read, a write, registers without an assignment, a refusal, corrupt bytes.
+    fn print(&self, event: &FanucEvent, peer: Option<SocketAddr>) {
+        let put = |kind: &str, fields: &dyn Fn() -> Value| {
+            // Of most requests nothing is printed: their lines are not made.
+            if !admits(kind) {
+                return;
+            }
+            let mut line = Map::new();
+            line.insert("event".into(), kind.into());
+            if let Some(peer) = peer {
+                line.insert("peer".into(), peer.to_string().into());
+            }
+            if let Value::Object(fields) = fields() {
+                line.extend(fields);
+            }
+            drop(log(&line.into())); // a script that reads no more does not stop the simulator
+        };
+        match event {
+            FanucEvent::Read { table, address, count } => {
+                put("read", &|| json!({"table": table, "address": address, "count": count}));
+            }
+            FanucEvent::Written(write) => put("write", &|| control::show(write)),
+            FanucEvent::Refused { unit, function, exception, values } => put("refused", &|| {
+                let code = u8::from(*exception);
+                let Some((table, address, count)) = values else {
+                    return json!({"unit": unit, "function": function, "exception": code, "why": exception.to_string()});
+                };
+                let why = match exception {
+                    Exception::IllegalDataAddress => {
+                        format!("{exception}: the table ends at {}", Tables::len(*table).saturating_sub(1))
+                    }
+                    _ => exception.to_string(),
+                };
+                json!({
+                    "unit": unit, "function": function, "table": table, "address": address, "count": count,
+                    "exception": code, "why": why,
+                })
+            }),
+            FanucEvent::Server(ServerEvent::Refused { unit, function }) => {
+                put("too_many", &|| json!({"unit": unit, "function": function}));
+            }
+            FanucEvent::Server(ServerEvent::Corrupt(error)) => put("corrupt", &|| json!({"error": error})),
+            _ => {}
+        }
+        if let Some((address, count)) = self.unassigned(event) {
+            put("unassigned", &|| {
+                let why = format!("no assignment covers $ADDRESS {}", address + 1);
+                json!({"table": Table::HoldingRegisters, "address": address, "count": count, "why": why})
+            });
+        }
+    }
+
+    /// Returns the first register of an access without an assignment, and the number of registers from there to the end of the access.
+    fn unassigned(&self, event: &FanucEvent) -> Option<(usize, usize)> {
+        let (address, count) = match event {
+            FanucEvent::Read { table: Table::HoldingRegisters, address, count } => {
+                (*address, (*count).into())
+            }
+            FanucEvent::Written(Write::Registers(address, values)) => (*address, values.len()),
+            _ => return None,
+        };
+        let (start, end) = (usize::from(address), usize::from(address) + count);
+        let first = self.mapping.as_ref()?.first_unassigned(start..end)?;
+        Some((first, end - first))
+    }
+}

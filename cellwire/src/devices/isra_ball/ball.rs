@@ -1,0 +1,110 @@
+//! The simulated ball on a line.
+
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Result;
+use cellwire_sim::ball::{Grip, HeldBall};
+use cellwire_sim::{Settings as _, Simulator, TeachBall, Told};
+use isra_ball::{BallConfig, BallEvent, BallStatistics, Keys};
+use robot_session::Session as _;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::devices::control::{Command, Fields, Own, fields};
+use crate::devices::device::{SimulateOptions, on_line, serve};
+use crate::io::line::Line;
+use cellwire_io::output::notice;
+use cellwire_links::settings;
+
+/// `cellwire simulate ball`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let settings = settings::read("ball", TeachBall::default(), &options.settings)?;
+    let mut ball = settings.simulator()?;
+    serve("ball", "ball", options, settings.baud, |line, _| {
+        options.control("ball", &mut ball, own())?;
+        answer_polls(line, &mut ball, &AtomicBool::new(false), |event| notice(&event))
+    })
+}
+
+/// The commands of `--control`: the grip on the ball.
+fn own() -> Own<HeldBall> {
+    const SET: &str = "the ball measures `grip`, with `force` and `moment` of three axes from -128 to 127 (default 0) and the `keys` 1 to 8 that are down; null: the simulated hand moves it again";
+    Own {
+        commands: const {
+            &[
+                Command {
+                    name: "set",
+                    about: SET,
+                    examples: &[r#"{"do":"set","grip":{"force":[0,0,50],"keys":[1]}}"#],
+                },
+                Command::get("the grip that the ball measured last"),
+            ]
+        },
+        execute: |ball, args| {
+            if args.name == "set" {
+                let Set { grip } = args.read()?;
+                let grip = grip.map(|Held { force, moment, keys }| {
+                    let down = keys.iter().try_fold(Keys::NONE, |down, key| {
+                        (1..=8).contains(key).then(|| down.with(*key)).ok_or("`keys` are 1 to 8")
+                    })?;
+                    Ok::<_, String>(Grip { force, moment, keys: down })
+                });
+                ball.hold(grip.transpose()?);
+                return Ok(Fields::new());
+            }
+            args.none()?;
+            let Grip { force, moment, keys } = ball.grip();
+            let keys: Vec<u8> = keys.iter().collect();
+            Ok(fields([("grip", json!({"force": force, "moment": moment, "keys": keys}))]))
+        },
+        show: Box::new(|work| match *work {}),
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Set {
+    #[serde(deserialize_with = "Option::deserialize")]
+    grip: Option<Held>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[derive(Default)]
+struct Held {
+    force: [i8; 3],
+    moment: [i8; 3],
+    keys: Vec<u8>,
+}
+
+/// Answers polls until it is to stop, or until the connection is gone.
+///
+/// # Errors
+/// When an event cannot be logged.
+pub fn run(
+    line: &mut Line,
+    config: BallConfig,
+    stop: &AtomicBool,
+    report: impl FnMut(Value) -> Result<()>,
+) -> Result<BallStatistics> {
+    let mut ball = TeachBall { config, ..TeachBall::default() }.simulator()?;
+    answer_polls(line, &mut ball, stop, report)?;
+    Ok(ball.statistics())
+}
+
+fn answer_polls(
+    line: &mut Line,
+    ball: &mut Simulator<HeldBall>,
+    stop: &AtomicBool,
+    mut report: impl FnMut(Value) -> Result<()>,
+) -> Result<()> {
+    on_line(line, ball, stop, |event| match event {
+        Ok(Told::Device(BallEvent::Reply(packet))) => report(json!({"event": "reply", "message": packet})),
+        Ok(Told::Device(BallEvent::Unknown(byte))) => report(json!({"event": "unknown", "byte": byte})),
+        Ok(_) => Ok(()),
+        Err(connected) => report(json!({"event": if connected { "connected" } else { "disconnected" }})),
+    })
+}

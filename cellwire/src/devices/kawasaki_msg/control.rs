@@ -1,0 +1,47 @@
+//! The commands of `--control` to the simulated ends.
+
+use cellwire_sim::Device as _;
+use cellwire_sim::kawasaki::{Kawasaki, Pc};
+use kawasaki_msg::Job;
+use serde_json::{Map, Value, json};
+
+use crate::devices::control::{Command, Own, fields};
+use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
+
+/// The order of the PC. It executes orders.
+pub(super) fn pc() -> Own<Pc<AnyWork>> {
+    Own {
+        commands: const {
+            &[Command::get(
+                "the number of the order, null without one, and the number of its jobs that are executed",
+            )]
+        },
+        execute: |pc, args| {
+            args.none()?;
+            let session = pc.session();
+            Ok(fields([("order", session.order().into()), ("executed", session.executed().into())]))
+        },
+        show: Box::new(|event| serde_json::to_value(event).unwrap_or_default()),
+    }
+}
+
+/// The jobs of the robot.
+pub(super) fn robot(layout: Layout) -> Own<Kawasaki<AnyWork>> {
+    Own {
+        commands: const {
+            &[Command::get(
+                "the number of jobs that the robot holds, the job that is being executed included",
+            )]
+        },
+        execute: |robot, args| {
+            args.none()?;
+            Ok(fields([("held", robot.held().into())]))
+        },
+        show: Box::new(move |Job { order, number, work, .. }| {
+            let values = layout.fields().iter().enumerate();
+            let values: Map<String, Value> =
+                values.map(|(place, field)| (field.name.clone(), layout.show(place, work).into())).collect();
+            json!({"order": order, "number": number, "job": values})
+        }),
+    }
+}

@@ -1,0 +1,225 @@
+//! `cellwire simulate kawasaki-pc` and `kawasaki-robot`: an end to test the other one against.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use cellwire_sim::kawasaki::Pc;
+use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
+use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
+use serde_json::{Map, Value, json};
+
+use super::control;
+use super::options::{PcSettings, RobotSettings};
+use super::robot::{self, Setup, Stroke, Switch};
+use super::sheet::{Lines, SHEET};
+use crate::devices::device::SimulateOptions;
+use crate::io::drawing::{self, Picture};
+use cellwire_io::kawasaki::meeting::Meeting;
+use cellwire_io::kawasaki::pc::{self, Program};
+use cellwire_io::output::{log, notice, remark};
+use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings::{self, Refused};
+
+/// The PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs are not lines.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn pc(options: &SimulateOptions) -> Result<()> {
+    let settings = settings::read("kawasaki-pc", PcSettings::default(), &options.settings)?;
+    let layout = settings.plant.layout()?;
+    let jobs = match (settings.drawing(), Lines::of(&layout)) {
+        (Some(file), lines) => lines?.jobs(&Picture::from_file(&file, SHEET, false)?),
+        (None, Ok(lines)) => lines.jobs(&Picture::built_in(SHEET)?),
+        (None, Err(why)) => {
+            remark(&format!("{why:#}: an order is {EXAMPLES} jobs with example values of its fields"));
+            examples(&layout, settings.config.dialect.charset())?
+        }
+    }
+    .into();
+    let config = pc_config(&settings.plant, settings.config, &options.settings)?;
+    let PcSettings { order, repeat, .. } = settings;
+    let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
+    let (mut meeting, kind, place) =
+        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing)?;
+    options.ready("kawasaki-pc", kind, &place)?;
+    options.control("kawasaki-pc", &mut pc, control::pc())?;
+    pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
+    Ok(())
+}
+
+/// A PC's configuration in a plant. If the plant has no message that interrupts an order, as one drafted from a capture may, and
+/// `given` has no `takeover`, an order that the robot still has is ended.
+///
+/// # Errors
+/// When it cannot work.
+pub fn pc_config(
+    plant: &Plant,
+    config: PcConfig<'static>,
+    given: &Map<String, Value>,
+) -> Result<PcConfig<'static>> {
+    let lacks_interrupt = |error: &Refused| error.name == "messages.order_interrupt";
+    match plant.pc(config) {
+        Err(error)
+            if error.downcast_ref().is_some_and(lacks_interrupt) && !given.contains_key("takeover") =>
+        {
+            remark(
+                "the plant has no message order_interrupt: takeover=end, for an order that the robot still has",
+            );
+            plant.pc(PcConfig { takeover: Takeover::End, ..config })
+        }
+        config => config,
+    }
+}
+
+/// The jobs of an order whose jobs are not lines.
+const EXAMPLES: usize = 10;
+
+/// Jobs of any layout: fields have their defaults, other numbers count upwards within their range, other texts are as short as they may be.
+fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
+    let job = |at: usize| {
+        let value = |field: &Field| match (field.default, field.holds) {
+            (Some(AnyValue::Text(text)), _) => text.to_string(),
+            (Some(AnyValue::Number(units)), Holds::Number { places, .. }) => {
+                Decimal { units, places }.to_string()
+            }
+            (_, Holds::Number { places, min, max }) => {
+                let steps = i64::from(max) - i64::from(min) + 1;
+                let first = 0.clamp(min, max);
+                let from_min = i64::from(first) - i64::from(min) + i64::try_from(at).unwrap_or_default();
+                let units = i32::try_from(i64::from(min) + from_min % steps).unwrap_or(first);
+                Decimal { units, places }.to_string()
+            }
+            (_, Holds::Text { min, max }) => "A".repeat(min.max(1).min(max)),
+        };
+        let texts: Vec<String> = layout.fields().iter().map(value).collect();
+        let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+        Ok(layout.job(&texts, charset)?)
+    };
+    (0..EXAMPLES).map(job).collect()
+}
+
+/// The robot until interrupted.
+///
+/// # Errors
+/// When a setting is none of this device's.
+pub fn robot(options: &SimulateOptions) -> Result<()> {
+    let RobotSettings { plant, config, queue, speed, job_time, out, record } =
+        settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
+    let (config, layout) = (plant.robot(config)?, plant.layout()?);
+    let lines = Lines::of(&layout).ok();
+    let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
+    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
+    let out = out.map(PathBuf::from);
+    let (mut meeting, kind, place) = Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing)?;
+    options.ready("kawasaki-robot", kind, &place)?;
+    let mut simulator = robot::simulator(&setup)?;
+    options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;
+    let (sender, strokes) = mpsc::channel::<Stroke>();
+    let trace = options.trace.start("kawasaki-robot");
+    // All orders are drawn on one sheet; the lines of the last one begin here.
+    let (mut sheet, mut begin): (Vec<drawing::Line>, usize) = (Vec::new(), 0);
+    let executed = |stroke: Stroke| {
+        if let Some(record) = &mut record
+            && let Err(error) = record.add(&stroke)
+        {
+            remark(&format!("warning: {error:#}"));
+        }
+        let _ = sender.send(stroke);
+    };
+    robot::execute(simulator, &mut meeting, &trace, &Switch::default(), executed, |notification| {
+        match notification {
+            robot::Notification::Event(event) => {
+                let executed = strokes.try_iter();
+                sheet.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
+                if let (RobotEvent::OrderOver { .. }, Some(_)) = (event, &lines) {
+                    let strokes = sheet.iter().skip(begin).filter(|line| line.draws).count();
+                    begin = sheet.len();
+                    log(&json!({"event": "drawn", "strokes": strokes}))?;
+                    if let Some(file) = &out {
+                        drawing::write_svg(file, SHEET, &sheet)?;
+                    }
+                }
+                let print = match event {
+                    RobotEvent::PeerStatus { .. }
+                    | RobotEvent::NoReply
+                    | RobotEvent::Corrupt(_)
+                    | RobotEvent::Rejected(_) => notice,
+                    _ => log,
+                };
+                print(&serde_json::to_value(event)?)
+            }
+            robot::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+            robot::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
+            robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
+        }
+    })?;
+    Ok(())
+}
+
+/// Every job that was executed, in a table.
+struct Record {
+    file: File,
+    layout: Layout,
+}
+
+impl Record {
+    fn open(path: &Path, layout: &Layout) -> Result<Self> {
+        let what = || format!("cannot write {}", path.display());
+        let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(what)?;
+        if file.metadata()?.len() == 0 {
+            let names = layout.fields().iter().map(|field| field.name.as_str());
+            let names = ["order", "number"].into_iter().chain(names).collect::<Vec<_>>();
+            writeln!(file, "{}", names.join(",")).with_context(what)?;
+        }
+        Ok(Self { file, layout: layout.clone() })
+    }
+
+    fn add(&mut self, Stroke { job, .. }: &Stroke) -> Result<()> {
+        let fields = (0..self.layout.fields().len()).map(|place| self.layout.show(place, &job.work));
+        let cells: Vec<String> =
+            [job.order, job.number].map(|number| number.to_string()).into_iter().chain(fields).collect();
+        let mut row = csv::Writer::from_writer(Vec::new());
+        row.write_record(&cells)?;
+        self.file.write_all(&row.into_inner().unwrap_or_default()).context("cannot write the record of jobs")
+    }
+}
+
+/// The simulated PC, which needs no operator.
+struct Alone;
+
+impl Program for Alone {
+    type Session = Simulator<Pc<AnyWork>>;
+
+    fn step(&mut self, _: &mut Self::Session) -> Result<bool> {
+        Ok(true)
+    }
+
+    fn accepts(&self, session: &Self::Session, now: Duration) -> bool {
+        session.accepts(now)
+    }
+
+    fn notify(
+        &mut self,
+        _: &mut Self::Session,
+        notification: pc::Notification<'_, Told<PcEvent>>,
+    ) -> Result<()> {
+        match notification {
+            pc::Notification::Event(Told::Device(event)) => {
+                let print = match event {
+                    PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
+                    _ => log,
+                };
+                print(&serde_json::to_value(event)?)
+            }
+            pc::Notification::Event(_) => Ok(()),
+            pc::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+            pc::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
+            pc::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
+        }
+    }
+}

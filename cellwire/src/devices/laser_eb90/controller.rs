@@ -1,0 +1,268 @@
+//! The simulated laser robot on a line.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+pub use cellwire_sim::laser::STATUS;
+use cellwire_sim::laser::{Job, LaserEvent, LaserRobot};
+use cellwire_sim::{Device as _, Laser, Simulator, Told};
+use laser_eb90::{Item, Items};
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait};
+use serde_json::{Value, json};
+
+use crate::devices::control::{Command, Own, fields};
+use crate::devices::device::{Attached, SimulateOptions, serve};
+use crate::io::line::Line;
+use crate::io::samples::Samples;
+use cellwire_io::clock::Clock;
+use cellwire_io::drive::turn;
+use cellwire_io::output::{log, remark};
+use cellwire_io::priority::{self, Rank};
+use cellwire_io::serial::READ_TIMEOUT;
+use cellwire_links::settings::{self, Configure, Fields};
+
+/// What a robot has done.
+#[derive(Debug, Default)]
+pub struct RobotCounts {
+    /// Error codes sent.
+    pub refused: u64,
+    /// What the robot does in a cycle, from when it has the processor until its answer is on the line.
+    pub work: Samples,
+    /// From the end of the cycle to the answer on the line: how late the machine gave it the processor.
+    pub answer: Samples,
+}
+
+impl RobotCounts {
+    /// Adds what was counted before or after a restart.
+    pub fn add(&mut self, other: &Self) {
+        self.refused += other.refused;
+        self.work.merge(&other.work);
+        self.answer.merge(&other.answer);
+    }
+}
+
+/// `cellwire simulate laser`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let LaserSettings { robot, record } =
+        settings::read("laser", LaserSettings::default(), &options.settings)?;
+    let mut record = record.map(|file| Record::open(Path::new(&file))).transpose()?;
+    let records = record.is_some();
+    let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
+    serve("laser", "laser", options, robot.baud, |line, clock| {
+        options.control("laser", &mut simulator, own(&robot))?;
+        let notify = |event| log(&event);
+        let mut add = |job: Job| {
+            if let Some(Err(error)) = record.as_mut().map(|record| record.add(&job, &robot)) {
+                remark(&format!("warning: {error:#}"));
+            }
+        };
+        let executed = records.then_some(&mut add as &mut dyn FnMut(Job));
+        execute(&robot, simulator, line, clock, &Switch::default(), notify, executed)?;
+        Ok(())
+    })
+}
+
+/// The simulated robot of the tool.
+#[derive(Debug, Default)]
+pub struct LaserSettings {
+    robot: Laser,
+    /// A file for executed instructions.
+    record: Option<String>,
+}
+
+impl Configure for LaserSettings {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { robot, record } = self;
+        let about = "a CSV file to which executed instructions are appended, as a program: `run laser FILE --dry-run --picture` draws it";
+        fields.text("record", "a file", "none is written", about, record);
+        robot.configure(fields);
+    }
+}
+
+/// Every instruction that was executed, as a program.
+struct Record(File);
+
+impl Record {
+    fn open(path: &Path) -> Result<Self> {
+        let what = || format!("cannot write {}", path.display());
+        Ok(Self(OpenOptions::new().append(true).create(true).open(path).with_context(what)?))
+    }
+
+    fn add(&mut self, Job { word, parameters }: &Job, robot: &Laser) -> Result<()> {
+        let mut row = format!("{word:#06x}");
+        for item in Items::new(parameters, &robot.config.profile) {
+            let Ok(item) = item else { break };
+            match item {
+                Item::F32(values) => values.iter().for_each(|value| row += &format!(",{value}")),
+                Item::I16(values) => values.iter().for_each(|value| row += &format!(",{value}")),
+                Item::U8(values) | Item::Char(values) => {
+                    values.iter().for_each(|value| row += &format!(",{value}"));
+                }
+            }
+        }
+        row.push('\n');
+        self.0.write_all(row.as_bytes()).context("cannot write the record of instructions")
+    }
+}
+
+/// The commands of `--control`: the length of the queue.
+fn own(settings: &Laser) -> Own<LaserRobot> {
+    let settings = *settings;
+    Own {
+        commands: const { &[Command::get("the number of instructions that the robot holds")] },
+        execute: |robot, args| {
+            args.none()?;
+            Ok(fields([("held", robot.held().into())]))
+        },
+        show: Box::new(
+            move |Job { word, parameters }| json!({"word": word, "items": Items::new(parameters, &settings.config.profile)}),
+        ),
+    }
+}
+
+/// How a robot is stopped.
+#[derive(Debug, Default)]
+pub struct Switch {
+    off: AtomicBool,
+    killed: AtomicBool,
+}
+
+impl Switch {
+    /// It receives nothing more, and executes what is queued.
+    pub fn turn_off(&self) {
+        self.off.store(true, Ordering::Relaxed);
+    }
+
+    /// It stops in the middle of everything and forgets what is queued.
+    pub fn kill(&self) {
+        self.killed.store(true, Ordering::Relaxed);
+        self.turn_off();
+    }
+
+    /// Whether it was stopped so.
+    pub fn was_killed(&self) -> bool {
+        self.killed.load(Ordering::Relaxed)
+    }
+
+    fn is_off(&self) -> bool {
+        self.off.load(Ordering::Relaxed)
+    }
+}
+
+/// Answers frames and executes what is queued until it is switched off, or until the connection is gone. `executed` takes what
+/// was executed, in that order; it was started for the `boot`-th time.
+///
+/// # Errors
+/// When an event cannot be reported, or the queue cannot be as long as asked.
+pub fn run(
+    settings: Laser,
+    boot: i16,
+    line: &mut Line,
+    clock: Clock,
+    switch: &Switch,
+    notify: impl FnMut(Value) -> Result<()>,
+    executed: Option<&Mutex<Vec<Job>>>,
+) -> Result<RobotCounts> {
+    let robot = Simulator::new(LaserRobot::new(settings, boot)?);
+    let mut keep = |job| {
+        if let Some(Ok(mut executed)) = executed.map(Mutex::lock) {
+            executed.push(job);
+        }
+    };
+    let keep = executed.is_some().then_some(&mut keep as &mut dyn FnMut(Job));
+    execute(&settings, robot, line, clock, switch, notify, keep)
+}
+
+fn execute(
+    settings: &Laser,
+    mut robot: Simulator<LaserRobot>,
+    line: &mut Line,
+    clock: Clock,
+    switch: &Switch,
+    mut notify: impl FnMut(Value) -> Result<()>,
+    mut executed: Option<&mut dyn FnMut(Job)>,
+) -> Result<RobotCounts> {
+    priority::raise(Rank::Hardware);
+    let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
+    let mut driver = Driver::new(measured);
+    if executed.is_none() {
+        robot = robot.keeping_nothing();
+    }
+    let mut keep = |robot: &mut Simulator<LaserRobot>| {
+        if let Some(executed) = &mut executed {
+            core::iter::from_fn(|| robot.poll_executed()).for_each(|done| executed(done.work));
+        }
+    };
+    let (mut refused, mut attached, mut closes) = (0, Attached::default(), false);
+    while !switch.is_off() {
+        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut().line, &mut robot);
+        let goes_on = turn(&mut driver, &mut robot, Some(READ_TIMEOUT), |_, told| {
+            closes |= matches!(told, Told::Close(_));
+            let Told::Device(event) = told else { return Ok(()) };
+            refused += u64::from(matches!(event, LaserEvent::Refused(_)));
+            show(&event, settings).map_or(Ok(()), &mut notify)
+        })?;
+        keep(&mut robot);
+        if !goes_on {
+            break;
+        }
+    }
+    // What is queued is executed, in no time that anybody waits for.
+    while !switch.was_killed()
+        && let Some(end) = robot.device().due()
+    {
+        robot.handle_timeout(end);
+        keep(&mut robot);
+    }
+    let counts = core::mem::take(&mut driver.transport_mut().counts);
+    Ok(RobotCounts { refused, ..counts })
+}
+
+fn show(event: &LaserEvent, settings: &Laser) -> Option<Value> {
+    match event {
+        LaserEvent::Queued(count) => Some(json!({"event": "queued", "count": count})),
+        LaserEvent::Refused(refusal) => Some(json!({"event": "refused", "refusal": refusal})),
+        LaserEvent::Executed(class, Job { word, parameters }) => {
+            let items = Items::new(parameters, &settings.config.profile);
+            Some(json!({"event": class, "word": word, "items": items}))
+        }
+        _ => None,
+    }
+}
+
+/// The line, and how long the robot takes in a cycle.
+struct Measured<'a> {
+    line: &'a mut Line,
+    clock: Clock,
+    /// When the robot had the processor.
+    woken: Duration,
+    counts: RobotCounts,
+}
+
+impl Transport for Measured<'_> {
+    fn now(&self) -> Duration {
+        self.line.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        let received = Transport::receive(self.line, buffer, wait);
+        self.woken = self.clock.now();
+        received
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.line.send(bytes);
+        let sent = self.clock.now();
+        self.counts.work.add(sent.saturating_sub(self.woken));
+        self.counts.answer.add(sent.saturating_sub(self.line.now()));
+        Ok(Sent::Buffered)
+    }
+}

@@ -1,0 +1,357 @@
+//! The simulated PUMA 562 on its MARK III controller, and what is measured of its host.
+
+use core::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::Result;
+use cellwire_sim::puma::{MarkIii, Pose, Puma, PumaEvent};
+use cellwire_sim::{Settings as _, Simulator, Told};
+use robot_session::end::End as _;
+use robot_session::{Driver, Session as _};
+use serde_json::{Value, json};
+use val2_alter::timing::{self, Budget};
+use val2_alter::{AXES, ControllerState, ErrorCode};
+
+use super::control::{self, position};
+use super::judge::{Judge, Taken};
+use super::robot_line::{Request, RobotLine};
+use super::script::{self, Script};
+use crate::devices::device::{SimulateOptions, is_there, serve};
+use crate::io::line::Line;
+use crate::io::samples::Samples;
+use cellwire_io::output::{log, notice};
+use cellwire_io::priority::{self, Rank};
+use cellwire_links::settings;
+
+/// How often the stop, and a client that comes or goes, are looked for.
+const IDLE: Duration = Duration::from_millis(20);
+/// The position is told after this many cycles: twice a second.
+const TOLD: u64 = 18;
+
+/// How the simulated robot behaves.
+#[derive(Debug, Clone)]
+pub struct PumaConfig {
+    /// The robot.
+    pub puma: Puma,
+    /// What happens besides.
+    pub script: Script,
+    /// Whether the record keeps each end, each cycle without a reply and each move of the gripper.
+    pub keeps_all: bool,
+}
+
+impl Default for PumaConfig {
+    /// `ALTER(0, 23, clamp2, 127)`, on a line that takes its time.
+    fn default() -> Self {
+        let puma = Puma { is_paced: false, ..Puma::default() };
+        Self { puma, script: Script::default(), keeps_all: true }
+    }
+}
+
+/// What the simulated robot tells while it runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Notification {
+    /// What the robot says.
+    Robot(PumaEvent),
+    /// The arm is there.
+    Moves(Pose),
+    /// What was measured since ALTER began.
+    Measured(Measured),
+    /// A client has the port open, or none has.
+    Connected(bool),
+}
+
+/// How the replies of an ALTER came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Measured {
+    /// How many came in time.
+    pub replies: u64,
+    /// From the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
+    pub turn_around: [Duration; 3],
+    /// The shortest window.
+    pub window: Duration,
+}
+
+/// What the simulated robot measured and counted.
+#[derive(Debug, Clone, Default)]
+pub struct PumaRecord {
+    /// From the last byte of a request to the last byte of its reply.
+    pub turn_around: Samples,
+    /// When there was a cycle without a good reply.
+    pub without: Vec<Duration>,
+    /// The part of it that the host took, until it wrote the reply.
+    pub thinking: Samples,
+    /// What was left of the window.
+    pub margin: Samples,
+    /// The shortest window.
+    pub window: Option<Duration>,
+    /// The speeds of the replies that were taken.
+    pub judge: Judge,
+    /// Standard messages sent.
+    pub cycles: u64,
+    /// Cycles without a reply.
+    pub missed: u64,
+    /// Replies that could not be read.
+    pub bad_replies: u64,
+    /// Times that ALTER began.
+    pub starts: u64,
+    /// The ends of ALTER, and why.
+    pub ends: Vec<(Duration, ErrorCode)>,
+    /// The gripper's moves: true closes.
+    pub gripper: Vec<bool>,
+    /// Replies that came too late for their window.
+    pub strays: u64,
+    /// How long the simulator itself was late.
+    pub stood: Duration,
+    /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it is at rest in between.
+    pub drift: f64,
+}
+
+/// `cellwire simulate puma`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
+    let config = settings::read("puma", config, &options.settings)?;
+    let mut robot = simulator(&config)?;
+    serve("puma", "robot", options, config.puma.config.baud, |line, _| {
+        options.control("puma", &mut robot, control::own())?;
+        let notify = |at, told| match told {
+            Notification::Robot(PumaEvent::BadReply(_)) => notice(&to_json(at, told)),
+            told => log(&to_json(at, told)),
+        };
+        follow(line, robot, config.keeps_all, &AtomicBool::new(false), notify)?;
+        Ok(())
+    })
+}
+
+fn simulator(config: &PumaConfig) -> Result<Simulator<MarkIii>> {
+    let PumaConfig { puma, script: Script(incidents), .. } = config;
+    Ok(Puma { incidents: incidents.clone(), ..puma.clone() }.simulator()?.keeping_nothing())
+}
+
+/// Runs the robot's program until told to stop, or until the connection is gone.
+///
+/// # Errors
+/// When an event cannot be reported.
+pub fn run(
+    line: &mut Line,
+    config: PumaConfig,
+    stop: &AtomicBool,
+    notify: impl FnMut(Duration, Notification) -> Result<()>,
+) -> Result<PumaRecord> {
+    follow(line, simulator(&config)?, config.keeps_all, stop, notify)
+}
+
+fn follow(
+    line: &mut Line,
+    mut robot: Simulator<MarkIii>,
+    keeps_all: bool,
+    stop: &AtomicBool,
+    mut notify: impl FnMut(Duration, Notification) -> Result<()>,
+) -> Result<PumaRecord> {
+    priority::raise(Rank::Hardware);
+    let mut record = Recording::new(keeps_all);
+    let (mut driver, mut was_connected) = (Driver::new(RobotLine::new(line)), false);
+    while !stop.load(Ordering::Relaxed) {
+        if robot.is_held() {
+            driver.transport_mut().pass();
+        }
+        let now = driver.transport_mut().now;
+        let connected = is_there(driver.transport_mut().line, &robot, now);
+        if core::mem::replace(&mut was_connected, connected) != connected {
+            if connected {
+                robot.handle_connected(now);
+            } else {
+                robot.handle_disconnected(now);
+            }
+            notify(now, Notification::Connected(connected))?;
+        }
+        let (mut events, mut closes) = (Vec::new(), false);
+        let turn = driver.turn(&mut robot, Some(IDLE), |_, told| {
+            closes |= matches!(told, Told::Close(_));
+            events.extend(if let Told::Device(event) = told { Some(event) } else { None });
+            ControlFlow::<()>::Continue(())
+        })?;
+        let line = driver.transport_mut();
+        if closes {
+            line.line.hang_up();
+        }
+        for event in events {
+            for told in record.take(event, &robot, line) {
+                notify(line.now, told)?;
+            }
+            if let PumaEvent::Ended(error, _) = event {
+                line.line.end_session(&format!("ALTER ended, {}", error_text(error)));
+            }
+        }
+        if turn.is_break() {
+            break;
+        }
+    }
+    record.count(&robot, driver.transport_mut());
+    Ok(record.record)
+}
+
+/// What is measured of a robot's host.
+struct Recording {
+    record: PumaRecord,
+    keeps_all: bool,
+    stands_at: Option<Pose>,
+    /// The turn-arounds of this ALTER.
+    turn_around: Samples,
+    /// Its cycles with a reply that moved the arm.
+    cycles: u64,
+}
+
+impl Recording {
+    fn new(keeps_all: bool) -> Self {
+        let (record, turn_around) = (PumaRecord::default(), Samples::default());
+        Self { record, keeps_all, stands_at: None, turn_around, cycles: 0 }
+    }
+
+    /// What is to be told of an event.
+    fn take(
+        &mut self,
+        event: PumaEvent,
+        robot: &Simulator<MarkIii>,
+        line: &mut RobotLine<'_>,
+    ) -> impl Iterator<Item = Notification> + use<> {
+        let at = line.now + line.stood;
+        let mut before = None;
+        let mut told = Some(Notification::Robot(event));
+        match event {
+            PumaEvent::Started(pose) => {
+                (self.turn_around, self.cycles) = (Samples::default(), 0);
+                if let Some(stood) = self.stands_at.take() {
+                    self.record.drift = self.record.drift.max(distance(&stood, &pose));
+                }
+            }
+            PumaEvent::Reply(values) => {
+                told = self.measure(values, robot, line.request.take()).map(Notification::Moves);
+            }
+            PumaEvent::BadReply(_) => {
+                let state = robot.device().controller().state();
+                if self.keeps_all && !matches!(state, ControllerState::Starting | ControllerState::Off) {
+                    self.record.without.push(at);
+                }
+            }
+            PumaEvent::Gripper(closes) if self.keeps_all => self.record.gripper.push(closes),
+            PumaEvent::Ended(error, pose) => {
+                self.stands_at = Some(pose);
+                if self.keeps_all {
+                    self.record.ends.push((at, error));
+                }
+                before = self.measured().map(Notification::Measured);
+            }
+            _ => {}
+        }
+        self.count(robot, line);
+        before.into_iter().chain(told)
+    }
+
+    fn count(&mut self, robot: &Simulator<MarkIii>, line: &RobotLine<'_>) {
+        let (record, seen) = (&mut self.record, robot.statistics());
+        record.stood = line.stood;
+        (record.cycles, record.missed, record.bad_replies) = (seen.cycles, seen.timeouts, seen.bad_replies);
+        (record.starts, record.strays) = (seen.starts, seen.strays);
+    }
+
+    /// A reply was taken; where the arm is, if that is to be told.
+    fn measure(
+        &mut self,
+        values: [i16; AXES],
+        robot: &Simulator<MarkIii>,
+        request: Option<Request>,
+    ) -> Option<Pose> {
+        let Request { arrived, length, first_byte, last_byte } = request?;
+        let (device, stats) = (robot.device(), robot.statistics());
+        let config = device.controller().config();
+        let window = Budget::new(config.mode.accumulation(), config.baud, length, 0).window;
+        let turn_around = last_byte.saturating_sub(arrived);
+        let byte_time = timing::transmission_time(1, config.baud);
+        let record = &mut self.record;
+        record.thinking.add(first_byte?.saturating_sub(byte_time).saturating_sub(arrived));
+        self.turn_around.add(turn_around);
+        record.turn_around.add(turn_around);
+        record.margin.add(window.saturating_sub(turn_around));
+        record.window = Some(record.window.map_or(window, |least| least.min(window)));
+        // The subroutine has stopped the arm: what comes after it begins from rest.
+        if device.controller().state() == ControllerState::Interrupted {
+            return None;
+        }
+        let taken = Taken { session: stats.starts, cycle: stats.cycles, values };
+        record.judge.add(taken, config.mode.accumulation());
+        self.cycles += 1;
+        self.cycles.is_multiple_of(TOLD).then(|| device.pose())
+    }
+
+    /// What was measured since ALTER began.
+    fn measured(&self) -> Option<Measured> {
+        let times = &self.turn_around;
+        let turn_around = [times.at(0.5), times.at(0.99), times.max()];
+        self.record.window.map(|window| Measured { replies: times.count(), turn_around, window })
+    }
+}
+
+fn distance(a: &Pose, b: &Pose) -> f64 {
+    a.p.iter().zip(b.p).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn to_json(at: Duration, told: Notification) -> Value {
+    let ms = u64::try_from(at.as_millis()).unwrap_or(u64::MAX);
+    let event = match told {
+        Notification::Robot(event) => event,
+        Notification::Moves(pose) => {
+            return json!({"ms": ms, "event": "moves", "position_mm": position(&pose)});
+        }
+        Notification::Measured(Measured { replies, turn_around, window }) => {
+            let tenths = |time: Duration| (time.as_secs_f64() * 1e4).round() / 10.0;
+            let [half, most, longest] = turn_around.map(tenths);
+            return json!({
+                "ms": ms, "event": "measured", "replies": replies, "window_ms": tenths(window),
+                "turn_around_ms": {"p50": half, "p99": most, "longest": longest}
+            });
+        }
+        Notification::Connected(connected) => {
+            return json!({"ms": ms, "event": if connected { "connected" } else { "disconnected" }});
+        }
+    };
+    match event {
+        PumaEvent::Started(pose) => json!({"ms": ms, "event": "started", "position_mm": position(&pose)}),
+        PumaEvent::Refused => json!({"ms": ms, "event": "refused"}),
+        PumaEvent::GaveUp => json!({"ms": ms, "event": "gave_up"}),
+        PumaEvent::BadReply(code) => {
+            json!({"ms": ms, "event": "bad_reply", "error": u8::from(code), "why": error_text(code)})
+        }
+        PumaEvent::Gripper(closes) => {
+            json!({"ms": ms, "event": "gripper", "state": if closes { "closed" } else { "open" }})
+        }
+        PumaEvent::Exception(exception) => {
+            json!({"ms": ms, "event": "exception", "code": u8::from(exception)})
+        }
+        PumaEvent::Ended(error, pose) => json!({
+            "ms": ms, "event": "ended", "error": u8::from(error), "why": error_text(error), "position_mm": position(&pose)
+        }),
+        PumaEvent::Incident(incident) => {
+            json!({"ms": ms, "event": "script", "what": script::text(incident)})
+        }
+        // A reply is told of by where the arm is.
+        _ => Value::Null,
+    }
+}
+
+/// An error code in words (§3.2.2).
+pub fn error_text(code: ErrorCode) -> &'static str {
+    match code {
+        ErrorCode::None => "no error",
+        ErrorCode::Checksum => "checksum error",
+        ErrorCode::Format => "format error",
+        ErrorCode::Overflow => "buffer overflow",
+        ErrorCode::Incomplete => "incomplete message",
+        ErrorCode::Mark => "start or end mark",
+        ErrorCode::Timeout => "timeout",
+        ErrorCode::Other(_) => "unknown error",
+    }
+}

@@ -1,0 +1,97 @@
+//! The simulated graphics workstation on a line.
+
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Result;
+use cellwire_sim::viewer::{Drawn, Screen};
+use cellwire_sim::{Settings as _, Simulator, Told, Viewer};
+use serde_json::{Value, json};
+use val2_viewer::{PosePacket, WorkstationConfig, WorkstationEvent};
+
+use crate::devices::control::{Command, Own, fields};
+use crate::devices::device::{SimulateOptions, on_line, serve};
+use crate::io::line::Line;
+use cellwire_io::output::notice;
+use cellwire_links::settings;
+
+/// `cellwire simulate viewer`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let settings = settings::read("viewer", Viewer::default(), &options.settings)?;
+    let mut screen = settings.simulator()?.keeping_nothing();
+    serve("viewer", "viewer", options, settings.baud, |line, _| {
+        options.control("viewer", &mut screen, own())?;
+        draw(line, &mut screen, &AtomicBool::new(false), |event| notice(&event))
+    })
+}
+
+/// The commands of `--control`: the counts of the workstation. It executes each pose that it draws.
+fn own() -> Own<Screen> {
+    Own {
+        commands: const {
+            &[Command::get(
+                "the counts of the workstation: requests sent, poses received, gaps in their numbers, corrupt lines, stale pictures, pauses by the operator, the most poses between two pictures",
+            )]
+        },
+        execute: |screen, args| {
+            args.none()?;
+            let Drawn { asked, poses, gaps, damaged, stale, pauses, most_at_once } = screen.drawn();
+            Ok(fields([
+                ("asked", asked.into()),
+                ("poses", poses.into()),
+                ("gaps", gaps.into()),
+                ("damaged", damaged.into()),
+                ("stale", stale.into()),
+                ("pauses", pauses.into()),
+                ("most_at_once", most_at_once.into()),
+            ]))
+        },
+        show: Box::new(|packet| json!({"count": packet.count, "position_mm": position_mm(packet)})),
+    }
+}
+
+/// Draws until it is to stop, or until the connection is gone.
+///
+/// # Errors
+/// When an event cannot be logged.
+pub fn run(
+    line: &mut Line,
+    config: WorkstationConfig,
+    stop: &AtomicBool,
+    report: impl FnMut(Value) -> Result<()>,
+) -> Result<Drawn> {
+    let mut screen = Viewer { config, ..Viewer::default() }.simulator()?.keeping_nothing();
+    draw(line, &mut screen, stop, report)?;
+    Ok(screen.device().drawn())
+}
+
+fn draw(
+    line: &mut Line,
+    screen: &mut Simulator<Screen>,
+    stop: &AtomicBool,
+    mut report: impl FnMut(Value) -> Result<()>,
+) -> Result<()> {
+    on_line(line, screen, stop, |event| match event {
+        Ok(Told::Device(WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet))) => {
+            report(pose(&packet))
+        }
+        Ok(Told::Device(WorkstationEvent::Corrupt(error))) => {
+            report(json!({"event": "corrupt", "error": error}))
+        }
+        Ok(Told::Device(WorkstationEvent::Missed)) => report(json!({"event": "missed"})),
+        Ok(Told::Device(WorkstationEvent::HoldEnded)) => report(json!({"event": "hold_ended"})),
+        _ => Ok(()),
+    })
+}
+
+fn pose(packet: &PosePacket) -> Value {
+    json!({"event": "pose", "count": packet.count, "position_mm": position_mm(packet)})
+}
+
+fn position_mm(packet: &PosePacket) -> [f64; 3] {
+    let [.., x, y, z] = packet.pose;
+    // 1/32 mm, shown to a hundredth.
+    [x, y, z].map(|word| (f64::from(word) / 32.0 * 100.0).round() / 100.0)
+}

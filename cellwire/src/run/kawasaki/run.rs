@@ -1,0 +1,457 @@
+//! The run: one order after another, until every job is done.
+
+use std::io;
+use std::time::Duration;
+
+use anyhow::{Result, bail, ensure};
+use kawasaki_msg::{LargePc, MessageError, PcConfig, PcEvent, Phase};
+use robot_session::now;
+use serde_json::{Value, json};
+
+use super::jobs::Jobs;
+use super::journal::{Entry, Journal};
+use super::order::Order;
+use crate::io::journal::{Outcome, Span};
+use crate::run::{Answer, Operator, STOP_WITHIN, UNANSWERED, Word};
+use cellwire_io::drive::Lost;
+use cellwire_io::input::Typed;
+use cellwire_io::kawasaki::meeting::Meeting;
+use cellwire_io::kawasaki::pc::{self, Notification, Program};
+use cellwire_io::trace::Trace;
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every job is done.
+    Complete,
+    /// The operator has stopped it, or a question was not answered.
+    Stopped,
+    /// The robot refuses the order: it is in this one, or in none and takes none.
+    Refused {
+        /// Its order; 0 for none.
+        active: u16,
+    },
+}
+
+type Pc<'a> = LargePc<'static, Order<'a>>;
+
+/// Jobs that are executed.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    jobs: &'a Jobs,
+    config: PcConfig<'static>,
+    journal: &'a mut Journal,
+    /// Why nothing is sent any more.
+    failed: Option<anyhow::Error>,
+    operator: Operator<'a>,
+    /// The number of the next order, if given.
+    order: Option<u16>,
+    /// The answer for the jobs that an earlier run has left unknown, if given.
+    answer: Option<Answer>,
+    /// How long no robot may be connected.
+    absence: Option<Duration>,
+    paused: bool,
+    stopping: bool,
+    ended: Option<Ended>,
+    /// The jobs that are asked about, and how many there are.
+    question: Option<(usize, usize)>,
+    /// How many jobs were done before the order began, and this many of it are reported as done.
+    before: usize,
+    reported: u32,
+    /// Whether a robot is connected, and since when it is so.
+    connected: bool,
+    since: Duration,
+    met: bool,
+    alarm: bool,
+    /// How many messages of this connection are not in the table of messages; `None` once one is.
+    strange: Option<u32>,
+}
+
+/// The number of such messages that shows a wrong table.
+const STRANGE: u32 = 3;
+const NO_TABLE: &str = "no message of the robot is in the table of messages: give the plant's with --settings; `cellwire identify CAPTURE --link kawasaki --draft FILE` drafts one from a capture";
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended; `answer` is the outcome of jobs that an earlier run has left unknown. Without a robot
+    /// for so long as `absence` says it ends.
+    pub fn new(
+        jobs: &'a Jobs,
+        config: PcConfig<'static>,
+        journal: &'a mut Journal,
+        order: Option<u16>,
+        answer: Option<Answer>,
+        absence: Option<Duration>,
+        operator: Operator<'a>,
+    ) -> Self {
+        let (paused, stopping, ended, question, before, reported) = (false, false, None, None, 0, 0);
+        let (connected, since, met, alarm, strange) = (false, now(), false, false, None);
+        Self {
+            jobs,
+            config,
+            journal,
+            failed: None,
+            operator,
+            order,
+            answer,
+            absence,
+            paused,
+            stopping,
+            ended,
+            question,
+            before,
+            reported,
+            connected,
+            since,
+            met,
+            alarm,
+            strange,
+        }
+    }
+
+    /// Runs to the end of the jobs, or until it is stopped.
+    ///
+    /// # Errors
+    /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
+    pub fn run(mut self, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
+        let layout = self.jobs.layout().clone();
+        let mut pc = LargePc::with_ranges(self.config, layout)?;
+        if let Some(flight) = &self.journal.record().flight {
+            if flight.max_number != self.config.max_number {
+                bail!(
+                    "order {} was started with max_number = {}: finish it with the same value",
+                    flight.order,
+                    flight.max_number
+                );
+            }
+            let source = Order { jobs: &self.jobs.work, places: flight.places.clone() };
+            pc.resume(flight.order, source, flight.executed, flight.sent, flight.ahead.iter().copied())?;
+            self.reported = flight.executed;
+            self.before = self.jobs.work.len() - flight.places.len();
+            let (order, sent) = (flight.order, flight.sent);
+            let executed = flight.executed;
+            self.operator.notify(
+                json!({"event": "order_resumed", "order": order, "executed": executed, "sent": sent}),
+            );
+        }
+        pc::run(meeting, pc, trace, &mut self)?;
+        Ok(self.ended.unwrap_or(Ended::Stopped))
+    }
+
+    /// The next order: all jobs that are not done.
+    fn begin(&mut self, session: &mut Pc<'a>) -> Result<()> {
+        let used = &self.journal.record().numbers;
+        let free = || core::iter::repeat_with(|| fastrand::u16(1..)).find(|number| !used.contains(number));
+        // After 65 thousand orders every number was used.
+        let any = || if used.len() < usize::from(u16::MAX) / 2 { free() } else { None };
+        let number = self.order.take().or_else(any).unwrap_or_else(|| fastrand::u16(1..));
+        let places = self.journal.begin(number, self.config.max_number)?;
+        self.answer = None; // it is not meant for jobs of this run
+        (self.before, self.reported) = (self.jobs.work.len() - places.len(), 0);
+        session.start(number, Order { jobs: &self.jobs.work, places })?;
+        Ok(())
+    }
+
+    /// What the operator has typed since.
+    fn listen(&mut self) -> Result<()> {
+        loop {
+            let (word, text) = match self.operator.next(Some(Duration::ZERO)) {
+                Some(Typed::Line(text)) => (Word::parse(&text), text),
+                Some(Typed::Stop) => (Some(Word::Stop), String::new()),
+                None => {
+                    // There is no operator to continue it.
+                    self.stopping |= self.operator.is_absent() && (self.paused || self.question.is_some());
+                    return Ok(());
+                }
+            };
+            let event = match (word, self.question) {
+                (Some(Word::Stop | Word::Abort), _) => {
+                    self.stopping = true;
+                    "stopping"
+                }
+                (Some(Word::Done), Some((first, count))) => {
+                    self.answer(first, count, count)?;
+                    continue;
+                }
+                (Some(Word::Repeat), Some((first, count))) => {
+                    self.answer(first, count, 0)?;
+                    continue;
+                }
+                (None, Some((first, count))) => {
+                    // The number of the last job that is done.
+                    let last = text.trim().parse().ok().filter(|last| (first..=first + count).contains(last));
+                    match last {
+                        Some(last) => self.answer(first, count, last - first)?,
+                        None => self.operator.hint(&format!(
+                            "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
+                            first + count
+                        )),
+                    }
+                    continue;
+                }
+                (Some(Word::Pause), None) => {
+                    self.paused = true;
+                    "paused"
+                }
+                (Some(Word::Continue), None) => {
+                    self.paused = false;
+                    "continued"
+                }
+                (Some(Word::Pause | Word::Continue), Some(_)) => {
+                    self.operator.hint("answer done, repeat or stop");
+                    continue;
+                }
+                // An early answer may not be meant for this question.
+                (Some(Word::Done | Word::Repeat), None) => {
+                    self.unasked(&text);
+                    continue;
+                }
+                (None, None) if text.trim().parse::<usize>().is_ok() => {
+                    self.unasked(&text);
+                    continue;
+                }
+                (None, None) => {
+                    self.operator.hint(Word::HINT);
+                    continue;
+                }
+            };
+            self.operator.notify(json!({"event": event}));
+        }
+    }
+
+    fn unasked(&mut self, typed: &str) {
+        let hint = "there is no open question: answers count only after a question";
+        self.operator.notify(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}));
+    }
+
+    /// Of the jobs that were asked about, the first `done` are.
+    fn answer(&mut self, first: usize, count: usize, done: usize) -> Result<()> {
+        let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
+        if done > 0 {
+            self.journal.note(&answer(Outcome::Done, first, done))?;
+        }
+        if done < count {
+            self.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
+        }
+        self.question = None;
+        self.operator.progress(self.journal.tally());
+        let answer = if done == 0 {
+            json!("repeat")
+        } else if done == count {
+            json!("done")
+        } else {
+            json!(first + done)
+        };
+        self.operator
+            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+        Ok(())
+    }
+
+    /// Asks what became of jobs. Without a keyboard nothing is asked: the option that answers is named, and the run stops.
+    fn ask(&mut self, first: usize, count: usize) {
+        if self.operator.is_without_keyboard(Duration::ZERO) {
+            let line = self.span("unanswered", first, count);
+            self.stopping = true;
+            return self.operator.notify(with(line, &[("what", UNANSWERED.into())]));
+        }
+        self.question = Some((first, count));
+        let line = self.span("question", first, count);
+        let answers = ["done", "repeat", "stop", "the number of the last job that is done"];
+        self.operator.notify(with(line, &[("answers", json!(answers))]));
+    }
+
+    /// The jobs of the order up to this count are done.
+    fn done(&mut self, executed: u32) {
+        let Some(flight) = &self.journal.record().flight else { return };
+        let from = self.reported;
+        self.reported = executed.max(from);
+        let indices = from as usize..executed as usize;
+        let places = flight.places.get(indices).unwrap_or_default();
+        let lines: Vec<Value> = places
+            .chunk_by(|a, b| a + 1 == *b)
+            .filter_map(|run| Some(self.span("done", *run.first()?, run.len())))
+            .collect();
+        lines.into_iter().for_each(|line| self.operator.notify(line));
+        self.operator.progress(self.journal.tally());
+    }
+
+    /// An event about jobs that follow one another: the number of the first, and the lines or outlines of the file that they are from.
+    fn span(&self, event: &str, first: usize, count: usize) -> Value {
+        let mut span = json!({"event": event, "first": first + 1, "count": count});
+        let ends = [first, first + count.max(1) - 1].map(|at| self.jobs.lines.get(at));
+        if let (Some(fields), [Some(from), Some(to)]) = (span.as_object_mut(), ends) {
+            fields.insert(format!("{}s", self.jobs.unit), json!([from, to]));
+        }
+        span
+    }
+
+    fn event(&mut self, event: PcEvent) -> Result<()> {
+        match (&event, &mut self.strange) {
+            (PcEvent::Rejected(MessageError::UnknownName { .. }), Some(strange)) => {
+                *strange = strange.saturating_add(1);
+                if *strange == STRANGE {
+                    self.operator.hint(NO_TABLE);
+                }
+            }
+            (PcEvent::Corrupt(_) | PcEvent::Rejected(MessageError::UnknownName { .. }), _) => {}
+            _ => self.strange = None,
+        }
+        let shown = match event {
+            PcEvent::Progress { executed, .. } => {
+                self.done(executed);
+                return Ok(());
+            }
+            PcEvent::ExecutedAhead { index } => {
+                self.journal.note(&Entry::Ahead { ahead: index })?;
+                let flight = self.journal.record().flight.as_ref();
+                let place = flight.and_then(|flight| flight.places.get(index as usize).copied());
+                let Some(place) = place else { return Ok(()) };
+                self.span("done", place, 1)
+            }
+            PcEvent::OrderOver { executed, complete, .. } => {
+                self.done(executed);
+                let flight = self.journal.record().flight.as_ref();
+                let is_expected = flight.is_none_or(|flight| flight.sent == 0 || flight.is_broken_off);
+                self.journal.note(&Entry::End { end: executed, unknown: executed })?;
+                self.operator.notify(serde_json::to_value(event)?);
+                if complete || self.paused || self.stopping || is_expected {
+                    return Ok(());
+                }
+                // It was ended at the robot.
+                if self.operator.is_without_keyboard(Duration::ZERO) {
+                    self.stopping = true;
+                    self.operator.hint("the robot has ended the order: the same command executes the rest");
+                    return Ok(());
+                }
+                self.paused = true;
+                self.operator
+                    .hint("the robot has ended the order: type continue to execute the rest, or stop");
+                return Ok(());
+            }
+            PcEvent::OutcomeUnknown { order, executed, sent } => {
+                self.done(executed);
+                self.journal.note(&Entry::End { end: executed, unknown: sent })?;
+                let why = "the robot no longer has the order: it was restarted, or received another one";
+                json!({"event": "unknown", "order": order, "why": why})
+            }
+            PcEvent::OrderRefused { given_up: true, active, .. } => {
+                self.journal.note(&Entry::End { end: 0, unknown: 0 })?;
+                self.ended = Some(Ended::Refused { active });
+                serde_json::to_value(event)?
+            }
+            PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),
+            PcEvent::PeerStatus { phase, order, .. } => {
+                let before = core::mem::replace(&mut self.alarm, phase == Phase::Alarm);
+                if !self.alarm || before {
+                    return Ok(());
+                }
+                let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop";
+                json!({"event": "alarm", "order": order, "what": what})
+            }
+            PcEvent::Corrupt(_) | PcEvent::Rejected(_) => {
+                self.operator.notice(serde_json::to_value(event)?);
+                return Ok(());
+            }
+            _ => serde_json::to_value(event)?,
+        };
+        self.operator.notify(shown);
+        Ok(())
+    }
+
+    fn check_absence(&self) -> Result<()> {
+        let is_strange = self.strange.is_some_and(|strange| strange >= STRANGE);
+        let is_absent = !self.connected || is_strange;
+        let Some(most) = self.absence.filter(|most| is_absent && now() - self.since > *most) else {
+            return Ok(());
+        };
+        ensure!(!is_strange, NO_TABLE);
+        let most = humantime::format_duration(most);
+        match self.met {
+            true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
+            false => bail!("no robot connected within {most}: see --robot-timeout"),
+        }
+    }
+}
+
+impl<'a> Program for Runner<'a> {
+    type Session = Pc<'a>;
+
+    /// Nothing is sent that the journal does not have.
+    fn keep(&mut self, session: &mut Pc<'a>) -> io::Result<()> {
+        if session.order().is_none() {
+            return Ok(());
+        }
+        if self.failed.is_some() {
+            return Err(io::Error::other("the journal could not be written"));
+        }
+        match self.journal.progress(session.executed(), session.sent()) {
+            Ok(is_news) if is_news => self.operator.progress(self.journal.tally()),
+            Ok(_) => {}
+            Err(error) => {
+                self.failed = Some(error.context("the packet was not sent, and the connection was closed"));
+                return Err(io::Error::other("the journal cannot be written"));
+            }
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
+        self.listen()?;
+        if session.order().is_some() {
+            if self.stopping && (!self.connected || self.operator.has_waited(STOP_WITHIN)) {
+                // Nothing can be sent, or it has no effect: the robot executes what it has queued.
+                return Ok(false);
+            }
+            if self.paused || self.stopping {
+                self.journal.break_off()?;
+                pc::break_off(session);
+            }
+            self.check_absence()?;
+            return Ok(true);
+        }
+        if self.ended.is_some() || self.stopping {
+            return Ok(false);
+        }
+        if self.question.is_some() || self.paused {
+            return Ok(true);
+        }
+        if let Some((first, count)) = self.journal.unknown() {
+            match self.answer.and_then(|answer| answer.done(first, count)) {
+                Some(done) => self.answer(first, count, done)?,
+                None => self.ask(first, count),
+            }
+        } else if self.journal.count(Outcome::NotSent) == 0 {
+            self.ended = Some(Ended::Complete);
+        } else {
+            self.begin(session)?;
+        }
+        Ok(self.ended.is_none() && !(self.stopping && session.order().is_none()))
+    }
+
+    fn notify(&mut self, _session: &mut Pc<'a>, notification: Notification<'_>) -> Result<()> {
+        let line = match notification {
+            Notification::Event(event) => return self.event(event),
+            Notification::Connected(peer) => {
+                (self.connected, self.since, self.met) = (true, now(), true);
+                self.strange = Some(0);
+                json!({"event": "connected", "peer": peer})
+            }
+            Notification::Disconnected(why) => {
+                (self.connected, self.since, self.strange) = (false, now(), None);
+                json!({"event": "disconnected", "why": why})
+            }
+            Notification::Traced(path) => json!({"event": "trace", "path": path}),
+        };
+        self.operator.notify(line);
+        Ok(())
+    }
+}
+
+fn with(mut line: Value, more: &[(&str, Value)]) -> Value {
+    if let Some(line) = line.as_object_mut() {
+        line.extend(more.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+    }
+    line
+}

@@ -1,0 +1,310 @@
+//! The run: one frame at a time, so that never more than one is unknown.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
+use robot_session::{Driver, Session as _, Transport, now};
+use serde_json::{Map, Value, json};
+
+use super::Journal;
+use super::program::Program;
+use super::route::Instruction;
+use crate::io::journal::{Outcome, Span};
+use crate::run::{Answer, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
+use cellwire_io::drive::{Lost, turn};
+use cellwire_io::input::Typed;
+
+/// How often the operator's words are looked at.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every instruction is done.
+    Complete,
+    /// The operator has stopped it, or a question was not answered.
+    Stopped,
+    /// The controller refuses an instruction.
+    Refused,
+}
+
+/// A program that is run.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    program: &'a Program,
+    journal: &'a mut Journal,
+    config: HostConfig,
+    operator: Operator<'a>,
+    paused: bool,
+    stopping: bool,
+    /// The instructions in flight, and the host's number of the first.
+    flight: Option<(usize, usize)>,
+    refused: bool,
+    unknown: bool,
+}
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended.
+    pub fn new(
+        program: &'a Program,
+        journal: &'a mut Journal,
+        config: HostConfig,
+        operator: Operator<'a>,
+    ) -> Self {
+        let (paused, stopping, flight, refused, unknown) = (false, false, None, false, false);
+        Self { program, journal, config, operator, paused, stopping, flight, refused, unknown }
+    }
+
+    /// Settles the instructions that an earlier run has left unknown: as `answer` says if it is given, otherwise as the operator does; false
+    /// when the operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub fn settle_earlier(&mut self, answer: Option<Answer>) -> Result<bool> {
+        while let Some((first, count)) = self.journal.unknown()
+            && let Some(done) = answer.and_then(|answer| answer.done(first, count))
+        {
+            if done > 0 {
+                self.answer(Outcome::Done, first, done)?;
+            }
+            if done < count {
+                self.answer(Outcome::NotSent, first + done, count - done)?;
+            }
+        }
+        self.settle_unknown("an earlier run ended before the answer")
+    }
+
+    /// Asks about every instruction whose outcome is unknown, and says why it is; false when the operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    fn settle_unknown(&mut self, why: &str) -> Result<bool> {
+        while let Some((first, count)) = self.journal.unknown() {
+            if !self.ask(first, count, why)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Runs to the end of the program, or until it is stopped.
+    ///
+    /// # Errors
+    /// A lost connection; a journal that cannot be written. The journal has every outcome then, too.
+    pub fn run<T: Transport>(&mut self, transport: T) -> Result<Ended> {
+        let mut driver = Driver::new(transport);
+        let mut host = Host::new(self.config)?;
+        host.handle_connected(now());
+        loop {
+            self.listen();
+            if host.is_idle() && self.flight.is_none() {
+                if self.stopping {
+                    return Ok(Ended::Stopped);
+                }
+                if !self.paused && !self.submit(&mut host)? {
+                    return Ok(Ended::Complete);
+                }
+            }
+            if self.flight.is_some() && self.operator.has_waited(STOP_WITHIN) {
+                self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
+                return Ok(Ended::Stopped);
+            }
+            let goes_on = turn(&mut driver, &mut host, Some(GLANCE), |host, event| self.take(host, event));
+            if !matches!(goes_on, Ok(true)) && self.flight.is_some() {
+                self.outcome(Outcome::Unknown, "the connection was lost")?;
+            }
+            match goes_on {
+                Ok(true) => {}
+                Ok(false) => return Err(Lost("the connection to the controller was closed".into()).into()),
+                Err(error) if error.is::<std::io::Error>() => {
+                    return Err(Lost(format!("the connection to the controller was lost: {error:#}")).into());
+                }
+                Err(error) => return Err(error),
+            }
+            if self.refused {
+                return Ok(Ended::Refused);
+            }
+            if core::mem::take(&mut self.unknown) {
+                if !self.settle_unknown("the controller may have executed them: look at the machine")? {
+                    return Ok(Ended::Stopped);
+                }
+                host.resume();
+            }
+        }
+    }
+
+    /// Submits the next frame, and notes before it is sent that it may have been; false at the end of the program.
+    fn submit(&mut self, host: &mut Host) -> Result<bool> {
+        let open = |known: &Outcome| matches!(known, Outcome::NotSent | Outcome::Refused);
+        let outcomes = self.journal.outcomes();
+        let Some(first) = outcomes.iter().position(open) else { return Ok(false) };
+        let mut count = 0;
+        for instruction in self.program.instructions.iter().skip(first) {
+            let Instruction { word, values, .. } = instruction;
+            if count > 0 && !outcomes.get(first + count).is_some_and(open) {
+                break;
+            }
+            match host.submit(*word, |parameters| match values.as_slice() {
+                [] => Ok(()),
+                values => parameters.f32(values).map(drop),
+            }) {
+                Ok(_) => count += 1,
+                Err(SessionError::Full) => break,
+                Err(error) => {
+                    let line = instruction.line;
+                    return Err(error).with_context(|| format!("line {line} cannot be sent"));
+                }
+            }
+            if self.config.words.class(*word) != Some(Class::Interpreted) {
+                break;
+            }
+        }
+        if count == 0 {
+            bail!("the host accepts no instruction: please report this as a bug");
+        }
+        self.note(Outcome::Unknown, first, count).context("nothing of it was sent")?;
+        self.flight = Some((first, count));
+        Ok(true)
+    }
+
+    fn take(&mut self, _: &mut Host, event: HostEvent) -> Result<()> {
+        let event = match event {
+            HostEvent::Done { .. } => return self.outcome(Outcome::Done, ""),
+            HostEvent::Refused { refusal, .. } => {
+                self.refused = true;
+                return self.outcome(Outcome::Refused, &format!("the controller refuses: {refusal}"));
+            }
+            HostEvent::Unknown { reason, .. } => {
+                self.unknown = true;
+                let why = self.why(reason);
+                return self.outcome(Outcome::Unknown, &why);
+            }
+            HostEvent::Unasked { word } => json!({"event": "unasked", "word": word}),
+            HostEvent::Corrupt(error) => json!({"event": "corrupt", "error": error}),
+            HostEvent::Echo(error) => json!({"event": "echo", "error": error, "text": error.to_string()}),
+            other => json!({"event": "notice", "what": format!("{other:?}")}),
+        };
+        self.operator.notice(event);
+        Ok(())
+    }
+
+    fn why(&self, reason: UnknownReason) -> String {
+        match reason {
+            UnknownReason::Silence => format!("no answer within {:?}", self.config.answer_timeout),
+            UnknownReason::Corrupt => "the answer was corrupt".into(),
+            UnknownReason::OtherWord { expected, found } => {
+                format!("the answer was word {found:04X}h instead of {expected:04X}h")
+            }
+            UnknownReason::PartialFrame => "the controller may have rejected only a part of the frame".into(),
+            UnknownReason::ExecutionFailed => "the execution failed, and may have had effects".into(),
+            UnknownReason::Disconnected => "the connection was lost".into(),
+            other => format!("{other:?}"),
+        }
+    }
+
+    fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
+        let Some((first, count)) = self.flight.take() else { return Ok(()) };
+        self.note(outcome, first, count)?;
+        let more = if why.is_empty() { vec![] } else { vec![("why", why.into())] };
+        let line = self.span(json!(outcome), first, count, more);
+        self.operator.notify(line);
+        Ok(())
+    }
+
+    fn note(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
+        self.journal.note(&Span { outcome, first, count })?;
+        self.operator.progress(self.journal.tally());
+        Ok(())
+    }
+
+    /// An event about instructions that follow one another, with the lines or outlines of the file that they are from.
+    fn span(&self, event: Value, first: usize, count: usize, more: Vec<(&str, Value)>) -> Value {
+        let line = |at: usize| self.program.instructions.get(at).map_or(0, |it| it.line);
+        let lines = [line(first), line(first + count - 1)];
+        let mut span = Map::from_iter([("event".into(), event)]);
+        span.extend([("first".into(), json!(first + 1)), ("count".into(), json!(count))]);
+        span.insert(format!("{}s", self.program.unit), json!(lines));
+        span.extend(more.into_iter().map(|(key, value)| (key.to_owned(), value)));
+        span.into()
+    }
+
+    /// Asks what became of instructions; false when the operator stops or types nothing any more. Without a keyboard nothing is asked: the
+    /// option that answers is named.
+    fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
+        if self.operator.is_without_keyboard(KEYBOARD_WITHIN) {
+            let more = vec![("why", why.into()), ("what", UNANSWERED.into())];
+            let line = self.span("unanswered".into(), first, count, more);
+            self.operator.notify(line);
+            return Ok(false);
+        }
+        let more = vec![("why", why.into()), ("answers", json!(["done", "repeat", "stop"]))];
+        let line = self.span("question".into(), first, count, more);
+        self.operator.notify(line);
+        loop {
+            let outcome = match self.operator.next(None) {
+                None | Some(Typed::Stop) => return Ok(false),
+                Some(Typed::Line(text)) => match Word::parse(&text) {
+                    Some(Word::Done) => Outcome::Done,
+                    Some(Word::Repeat) => Outcome::NotSent,
+                    Some(Word::Stop | Word::Abort) => return Ok(false),
+                    Some(Word::Pause | Word::Continue) => {
+                        self.operator.hint("answer done, repeat or stop");
+                        continue;
+                    }
+                    None => {
+                        self.operator.hint(Word::HINT);
+                        continue;
+                    }
+                },
+            };
+            self.answer(outcome, first, count)?;
+            return Ok(true);
+        }
+    }
+
+    fn answer(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
+        self.note(outcome, first, count)?;
+        let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
+        self.operator
+            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+        Ok(())
+    }
+
+    /// Does what the operator has asked for since the last call.
+    fn listen(&mut self) {
+        loop {
+            // While it is paused there is nothing else to do.
+            let wait = if self.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
+            let word = match self.operator.next(Some(wait)) {
+                Some(Typed::Line(text)) => Word::parse(&text),
+                Some(Typed::Stop) => Some(Word::Stop),
+                None => {
+                    // There is no operator to continue it.
+                    self.stopping |= self.paused && self.operator.is_absent();
+                    return;
+                }
+            };
+            let event = match word {
+                Some(Word::Pause) => {
+                    self.paused = true;
+                    "paused"
+                }
+                Some(Word::Continue) => {
+                    self.paused = false;
+                    "continued"
+                }
+                Some(Word::Stop | Word::Abort) => {
+                    self.stopping = true;
+                    "stopping"
+                }
+                Some(Word::Done | Word::Repeat) => "no_question",
+                None => {
+                    self.operator.hint(Word::HINT);
+                    continue;
+                }
+            };
+            self.operator.notify(json!({"event": event}));
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Cameras, valves and the vacuum switch: simulated, or at the end of a line.
+
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
+use robot_session::{discard_unacknowledged, now};
+
+use super::connection::{STUCK, WAITING};
+use super::settings::Part;
+use cellwire_io::bell::Bell;
+use cellwire_io::tcp::{self, Dialing};
+
+/// A camera's answer, a valve that is set, the switch.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Happened {
+    /// Camera 1 sees a part.
+    Part(PlatformPose, RobotPose),
+    /// Camera 2 sees its place.
+    Slot(RobotPose),
+    /// A camera sees nothing.
+    Nothing,
+    /// A valve is set.
+    ValveSet,
+    /// The vacuum switch is high, or low.
+    Switch(bool),
+    /// It cannot do what it was asked for.
+    Failed(String),
+    /// Its connection is gone.
+    Lost,
+}
+
+/// Cameras, valves and the vacuum switch.
+pub trait Periphery {
+    /// Camera 1 or 2 is to take a picture, for the part of this number.
+    fn acquire(&mut self, camera: i32, part: usize);
+
+    /// The vacuum valve or the blow valve is to be opened or closed.
+    fn set_valve(&mut self, valve: i32, open: bool);
+
+    /// What has happened since.
+    fn poll(&mut self) -> Option<Happened>;
+
+    /// When something happens that no bell rings for.
+    fn due(&self) -> Option<Duration>;
+}
+
+/// Cameras that see the parts of the task, and a vacuum that builds up when its valve is open.
+#[derive(Debug)]
+pub struct Simulated {
+    parts: Vec<Part>,
+    vacuum: Duration,
+    high_at: Option<Duration>,
+    happened: VecDeque<Happened>,
+}
+
+impl Simulated {
+    /// A periphery that sees these parts.
+    pub fn new(parts: Vec<Part>, vacuum: Duration) -> Self {
+        Self { parts, vacuum, high_at: None, happened: VecDeque::new() }
+    }
+}
+
+impl Periphery for Simulated {
+    fn acquire(&mut self, camera: i32, part: usize) {
+        self.happened.push_back(match (self.parts.get(part), camera) {
+            (Some(part), 1) => Happened::Part(part.platform, part.pick),
+            (Some(part), _) => Happened::Slot(part.place),
+            (None, _) => Happened::Nothing,
+        });
+    }
+
+    fn set_valve(&mut self, valve: i32, open: bool) {
+        self.happened.push_back(Happened::ValveSet);
+        if valve == VACUUM {
+            self.high_at = open.then(|| now().saturating_add(self.vacuum));
+            if !open {
+                self.happened.push_back(Happened::Switch(false));
+            }
+        }
+    }
+
+    fn poll(&mut self) -> Option<Happened> {
+        if self.high_at.is_some_and(|at| at <= now()) {
+            self.high_at = None;
+            self.happened.push_back(Happened::Switch(true));
+        }
+        self.happened.pop_front()
+    }
+
+    fn due(&self) -> Option<Duration> {
+        self.high_at
+    }
+}
+
+/// A periphery at a TCP address, in lines of text (see the help of `cellwire run mma`).
+#[derive(Debug)]
+pub struct Line {
+    stream: TcpStream,
+    lines: Receiver<String>,
+    is_lost: bool,
+}
+
+impl Line {
+    /// Connects to it. The bell is rung for each line that it says, and when it is gone.
+    ///
+    /// # Errors
+    /// When there is no peer.
+    pub fn open(address: &str, dialing: Dialing, bell: Bell) -> Result<Self> {
+        let stream = tcp::connect(address, dialing).context("the periphery")?;
+        stream.set_nodelay(true)?;
+        stream.set_write_timeout(Some(STUCK))?;
+        discard_unacknowledged(&stream, STUCK)?;
+        let (sender, lines) = mpsc::sync_channel(WAITING);
+        let reader = BufReader::new(stream.try_clone()?);
+        thread::spawn(move || {
+            // No answer is longer.
+            let mut reader = std::io::Read::take(reader, 0);
+            loop {
+                let mut line = String::new();
+                reader.set_limit(4096);
+                match reader.read_line(&mut line) {
+                    Ok(1..) if sender.send(line).is_ok() => bell.ring(),
+                    _ => break,
+                }
+            }
+            drop(sender);
+            bell.ring();
+        });
+        Ok(Self { stream, lines, is_lost: false })
+    }
+
+    fn write(&mut self, line: &str) {
+        // Who does not read is noticed as one who does not answer.
+        let _ = self.stream.write_all(line.as_bytes());
+    }
+}
+
+impl Periphery for Line {
+    fn acquire(&mut self, camera: i32, _: usize) {
+        self.write(&format!("acquire {camera}\n"));
+    }
+
+    fn set_valve(&mut self, valve: i32, open: bool) {
+        let (valve, state) =
+            (if valve == VACUUM { "vacuum" } else { "blow" }, if open { "on" } else { "off" });
+        self.write(&format!("{valve} {state}\n"));
+    }
+
+    fn poll(&mut self) -> Option<Happened> {
+        match self.lines.try_recv() {
+            Ok(line) => Some(read(&line)),
+            Err(TryRecvError::Disconnected) if !core::mem::replace(&mut self.is_lost, true) => {
+                Some(Happened::Lost)
+            }
+            Err(_) => None,
+        }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        None
+    }
+}
+
+/// A line of the periphery: `part [rad,rad] [mm,mm,mm,rad]`, `slot [mm,mm,mm,rad]`, `none`, `ok`, `switch high`, `switch low`, or
+/// `error TEXT`.
+fn read(line: &str) -> Happened {
+    let line = line.trim();
+    let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
+    let strange = || Happened::Failed(format!("it says `{}`", line.escape_debug()));
+    match (word, rest) {
+        ("ok", "") => Happened::ValveSet,
+        ("none", "") => Happened::Nothing,
+        ("switch", "high") => Happened::Switch(true),
+        ("switch", "low") => Happened::Switch(false),
+        ("error", why) => Happened::Failed(format!("it says error {}", why.escape_debug())),
+        ("slot", pose) => serde_json::from_str(pose).map_or_else(|_| strange(), Happened::Slot),
+        ("part", poses) => {
+            let poses = poses.trim().strip_suffix(']').and_then(|it| it.split_once(']'));
+            let part = poses.and_then(|(platform, pick)| {
+                let platform = serde_json::from_str(&format!("{platform}]")).ok()?;
+                let pick = serde_json::from_str(&format!("{pick}]")).ok()?;
+                Some(Happened::Part(platform, pick))
+            });
+            part.unwrap_or_else(strange)
+        }
+        _ => strange(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lines_of_a_periphery() {
+        let place = RobotPose::from_units([1000, -2500, 30_000, 0]);
+        assert_eq!(read("slot [1.0,-2.5,30.0,0.0]\r\n"), Happened::Slot(place));
+        let platform = PlatformPose::from_rad(0.1, -0.2);
+        assert_eq!(read("part [0.1,-0.2] [1.0,-2.5,30.0,0.0]"), Happened::Part(platform, place));
+        assert_eq!(read("switch high"), Happened::Switch(true));
+        assert_eq!(read("none"), Happened::Nothing);
+        assert_eq!(read("error lens\u{7}"), Happened::Failed("it says error lens\\u{7}".into()));
+        for line in ["part [1] [2]", "part", "slot 1,2", "switch", "hello"] {
+            assert_eq!(read(line), Happened::Failed(format!("it says `{line}`")));
+        }
+    }
+}

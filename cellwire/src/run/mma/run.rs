@@ -1,0 +1,417 @@
+//! The run: the task between two sessions, the periphery, and an operator.
+
+use std::sync::mpsc;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use mmacell_proto::{CentralEvent, PlatformPose, Pose, RobotPose};
+use mmacell_task::{Device, Event, Failure, Output, Step, Task};
+use robot_session::now;
+use serde_json::json;
+
+use super::Journal;
+use super::connection::{Arrival, Connection, Inbox, WAITING};
+use super::periphery::{Happened, Periphery};
+use super::settings::Settings;
+use crate::io::journal::{Outcome, Span};
+use crate::run::{Answer, END_WITHIN, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
+use cellwire_io::bell::Bell;
+use cellwire_io::drive::Lost;
+use cellwire_io::input::Typed;
+use cellwire_io::tcp::Dialing;
+
+/// Where the devices are.
+#[derive(Debug, Clone)]
+pub struct Addresses {
+    /// The robot's controller.
+    pub robot: String,
+    /// The platform's.
+    pub platform: String,
+    /// How connections are opened.
+    pub dialing: Dialing,
+}
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every part is placed.
+    Complete,
+    /// The operator has stopped it, or a question was not answered.
+    Stopped(Rest),
+}
+
+/// The state of the devices at the end, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rest {
+    /// They report that they are at rest.
+    AtRest,
+    /// They may still finish their last motion.
+    MayMove,
+    /// They were not asked.
+    NotAsked,
+}
+
+/// A task that is run.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    journal: &'a mut Journal,
+    operator: Operator<'a>,
+    /// Rung for what the operator types, what comes on a connection, and what the periphery says.
+    bell: Bell,
+    part: usize,
+    paused: bool,
+    stopping: bool,
+    /// A part is placed, and the next is not to begin yet.
+    held: bool,
+    question: bool,
+    /// The question was not asked: nobody can answer.
+    is_unanswered: bool,
+    /// The devices were told to stop at once: then the run ends, even if they do not answer.
+    end_by: Option<Duration>,
+}
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
+    pub fn new(journal: &'a mut Journal, operator: Operator<'a>, bell: Bell) -> Self {
+        let (part, paused, stopping, held, end_by) = (0, false, false, false, None);
+        let (question, is_unanswered) = (false, false);
+        Self { journal, operator, bell, part, paused, stopping, held, question, is_unanswered, end_by }
+    }
+
+    /// Settles the part that an earlier run has begun: as `answer` says if it is given, otherwise as the operator does; false when the
+    /// operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
+        while let Some(part) = self.journal.first(Outcome::Unknown) {
+            self.part = part;
+            if let Some(done) = answer.and_then(|answer| answer.done(part, 1)) {
+                self.note(if done > 0 { Outcome::Done } else { Outcome::NotSent })?;
+                continue;
+            }
+            self.ask("an earlier run ended while the robot was at this part: clear the gripper");
+            if self.is_unanswered {
+                return Ok(false);
+            }
+            loop {
+                let Some(Typed::Line(line)) = self.operator.next(None) else { return Ok(false) };
+                match Word::parse(&line) {
+                    Some(Word::Done) => self.note(Outcome::Done)?,
+                    Some(Word::Repeat) => self.note(Outcome::NotSent)?,
+                    Some(Word::Stop | Word::Abort) => return Ok(false),
+                    _ => {
+                        self.operator.hint(Word::HINT);
+                        continue;
+                    }
+                }
+                self.question = false;
+                break;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Runs until every part is placed, or until it is stopped.
+    ///
+    /// # Errors
+    /// A device that cannot be reached; a connection that was lost and not regained before the end; a journal that cannot be
+    /// written.
+    pub fn run(
+        &mut self,
+        settings: &Settings,
+        addresses: &Addresses,
+        periphery: &mut dyn Periphery,
+    ) -> Result<Ended> {
+        let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
+        self.part = first;
+        let (arrivals, inbox) = mpsc::sync_channel(WAITING);
+        let sender = Inbox { arrivals, bell: self.bell.clone() };
+        let Addresses { robot, platform, dialing } = addresses;
+        let mut robot: Connection<RobotPose> =
+            Connection::open(Device::Robot, robot, *dialing, settings.central, &sender)?;
+        let mut platform: Connection<PlatformPose> =
+            Connection::open(Device::Platform, platform, *dialing, settings.central, &sender)?;
+        let mut task = Task::new(settings.task);
+        // The periphery has no session of the cell's protocol.
+        task.handle_event(now(), Event::Ready(Device::Conditioning));
+        let mut failed = None;
+        loop {
+            if let Err(error) = self.settle(&mut task, &mut robot, &mut platform, periphery, failed.is_some())
+            {
+                // The devices come to rest first.
+                failed = failed.or(Some(error));
+                self.abort(&mut task);
+                continue;
+            }
+            if self.operator.has_waited(STOP_WITHIN) && self.end_by.is_none() {
+                self.abort(&mut task);
+                self.operator.notify(json!({"event": "operator", "word": Word::Abort}));
+                continue;
+            }
+            let is_late = self.end_by.is_some_and(|at| now() >= at);
+            let retries = match task.step() {
+                Step::Finished => break,
+                // Nothing moves yet.
+                Step::AwaitDevices if self.stopping => break,
+                _ if is_late => break,
+                Step::Closing => [None; 2],
+                _ => [robot.reconnect(), platform.reconnect()],
+            };
+            let deadlines = [
+                task.poll_timeout(),
+                robot.timeout(),
+                platform.timeout(),
+                periphery.due(),
+                self.end_by.or_else(|| self.operator.due(STOP_WITHIN)),
+            ];
+            match deadlines.into_iter().chain(retries).flatten().min() {
+                Some(at) => self.bell.wait_for(at.saturating_sub(now())),
+                None => self.bell.wait(),
+            }
+            for arrival in inbox.try_iter().take(WAITING) {
+                let arrival: Arrival = arrival;
+                if arrival.from == Device::Robot { robot.arrived(arrival) } else { platform.arrived(arrival) }
+            }
+        }
+        if let Some(failed) = failed {
+            return Err(failed);
+        }
+        let lost = robot.why_lost().or(platform.why_lost());
+        match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), lost) {
+            (None, None, _) => Ok(Ended::Complete),
+            (_, _, Some(why)) => Err(Lost(why.into()).into()),
+            _ => Ok(Ended::Stopped(match task.step() {
+                Step::Finished => Rest::AtRest,
+                Step::AwaitDevices => Rest::NotAsked,
+                _ => Rest::MayMove,
+            })),
+        }
+    }
+
+    /// Does all that is due now. A run that has failed takes nothing from the periphery any more.
+    fn settle(
+        &mut self,
+        task: &mut Task,
+        robot: &mut Connection<RobotPose>,
+        platform: &mut Connection<PlatformPose>,
+        periphery: &mut dyn Periphery,
+        has_failed: bool,
+    ) -> Result<()> {
+        self.listen(task)?;
+        task.handle_timeout(now());
+        for _ in 0..WAITING {
+            let mut idle = true;
+            for event in robot.settle() {
+                report(task, Device::Robot, &event);
+                idle = false;
+            }
+            for event in platform.settle() {
+                report(task, Device::Platform, &event);
+                idle = false;
+            }
+            if !has_failed && let Some(happened) = periphery.poll() {
+                self.periphery(task, happened)?;
+                idle = false;
+            }
+            while let Some(output) = task.poll_output(now()) {
+                self.carry_out(task, output, robot, platform, periphery)?;
+                if has_failed && matches!(output, Output::Grip { .. }) {
+                    // A periphery that is not listened to any more is not waited for.
+                    task.handle_event(now(), Event::Done(Device::Gripper));
+                }
+                idle = false;
+            }
+            if idle {
+                return Ok(());
+            }
+        }
+        // The rest has its turn after the operator.
+        self.bell.ring();
+        Ok(())
+    }
+
+    /// Tells the devices to stop, and limits the wait for that.
+    fn abort(&mut self, task: &mut Task) {
+        self.stopping = true;
+        self.limit_end();
+        task.handle_event(now(), Event::Abort);
+    }
+
+    /// Limits the wait for devices that were told to stop.
+    fn limit_end(&mut self) {
+        self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
+    }
+
+    fn periphery(&mut self, task: &mut Task, happened: Happened) -> Result<()> {
+        let event = match happened {
+            Happened::Part(platform, pick) => Event::PartFound { platform, pick },
+            Happened::Slot(place) => Event::SlotFound { place },
+            Happened::Nothing => Event::NotFound,
+            Happened::ValveSet => Event::Done(Device::Gripper),
+            Happened::Switch(high) => Event::Switch { high },
+            Happened::Failed(why) => {
+                self.operator.notify(json!({"event": "periphery", "why": why}));
+                Event::Failed { device: Device::Vision, failure: Failure::Aborted }
+            }
+            Happened::Lost => bail!(Lost("the connection to the periphery was lost".into())),
+        };
+        task.handle_event(now(), event);
+        Ok(())
+    }
+
+    fn carry_out(
+        &mut self,
+        task: &mut Task,
+        output: Output,
+        robot: &mut Connection<RobotPose>,
+        platform: &mut Connection<PlatformPose>,
+        periphery: &mut dyn Periphery,
+    ) -> Result<()> {
+        let refused = match output {
+            Output::Entered(step) => {
+                return self.entered(task, step, robot.why_lost().or(platform.why_lost()));
+            }
+            Output::Robot(command) => (!robot.request(command)).then_some(Device::Robot),
+            Output::Platform(command) => (!platform.request(command)).then_some(Device::Platform),
+            Output::Conditioning(_) => {
+                task.handle_event(now(), Event::Done(Device::Conditioning));
+                None
+            }
+            Output::Acquire { camera } => {
+                periphery.acquire(camera, self.part);
+                None
+            }
+            Output::Grip { gripper, open } => {
+                periphery.set_valve(gripper, open);
+                None
+            }
+            _ => None,
+        };
+        if let Some(device) = refused {
+            task.handle_event(now(), Event::Failed { device, failure: Failure::Lost });
+        }
+        Ok(())
+    }
+
+    fn entered(&mut self, task: &mut Task, step: Step, lost: Option<&str>) -> Result<()> {
+        self.operator.notify(json!({"event": "step", "step": step, "part": self.part + 1}));
+        match step {
+            // From now on the robot may have touched it.
+            Step::GoPick => self.note(Outcome::Unknown)?,
+            Step::Placed => {
+                self.note(Outcome::Done)?;
+                self.operator.notify(json!({"event": "placed", "part": self.part + 1}));
+                self.next(task, Event::Next);
+            }
+            Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
+            Step::NothingFound => self.ask("a camera found nothing"),
+            Step::Faulted if self.stopping => {
+                self.limit_end();
+                task.handle_event(now(), Event::Finish);
+            }
+            Step::Faulted => {
+                let why = match (lost, task.fault()) {
+                    (Some(why), _) => why.into(),
+                    (None, Some(fault)) => fault.to_string(),
+                    (None, None) => "a fault".into(),
+                };
+                self.ask(&why);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The next part, the end, or a pause; `go` leads on.
+    fn next(&mut self, task: &mut Task, go: Event) {
+        match self.journal.first(Outcome::NotSent) {
+            None => task.handle_event(now(), Event::Finish),
+            Some(_) if self.stopping => task.handle_event(now(), Event::Finish),
+            Some(_) if self.paused => self.held = true,
+            Some(part) => {
+                self.part = part;
+                task.handle_event(now(), go);
+            }
+        }
+    }
+
+    fn note(&mut self, outcome: Outcome) -> Result<()> {
+        self.journal.note(&Span { outcome, first: self.part, count: 1 })?;
+        self.operator.progress(self.journal.tally());
+        Ok(())
+    }
+
+    /// Asks what became of the part. Without a keyboard nothing is asked: the option that answers in the next run is named.
+    fn ask(&mut self, why: &str) {
+        self.question = true;
+        self.is_unanswered = self.operator.is_without_keyboard(KEYBOARD_WITHIN);
+        if self.is_unanswered {
+            let line = json!({"event": "unanswered", "part": self.part + 1, "why": why, "what": UNANSWERED});
+            return self.operator.notify(line);
+        }
+        self.operator.notify(json!({
+            "event": "question", "part": self.part + 1, "why": why, "answers": ["done", "repeat", "stop"],
+        }));
+    }
+
+    /// Does what the operator has asked for since the last call. Without an operator the run stops at the next question.
+    fn listen(&mut self, task: &mut Task) -> Result<()> {
+        loop {
+            let word = match self.operator.next(Some(Duration::ZERO)) {
+                Some(Typed::Line(line)) => Word::parse(&line),
+                Some(Typed::Stop) if self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent) => {
+                    // The robot has not touched the part.
+                    Some(Word::Abort)
+                }
+                Some(Typed::Stop) => Some(Word::Stop),
+                None if self.operator.is_absent() && (self.question || self.held) => Some(Word::Stop),
+                None => return Ok(()),
+            };
+            let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
+            match word {
+                Some(Word::Pause) => self.paused = true,
+                Some(Word::Continue) => {
+                    self.paused = false;
+                    if core::mem::take(&mut self.held) {
+                        self.next(task, Event::Next);
+                    }
+                }
+                Some(word @ (Word::Stop | Word::Abort)) => {
+                    self.stopping = true;
+                    if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
+                        self.limit_end();
+                        task.handle_event(now(), Event::Finish);
+                    } else if word == Word::Abort {
+                        self.abort(task);
+                    }
+                }
+                Some(Word::Done) if core::mem::take(&mut self.question) => {
+                    self.note(Outcome::Done)?;
+                    self.next(task, go);
+                }
+                Some(Word::Repeat) if core::mem::take(&mut self.question) => {
+                    self.note(Outcome::NotSent)?;
+                    task.handle_event(now(), go);
+                }
+                Some(Word::Done | Word::Repeat) | None => {
+                    self.operator.hint(Word::HINT);
+                    continue;
+                }
+            }
+            self.operator.notify(json!({"event": "operator", "word": word}));
+            if word == Some(Word::Stop) {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn report<P: Pose>(task: &mut Task, device: Device, event: &CentralEvent<P>) {
+    if *event == CentralEvent::Connected {
+        task.handle_event(now(), Event::Ready(device));
+    }
+    if let Some(event) = Event::from_central(device, event) {
+        task.handle_event(now(), event);
+    }
+}

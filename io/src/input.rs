@@ -1,0 +1,173 @@
+//! What comes from the command line: times, and the input of a command.
+
+use core::ops::RangeInclusive;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, IsTerminal as _, Read as _};
+use std::path::Path;
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, ensure};
+
+use crate::bell::Bell;
+use crate::interrupt;
+
+/// The parser of a time within a range, such as `5s` or `250ms`; `never` is the most of a range without an end.
+pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
+    move |text| {
+        let time = match text {
+            "0" => Ok(Duration::ZERO),
+            "never" => Ok(Duration::MAX),
+            _ => humantime::parse_duration(text),
+        };
+        let time = time.map_err(|_| "it is not a time with its unit, such as 250ms or 1.5s".to_owned())?;
+        if range.contains(&time) {
+            return Ok(time);
+        }
+        let show = |time: &Duration| humantime::format_duration(*time).to_string().replace(' ', "");
+        let (least, most) = (show(range.start()), show(range.end()));
+        Err(match *range.end() {
+            Duration::MAX => format!("give {least} at least, or `never`"),
+            _ => format!("give between {least} and {most}"),
+        })
+    }
+}
+
+/// The extension of a file in lower case; empty without one.
+pub fn extension(path: &Path) -> String {
+    path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// A file, or standard input where none is named, or `-`.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead>> {
+    Ok(match path {
+        Some(path) if path != Path::new("-") => {
+            let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+            Box::new(BufReader::new(file))
+        }
+        _ => Box::new(BufReader::new(io::stdin())),
+    })
+}
+
+/// Parses one line of JSON. Errors have the column alone: the caller counts the lines.
+///
+/// # Errors
+/// When the line is not a value of this type.
+pub fn json<T: serde::de::DeserializeOwned>(line: &str) -> Result<T> {
+    serde_json::from_str(line).map_err(|error| {
+        let (text, column) = (error.to_string(), error.column());
+        match text.strip_suffix(&format!(" at line {} column {column}", error.line())) {
+            Some(what) => anyhow!("column {column}: {what}"),
+            None => error.into(),
+        }
+    })
+}
+
+/// The rows of a table, each with its line. Lines that begin with `#` are remarks.
+pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>> {
+    let mut reader = csv::ReaderBuilder::new();
+    reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
+    // The reader counts CR LF one record late.
+    let text = text.replace("\r\n", "\n") + "\n";
+    let mut records = reader.from_reader(io::Cursor::new(text)).into_records();
+    core::iter::from_fn(move || {
+        let record = records.next()?.context("no table");
+        // The line before the one that is read next: a record's own position is that of the remarks before it.
+        let line = records.reader().position().line() - 1;
+        Some(record.map(|record| (line, record)))
+    })
+}
+
+/// The text of a file, without the mark that editors of Windows begin one with.
+///
+/// # Errors
+/// When the file cannot be read, or is no UTF-8.
+pub fn text(path: &Path) -> Result<String> {
+    decode(path, bytes(path)?)
+}
+
+/// As [`text`], of a file that was read.
+///
+/// # Errors
+/// When it is no UTF-8.
+pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    ensure!(
+        !matches!(
+            bytes.as_slice(),
+            [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] | [0, _, 0, _, ..] | [_, 0, _, 0, ..]
+        ),
+        "{} is UTF-16: save it as UTF-8",
+        path.display()
+    );
+    let text = String::from_utf8(bytes).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn bytes(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// A line or a signal of an operator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Typed {
+    /// A line of standard input.
+    Line(String),
+    /// A stop is asked for: the first signal, or a terminal that was closed.
+    Stop,
+}
+
+/// A longer line is read as several.
+const LONGEST_LINE: u64 = 4096;
+
+/// Reads what an operator does, until the program ends; the bell is rung for each. `None` is the end of standard input: nobody types any
+/// more. A first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not ended the program after `limit`.
+///
+/// # Errors
+/// When the system has no room for a thread.
+pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> {
+    let (sender, typed) = mpsc::channel();
+    // When nobody receives any more, the run is over.
+    let put = move |what| {
+        let _ = sender.send(what);
+        bell.ring();
+    };
+    let (stop, mut late) =
+        (put.clone(), interrupt::within(limit, "the command did not stop in time, and was ended"));
+    interrupt::watch(move |count| {
+        if count == 1 {
+            stop(Some(Typed::Stop));
+        }
+        late(count);
+    })?;
+    thread::spawn(move || {
+        let was_terminal = io::stdin().is_terminal();
+        let (mut input, mut line) = (io::stdin().lock().take(0), Vec::new());
+        loop {
+            line.clear();
+            input.set_limit(LONGEST_LINE);
+            if !matches!(input.read_until(b'\n', &mut line), Ok(1..)) {
+                break;
+            }
+            // What is no text is not a word.
+            let text = String::from_utf8(core::mem::take(&mut line)).unwrap_or_default();
+            put(Some(Typed::Line(text.trim_end_matches(['\n', '\r']).to_owned())));
+            // Nobody types faster: a program that does is not to fill the memory.
+            thread::sleep(Duration::from_millis(5));
+        }
+        drop(input);
+        // Without a session of its own the process gets no SIGHUP. After Ctrl-D the terminal is still there.
+        if was_terminal && !io::stdin().is_terminal() {
+            put(Some(Typed::Stop));
+        }
+        put(None);
+    });
+    Ok(typed)
+}

@@ -1,0 +1,221 @@
+//! How the two ends meet: over TCP one of them listens, by default the PC (thesis, section 10.4); over UDP the robot sends first.
+
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpStream, UdpSocket};
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use kawasaki_msg::{Dialect, Message};
+use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
+
+use crate::backoff::Backoff;
+use crate::drive::Lost;
+use crate::endpoint::Endpoint;
+use crate::listener::{Arrival, Listener};
+use crate::output::remark;
+use crate::stream::Stream;
+use crate::tcp::{self, Dialing};
+use crate::udp::{self, Datagrams};
+
+/// The longest datagram.
+const LONGEST: usize = 65536;
+
+/// How the other end is met.
+#[derive(Debug)]
+pub enum Meeting {
+    /// It connects.
+    Listen(Listener),
+    /// It listens there.
+    Connect {
+        /// Where.
+        address: String,
+        /// How a connection is opened.
+        dialing: Dialing,
+        /// The pauses between connections.
+        backoff: Backoff,
+    },
+    /// It sends datagrams; what it sends has to be a message of this table.
+    Datagrams(UdpSocket, Dialect<'static>),
+    /// It is sent datagrams.
+    Peer(UdpSocket, String),
+}
+
+/// What carries the bytes of a connection.
+#[derive(Debug)]
+pub enum Carrier {
+    /// A TCP connection.
+    Tcp(Stream),
+    /// Datagrams.
+    Udp(Datagrams),
+}
+
+impl Meeting {
+    /// Opens a PC's endpoint; where it is reached, or reaches the robot.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn of_pc(
+        endpoint: &Endpoint,
+        datagrams: bool,
+        dialect: Dialect<'static>,
+        dialing: Dialing,
+    ) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Listen(address) if datagrams => {
+                let socket = udp::bind(address)?;
+                let place = socket.local_addr()?.to_string();
+                Ok((Self::Datagrams(socket, dialect), "listen", place))
+            }
+            Endpoint::Connect(_) if datagrams => bail!("over UDP the robot sends first: use --listen"),
+            endpoint => Self::tcp(endpoint, dialing),
+        }
+    }
+
+    /// Opens a robot's endpoint; where it is reached, or reaches the PC.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn of_robot(
+        endpoint: &Endpoint,
+        datagrams: bool,
+        dialing: Dialing,
+    ) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Connect(address) if datagrams => {
+                Ok((Self::Peer(udp::connect(address)?, address.clone()), "connect", address.clone()))
+            }
+            Endpoint::Listen(_) if datagrams => bail!("over UDP the robot sends first: use --connect"),
+            endpoint => Self::tcp(endpoint, dialing),
+        }
+    }
+
+    fn tcp(endpoint: &Endpoint, dialing: Dialing) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Listen(address) => {
+                let listener = tcp::listen(address)?;
+                let place = listener.local_addr()?.to_string();
+                Ok((Self::Listen(Listener::new(listener)?), "listen", place))
+            }
+            Endpoint::Connect(address) => {
+                let meeting =
+                    Self::Connect { address: address.clone(), dialing, backoff: Backoff::default() };
+                Ok((meeting, "connect", address.clone()))
+            }
+            Endpoint::Pty(_) => bail!("the link is TCP or UDP: use --listen or --connect"),
+        }
+    }
+
+    /// A connection that was made without waiting for one; `None` without a client.
+    ///
+    /// # Errors
+    /// What a person has to change; that a connection cannot be opened now is the inner error.
+    pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
+        let stream = |stream| Carrier::Tcp(Stream::new(stream));
+        Ok(match self {
+            Self::Listen(listener) => match newest(listener) {
+                Some((client, peer)) => {
+                    client.set_nonblocking(false)?;
+                    Ok(Some((stream(client), peer.to_string())))
+                }
+                None => Ok(None),
+            },
+            Self::Connect { address, dialing, .. } => match tcp::connect(address, *dialing) {
+                Ok(client) => Ok(Some((stream(client), address.clone()))),
+                Err(error) => Err(format!("{error:#}")),
+            },
+            Self::Datagrams(socket, dialect) => Ok(first(socket, *dialect)?.map(|(socket, peer, first)| {
+                (Carrier::Udp(Datagrams::of(socket, peer, first)), peer.to_string())
+            })),
+            Self::Peer(socket, address) => {
+                Ok(Some((Carrier::Udp(Datagrams::connected(socket.try_clone()?)), address.clone())))
+            }
+        })
+    }
+
+    /// Whether another peer may take the place of one that is connected: only this peer's connection ends then.
+    pub fn takes_another(&self) -> bool {
+        matches!(self, Self::Listen(_))
+    }
+
+    /// Returns the pause after a connection that could not be opened, or has ended.
+    pub fn pause(&mut self) -> Duration {
+        if let Self::Connect { backoff, .. } = self { backoff.pause() } else { Duration::ZERO }
+    }
+
+    /// The peer has sent something: the next pause is the shortest again.
+    pub fn answered(&mut self) {
+        if let Self::Connect { backoff, .. } = self {
+            backoff.answered();
+        }
+    }
+}
+
+/// The client that has connected last, of those that have not left again: each later one takes the place of the one before it.
+fn newest(listener: &mut Listener) -> Option<(TcpStream, SocketAddr)> {
+    let mut found = None;
+    loop {
+        match listener.accept() {
+            Ok(Arrival::Client(client, peer)) => {
+                let client = TcpStream::from(client);
+                let has_left = match client.peek(&mut [0]) {
+                    Ok(length) => length == 0,
+                    Err(error) => error.kind() != ErrorKind::WouldBlock,
+                };
+                if !has_left {
+                    found = Some((client, peer));
+                }
+            }
+            Ok(Arrival::Refused(peer)) => {
+                remark(&format!("refused {peer}: too many open files, see ulimit -n"));
+            }
+            // A client without room may be accepted at the next turn.
+            Ok(Arrival::Nobody) | Err(_) => return found,
+        }
+    }
+}
+
+/// The first datagram that a robot can have sent: other datagrams are not answered.
+fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
+    let mut buffer = vec![0; LONGEST];
+    // A flood of others does not keep the caller.
+    for _ in 0..64 {
+        match socket.recv_from(&mut buffer) {
+            Ok((length, peer)) => {
+                let bytes = buffer.get(..length).unwrap_or_default();
+                let message = Message::decode(bytes, dialect.charset());
+                if let Ok(Some((message, _))) = message
+                    && dialect.read(&message).is_ok()
+                {
+                    return Ok(Some((socket.try_clone()?, peer, bytes.to_vec())));
+                }
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
+            Err(error) if is_lost_datagram(&error) => {}
+            Err(error) => return Err(Lost(format!("the socket: {error}")).into()),
+        }
+    }
+    Ok(None)
+}
+
+impl Transport for Carrier {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> std::io::Result<Received> {
+        match self {
+            Self::Tcp(stream) => stream.receive(buffer, wait),
+            Self::Udp(datagrams) => datagrams.receive(buffer, wait),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> std::io::Result<Sent> {
+        match self {
+            Self::Tcp(stream) => stream.send(bytes),
+            Self::Udp(datagrams) => datagrams.send(bytes),
+        }
+    }
+
+    fn discard_after(&mut self, after: Duration) -> std::io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.discard_after(after),
+            Self::Udp(datagrams) => datagrams.discard_after(after),
+        }
+    }
+}

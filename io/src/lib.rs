@@ -1,0 +1,31 @@
+#![doc = include_str!("../README.md")]
+#![allow(clippy::std_instead_of_core, reason = "it is for programs with std")]
+
+pub mod backoff;
+pub mod bell;
+pub mod clock;
+pub mod drive;
+pub mod endpoint;
+pub mod files;
+pub mod input;
+pub mod interrupt;
+pub mod kawasaki;
+pub mod latency;
+mod limiter;
+pub mod listener;
+pub mod manual;
+#[cfg(unix)]
+pub mod marked;
+mod outlet;
+pub mod output;
+pub mod plain;
+pub mod port;
+pub mod ports;
+pub mod priority;
+pub mod serial;
+pub mod stream;
+pub mod tcp;
+pub mod trace;
+pub mod udp;
+#[cfg(windows)]
+pub mod windows;

@@ -1,0 +1,253 @@
+//! What the tool prints: lines of JSON, or for people at a terminal, on standard output; remarks on standard error.
+
+use core::fmt::Display;
+use std::io::{self, ErrorKind, IsTerminal as _, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use anyhow::{Context as _, Result};
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+use terminal_size::Width;
+
+use crate::limiter::Limiter;
+use crate::outlet::Outlet;
+use crate::plain;
+use cellwire_links::json;
+use robot_session::now;
+
+/// Returns whether an error is that standard output is closed.
+pub fn is_closed(error: &anyhow::Error) -> bool {
+    let is_broken = |error: &io::Error| error.kind() == ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
+}
+
+/// Standard output does not accept what is printed: it is closed, or its disk is full.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write to standard output")]
+pub struct Unwritten;
+
+/// Standard output and error, once writes never wait.
+static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
+
+/// From now on a slow reader of standard output or error blocks nothing: for a simulator, whose peers are not their
+/// business. Up to 1 MiB waits for a reader; lines beyond that are dropped, and a line in their place says how many.
+///
+/// # Errors
+/// When the system has no room for a thread.
+pub fn never_wait() -> Result<()> {
+    let out =
+        Outlet::start(io::stdout(), |lines| format!("{{\"event\":\"lines_dropped\",\"lines\":{lines}}}\n"))?;
+    let error = Outlet::start(io::stderr(), |lines| {
+        format!("warning: {lines} lines were dropped: the reader is too slow\n")
+    })?;
+    OUTLETS.get_or_init(|| [out, error]);
+    Ok(())
+}
+
+/// Called before the program ends: prints the counts of omitted lines, and waits a second at most until all lines are written.
+pub fn finish() {
+    let _ = log_left_out();
+    OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
+}
+
+/// How a command prints what happens.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct EventArgs {
+    /// Lines of JSON at a terminal too, as always in a pipe
+    #[arg(long)]
+    json: bool,
+}
+
+/// Whether [`log()`] prints lines for people.
+static IS_FOR_PEOPLE: AtomicBool = AtomicBool::new(false);
+
+impl EventArgs {
+    /// From now on [`log()`] prints lines for people if standard output is a terminal, or of JSON.
+    pub fn choose(self) {
+        IS_FOR_PEOPLE.store(!self.json && io::stdout().is_terminal(), Ordering::Relaxed);
+    }
+}
+
+/// Returns whether [`log()`] prints lines for people.
+pub fn is_for_people() -> bool {
+    IS_FOR_PEOPLE.load(Ordering::Relaxed)
+}
+
+/// Whether [`log()`] and [`notice`] print nothing.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on [`log()`] and [`notice`] print nothing; [`announce`] does.
+pub fn be_quiet() {
+    IS_QUIET.store(true, Ordering::Relaxed);
+}
+
+fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
+/// The lines that [`admits`] has counted.
+static LIMITER: Mutex<Limiter> = Mutex::new(Limiter::NEW);
+
+/// Returns whether a line of this kind is to be printed: ten a second are. The next line that is printed is preceded by the number of the
+/// others.
+pub fn admits(kind: &str) -> bool {
+    LIMITER.lock().unwrap_or_else(PoisonError::into_inner).admits(now(), kind)
+}
+
+/// As [`log()`], for an event that a peer can cause at any rate, such as corrupt bytes: ten of a kind are printed in a second. An outcome is
+/// not such an event.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn notice(event: &Value) -> Result<()> {
+    let kind = event.get("event").and_then(Value::as_str).unwrap_or_default();
+    if admits(kind) { log(event) } else { Ok(()) }
+}
+
+/// Prints one line and flushes it, so that a script can read it while the tool runs: of JSON, or for people.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn log(line: &Value) -> Result<()> {
+    if is_quiet() {
+        return Ok(());
+    }
+    log_left_out()?;
+    put(line)
+}
+
+fn log_left_out() -> Result<()> {
+    if is_quiet() {
+        return Ok(());
+    }
+    let mut limiter = LIMITER.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut lines =
+        limiter.take_left_out().map(|(of, count)| json!({"event": "left_out", "of": of, "count": count}));
+    lines.try_for_each(|line| put(&line))
+}
+
+/// The progress bar that is shown on standard error.
+static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// From now on this progress bar is removed while a line is printed.
+pub fn show_bar(bar: &ProgressBar) {
+    *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+}
+
+/// Removes the progress bar, if there is one.
+pub fn clear_bar() {
+    if let Some(bar) = BAR.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        bar.finish_and_clear();
+    }
+}
+
+/// Calls `write` while no progress bar is on the terminal: the text begins at the left edge.
+fn beside_bar<T>(write: impl FnOnce() -> T) -> T {
+    match &*BAR.lock().unwrap_or_else(PoisonError::into_inner) {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+/// The columns of the terminal.
+fn width() -> usize {
+    const USUAL: u16 = 80;
+    let columns = terminal_size::terminal_size().map_or(0, |(Width(columns), _)| columns);
+    usize::from(if columns == 0 { USUAL } else { columns })
+}
+
+fn put(line: &Value) -> Result<()> {
+    let mut bytes = Vec::new();
+    if is_for_people() {
+        bytes.extend(printable(&plain::line(line, width())).bytes());
+    } else {
+        json::write(line, &mut bytes)?;
+    }
+    bytes.push(b'\n');
+    if let Some([out, _]) = OUTLETS.get() {
+        return out.put(&bytes).context(Unwritten);
+    }
+    let mut out = io::stdout().lock();
+    beside_bar(|| out.write_all(&bytes).and_then(|()| out.flush())).context(Unwritten)
+}
+
+/// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
+    announce(&json!({"ready": device, kind: place}))
+}
+
+/// Prints a line that others wait for, and waits until it is written; a reader that accepts nothing delays this by a second.
+///
+/// # Errors
+/// When standard output does not accept it.
+pub fn announce(line: &Value) -> Result<()> {
+    put(line)?;
+    match OUTLETS.get() {
+        Some([out, _]) => out.finish().context(Unwritten),
+        None => Ok(()),
+    }
+}
+
+/// Where remarks go while a screen covers standard error.
+static SCREEN: Mutex<Option<Sender<String>>> = Mutex::new(None);
+
+/// From now on remarks are for the screen; `None`: for standard error again.
+pub fn show_remarks(screen: Option<Sender<String>>) {
+    *SCREEN.lock().unwrap_or_else(PoisonError::into_inner) = screen;
+}
+
+/// A remark on standard error, or on the screen that covers it, its control characters escaped. If that is closed, it is dropped.
+pub fn remark(text: &str) {
+    let mut line = printable(text);
+    if let Some(screen) = &*SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
+        && screen.send(line.clone()).is_ok()
+    {
+        return;
+    }
+    line.push('\n');
+    if let Some([_, error]) = OUTLETS.get() {
+        let _ = error.put(line.as_bytes());
+        return;
+    }
+    beside_bar(|| {
+        let _ = io::stderr().lock().write_all(line.as_bytes());
+    });
+}
+
+/// A number of things: `1 file`, `2 files`.
+pub fn counted<N: Display + PartialEq + From<u8>>(number: N, what: &str) -> String {
+    let plural = if number == N::from(1) { "" } else { "s" };
+    format!("{number} {what}{plural}")
+}
+
+/// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.
+pub fn printable(text: &str) -> String {
+    let mut line = String::with_capacity(text.len() + 1);
+    for c in text.chars() {
+        if c.is_control() && c != '\n' && c != '\t' {
+            line.extend(c.escape_unicode());
+        } else {
+            line.push(c);
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_control_character_leaves_as_one() {
+        let mut out = Vec::new();
+        json::write(&json!({"a": "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y"}), &mut out).unwrap();
+        assert_eq!(String::from_utf8(out.clone()).unwrap(), r#"{"a":"x\u001b[2J\u007f\u009b1mä\n\"y"}"#);
+        let back: Value = serde_json::from_slice(&out).unwrap();
+        assert_eq!(back["a"], "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y");
+    }
+}

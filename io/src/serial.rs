@@ -1,0 +1,257 @@
+//! Serial ports and pseudo-terminals, in raw mode and without flow control.
+
+use core::fmt;
+use core::ops::RangeInclusive;
+use core::str::FromStr;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+#[cfg(unix)]
+use anyhow::Context as _;
+use anyhow::Result;
+use clap::builder::TypedValueParser;
+use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
+
+use super::ports;
+
+/// The timeout of a blocking read, after which the reader checks whether it should end.
+pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+/// The permitted baud rates.
+pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
+
+/// The parser of a baud rate on the command line.
+pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(i64::from(*BAUD_RATES.start())..=i64::from(*BAUD_RATES.end()))
+}
+
+/// Opens a port: 8N1, raw, and no flow control, because these links send binary data that may contain XON and XOFF.
+///
+/// # Errors
+/// When there is no such port, or another program uses it.
+pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
+    open_with(path, baud, Mode::EIGHT_N_ONE)
+}
+
+/// How a serial line divides bytes into bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mode {
+    /// 7 or 8.
+    pub data_bits: DataBits,
+    /// None, even or odd.
+    pub parity: Parity,
+    /// 1 or 2.
+    pub stop_bits: StopBits,
+}
+
+impl Mode {
+    /// 8 data bits, no parity, one stop bit.
+    pub const EIGHT_N_ONE: Self =
+        Self { data_bits: DataBits::Eight, parity: Parity::None, stop_bits: StopBits::One };
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        write!(f, "{}{parity}{}", u8::from(self.data_bits), u8::from(self.stop_bits))
+    }
+}
+
+impl FromStr for Mode {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const WHY: &str = "give data bits, parity and stop bits: 7 or 8, N, E or O, 1 or 2, such as 8N1";
+        let &[data_bits, parity, stop_bits] = text.as_bytes() else { return Err(WHY) };
+        let data_bits = match data_bits {
+            b'7' => DataBits::Seven,
+            b'8' => DataBits::Eight,
+            _ => return Err(WHY),
+        };
+        let parity = match parity.to_ascii_uppercase() {
+            b'N' => Parity::None,
+            b'E' => Parity::Even,
+            b'O' => Parity::Odd,
+            _ => return Err(WHY),
+        };
+        let stop_bits = match stop_bits {
+            b'1' => StopBits::One,
+            b'2' => StopBits::Two,
+            _ => return Err(WHY),
+        };
+        Ok(Self { data_bits, parity, stop_bits })
+    }
+}
+
+/// Opens a port in another mode, raw, without flow control.
+///
+/// # Errors
+/// When there is no such port, or another program uses it.
+pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort>> {
+    let Mode { data_bits, parity, stop_bits } = mode;
+    let builder = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT);
+    let port = builder.data_bits(data_bits).parity(parity).stop_bits(stop_bits).open();
+    port.map_err(|error| {
+        let advice = match error.kind() {
+            serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound) => absent(path),
+            serialport::ErrorKind::InvalidInput => {
+                ": it is not a serial port, or does not support this baud rate".to_owned()
+            }
+            serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
+                ": permission denied; on Linux add the user to the group dialout, and log in again".to_owned()
+            }
+            _ => String::new(),
+        };
+        anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
+    })
+}
+
+/// Why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.
+fn absent(path: &str) -> String {
+    let names: Vec<String> = ports::list().unwrap_or_default().into_iter().map(|port| port.port).collect();
+    if Path::new(path).exists() || names.iter().any(|name| name.eq_ignore_ascii_case(path)) {
+        return ": in use by another program, such as a terminal program".to_owned();
+    }
+    let there = match names.as_slice() {
+        [] => "there is no serial port; check the adapter and its driver".to_owned(),
+        names => format!("found: {}, see cellwire ports", names.join(", ")),
+    };
+    format!(": no such port, {there}")
+}
+
+/// Everything that arrives within `time`.
+///
+/// # Errors
+/// When the port is gone.
+pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
+    port.set_timeout(Duration::from_millis(20))?;
+    let end = Instant::now() + time;
+    let mut received = Vec::new();
+    let mut buffer = [0; 64];
+    while Instant::now() < end {
+        match port.read(&mut buffer) {
+            Ok(n) => received.extend_from_slice(buffer.get(..n).unwrap_or_default()),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(e) => return Err(e.into()),
+        }
+    }
+    Ok(received)
+}
+
+/// A symbolic link to a pseudo-terminal, at a path given by the caller. It is removed when this is dropped.
+#[derive(Debug)]
+pub struct PtyLink {
+    path: PathBuf,
+    /// What it leads to.
+    name: PathBuf,
+}
+
+impl PtyLink {
+    /// Creates a pseudo-terminal and the link to it. The port is the device's end; a client opens the path.
+    ///
+    /// # Errors
+    /// When there is something at the path, other than the link of a simulator that was killed.
+    #[cfg(unix)]
+    pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        // Before the pseudo-terminal, which may get the number of the one that is gone.
+        if let Ok(earlier) = std::fs::read_link(path) {
+            // That of a simulator that was killed leads nowhere any more.
+            let is_left = earlier.starts_with("/dev/pts") && !earlier.exists();
+            anyhow::ensure!(
+                is_left,
+                "{} is a link to {}, which exists: another simulator may be running; otherwise remove the link",
+                path.display(),
+                earlier.display()
+            );
+            std::fs::remove_file(path)
+                .with_context(|| format!("cannot replace the link {}", path.display()))?;
+        }
+        let (device, name) = pair()?;
+        std::os::unix::fs::symlink(&name, path)
+            .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
+        let link = Self { path: path.into(), name: name.into() };
+        let kept = Self { path: link.path.clone(), name: link.name.clone() };
+        crate::interrupt::before_exit(move || drop(kept));
+        Ok((link, device))
+    }
+
+    /// There are none.
+    ///
+    /// # Errors
+    /// Always.
+    #[cfg(not(unix))]
+    pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        anyhow::bail!(
+            "cannot make {}: pseudo-terminals need Unix; use --listen ADDRESS, or a serial device server between a virtual COM port (com0com) and --listen",
+            path.display()
+        )
+    }
+}
+
+impl Drop for PtyLink {
+    fn drop(&mut self) {
+        // Another program may have replaced it.
+        if std::fs::read_link(&self.path).is_ok_and(|name| name == self.name) {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// A pseudo-terminal: the device's end, and the path that a client opens.
+///
+/// This process does not keep the client's end open, so that the device detects when the client closes it.
+///
+/// # Errors
+/// When the system cannot create another one.
+#[cfg(unix)]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    let (device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;
+    let name = client.name().context("the pseudo-terminal has no name")?;
+    // A child process inherits the pair, and would keep the line open; it does not inherit a copy.
+    let mut device = device.try_clone_native().context("cannot copy the pseudo-terminal")?;
+    device.set_timeout(READ_TIMEOUT)?;
+    Ok((Box::new(device), name))
+}
+
+/// Discards what the client's end of a pseudo-terminal holds: the next client would read what was sent to the one before it.
+#[cfg(unix)]
+pub fn discard(path: &Path) {
+    use rustix::fs::{Mode, OFlags, open};
+    use rustix::termios::{QueueSelector, tcflush};
+    // A client that has removed it reads nothing.
+    if let Ok(client) =
+        open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())
+    {
+        let _ = tcflush(client, QueueSelector::IFlush);
+    }
+}
+
+/// Other ports keep nothing of an earlier client.
+#[cfg(not(unix))]
+pub fn discard(_: &Path) {}
+
+/// There are none: see [`Lines`](crate::line::Lines).
+///
+/// # Errors
+/// Always.
+#[cfg(not(unix))]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    anyhow::bail!("pseudo-terminals need Unix")
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_error_of_an_absent_port_says_so() {
+        let error = open("/dev/no-such-port", 9600).err().unwrap().to_string();
+        assert!(error.contains("no such port"), "{error}");
+    }
+}

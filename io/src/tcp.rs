@@ -1,0 +1,336 @@
+//! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
+
+use core::ops::RangeInclusive;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Result, anyhow, ensure};
+use socket2::SockRef;
+
+use crate::input::time;
+use crate::listener;
+use crate::output::remark;
+
+/// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on standard
+/// error: none of the protocols has authentication.
+///
+/// # Errors
+/// When the address is invalid, in use, or not this machine's. The error contains advice.
+pub fn listen(address: &str) -> Result<TcpListener> {
+    let port: Option<u16> = address.parse().ok();
+    let bound = match port {
+        Some(port) => TcpListener::bind((Ipv4Addr::LOCALHOST, port)),
+        None => TcpListener::bind(address),
+    };
+    let listener = bound.map_err(|error| advise(address, error))?;
+    warn_unless_loopback(listener.local_addr()?);
+    Ok(listener)
+}
+
+/// The error of an address that cannot be listened on, with advice.
+pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
+    let advice = match error.kind() {
+        ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
+        ErrorKind::PermissionDenied => "ports below 1024 need more privileges; choose a higher one",
+        ErrorKind::AddrNotAvailable => "the address is not local; use 127.0.0.1 or 0.0.0.0",
+        ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
+        _ => "",
+    };
+    let context = format!("cannot listen on {address}");
+    match advice {
+        "" => anyhow::Error::new(error).context(context),
+        advice => anyhow!("{context}: {advice}"),
+    }
+}
+
+/// Remarks who else can reach a place that is listened on.
+pub(super) fn warn_unless_loopback(place: SocketAddr) {
+    if !place.ip().is_loopback() {
+        remark(&format!(
+            "warning: {place} is open to the network without authentication; use 127.0.0.1 to restrict it to this machine"
+        ));
+    }
+}
+
+/// How a client opens its connections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dialing {
+    /// The time that a TCP connection may take to open.
+    pub timeout: Duration,
+    /// The pause between a connection, or an open serial port, and the first byte that is sent. Some devices lose bytes that arrive
+    /// sooner.
+    pub pause: Duration,
+}
+
+impl Default for Dialing {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(5), pause: Duration::ZERO }
+    }
+}
+
+impl Dialing {
+    /// Pauses after a serial port was opened.
+    pub fn pause(self) {
+        thread::sleep(self.pause);
+    }
+}
+
+/// How long a connection may take to open.
+const TIMEOUTS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
+/// The longest pause before the first byte.
+pub const MAX_PAUSE: Duration = Duration::from_secs(60);
+
+/// The option for opening the connections of a client, whose settings have the pause.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct TimeoutArgs {
+    /// The longest wait for a connection
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = time(TIMEOUTS))]
+    connect_timeout: Duration,
+}
+
+impl TimeoutArgs {
+    /// How connections are opened, with this pause.
+    pub const fn dialing(self, pause: Duration) -> Dialing {
+        Dialing { timeout: self.connect_timeout, pause }
+    }
+}
+
+/// The options for opening the connections of a command without the setting `connect_pause`.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct ConnectArgs {
+    #[command(flatten)]
+    timeout: TimeoutArgs,
+    /// Wait between a new connection and the first byte, for devices that lose what comes sooner
+    #[arg(long, value_name = "TIME", default_value = "0s", value_parser = time(Duration::ZERO..=MAX_PAUSE))]
+    connect_pause: Duration,
+}
+
+impl ConnectArgs {
+    /// How connections are opened.
+    pub const fn dialing(self) -> Dialing {
+        self.timeout.dialing(self.connect_pause)
+    }
+}
+
+/// Whether an address has a port, before anything else is done.
+///
+/// # Errors
+/// When it has none.
+pub fn check(address: &str) -> Result<()> {
+    let port = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
+    match port {
+        Some((host, _)) if !host.is_empty() => Ok(()),
+        _ => Err(without_port(address)),
+    }
+}
+
+/// The error of an address that lacks its port.
+fn without_port(address: &str) -> anyhow::Error {
+    anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")
+}
+
+/// Looks an address up.
+///
+/// # Errors
+/// When it has no port, or its name has no address.
+pub fn resolve(address: &str) -> Result<impl Iterator<Item = SocketAddr>> {
+    let mut found = address
+        .to_socket_addrs()
+        .map_err(|error| match error.kind() {
+            ErrorKind::InvalidInput => without_port(address),
+            _ => anyhow::Error::new(error).context(format!("cannot connect to {address}")),
+        })?
+        .peekable();
+    ensure!(found.peek().is_some(), "cannot connect to {address}: the name has no address");
+    Ok(found)
+}
+
+/// Connects, without Nagle's delay, because each exchange is one packet in each direction. Returns after the pause.
+///
+/// # Errors
+/// When the connection is refused, or not there within the timeout.
+pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
+    let timeout = dialing.timeout;
+    let context = || format!("cannot connect to {address}");
+    let (mut stream, mut last) = (None, anyhow!(context()));
+    for place in resolve(address)? {
+        match TcpStream::connect_timeout(&place, timeout) {
+            Ok(found) => {
+                stream = Some(found);
+                break;
+            }
+            Err(error) if error.kind() == ErrorKind::TimedOut => {
+                let time = timeout.as_secs_f64();
+                last = anyhow!("{}: no answer within {time} s, see --connect-timeout", context());
+            }
+            Err(error) => last = anyhow::Error::new(error).context(context()),
+        }
+    }
+    let stream = stream.ok_or(last)?;
+    stream.set_nodelay(true)?;
+    // Who is never written to does not learn otherwise that a serial device server was switched off and on.
+    SockRef::from(&stream).set_tcp_keepalive(&listener::probes())?;
+    dialing.pause();
+    Ok(stream)
+}
+
+/// When bytes are discarded that a peer has not acknowledged, where the link's own time is not known.
+pub const DISCARD_AFTER: Duration = Duration::from_secs(2);
+
+/// What a [`FaultyProxy`] has done so far.
+#[derive(Debug, Default)]
+pub struct Faults {
+    /// Reads that were forwarded in pieces.
+    pub splits: AtomicU64,
+    /// Reads that were forwarded late.
+    pub delays: AtomicU64,
+    /// Connections that were broken in the middle of a read.
+    pub disconnects: AtomicU64,
+}
+
+/// A proxy between a client and a server with the faults of a network: it splits, merges and delays reads, and disconnects.
+///
+/// It never corrupts a byte, because TCP does not. It stops when dropped.
+#[derive(Debug)]
+pub struct FaultyProxy {
+    address: SocketAddr,
+    faults: Arc<Faults>,
+    stop: Arc<AtomicBool>,
+}
+
+impl FaultyProxy {
+    /// Listens on a free loopback port and forwards every connection to `server`. `breaks` is the probability that a
+    /// read breaks the connection.
+    ///
+    /// # Errors
+    /// When no port is free.
+    pub fn start(server: SocketAddr, seed: u64, breaks: f64) -> Result<Self> {
+        let listener = listen("127.0.0.1:0")?;
+        let address = listener.local_addr()?;
+        let (faults, stop) = (Arc::new(Faults::default()), Arc::new(AtomicBool::new(false)));
+        let (shared, ended) = (Arc::clone(&faults), Arc::clone(&stop));
+        thread::spawn(move || {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            for client in listener.incoming() {
+                if ended.load(Ordering::Relaxed) {
+                    return;
+                }
+                // If the server cannot be reached, the client's connection is closed.
+                let (Ok(client), Ok(server)) = (client, TcpStream::connect(server)) else { continue };
+                for (from, to) in [(&client, &server), (&server, &client)] {
+                    let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
+                    let (rng, faults) = (rng.fork(), Arc::clone(&shared));
+                    thread::spawn(move || forward(from, to, rng, breaks, &faults));
+                }
+            }
+        });
+        Ok(Self { address, faults, stop })
+    }
+
+    /// Where a client connects.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What it has done so far.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+}
+
+impl Drop for FaultyProxy {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let _ = TcpStream::connect(self.address); // wakes the listener
+    }
+}
+
+fn forward(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, breaks: f64, faults: &Faults) {
+    let _ = to.set_nodelay(true);
+    let mut buffer = vec![0; 16 * 1024];
+    loop {
+        // A late read merges everything that arrived meanwhile.
+        if rng.f64() < 0.05 {
+            faults.delays.fetch_add(1, Ordering::Relaxed);
+            thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
+        }
+        let Ok(n) = from.read(&mut buffer) else { break };
+        let mut rest = buffer.get(..n).unwrap_or_default();
+        if rest.is_empty() {
+            break;
+        }
+        if rng.f64() < breaks {
+            faults.disconnects.fetch_add(1, Ordering::Relaxed);
+            let _ = to.write_all(rest.get(..rng.usize(0..n)).unwrap_or_default());
+            break;
+        }
+        if rng.f64() < 0.3 {
+            faults.splits.fetch_add(1, Ordering::Relaxed);
+            while rest.len() > 1 && rng.f64() < 0.7 {
+                let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
+                if to.write_all(head).is_err() {
+                    return;
+                }
+                thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
+                rest = tail;
+            }
+        }
+        if to.write_all(rest).is_err() {
+            break;
+        }
+    }
+    let _ = to.shutdown(Shutdown::Both);
+    let _ = from.shutdown(Shutdown::Both);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_peer_that_vanishes_is_noticed() {
+        let peer = listen("127.0.0.1:0").unwrap();
+        let stream = connect(&peer.local_addr().unwrap().to_string(), Dialing::default()).unwrap();
+        assert!(SockRef::from(&stream).keepalive().unwrap());
+    }
+
+    #[test]
+    fn the_error_of_a_port_in_use_contains_advice() {
+        let taken = listen("127.0.0.1:0").unwrap();
+        let address = taken.local_addr().unwrap().to_string();
+        let error = listen(&address).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            format!(
+                "cannot listen on {address}: the port is in use; choose another, or port 0 for any free one"
+            )
+        );
+        assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
+        assert_eq!(
+            connect("nonsense", Dialing::default()).unwrap_err().to_string(),
+            "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
+        );
+    }
+
+    #[test]
+    fn the_proxy_forwards_every_byte_in_order() {
+        let server = listen("127.0.0.1:0").unwrap();
+        let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
+        let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
+        let mut client = connect(&proxy.address().to_string(), Dialing::default()).unwrap();
+        let copy = sent.clone();
+        let writer = thread::spawn(move || {
+            copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());
+            client.shutdown(Shutdown::Write).unwrap();
+        });
+        let mut received = Vec::new();
+        server.accept().unwrap().0.read_to_end(&mut received).unwrap();
+        writer.join().unwrap();
+        assert_eq!(received, sent);
+        assert!(proxy.faults().splits.load(Ordering::Relaxed) > 0);
+    }
+}
